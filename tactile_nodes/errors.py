@@ -1,0 +1,98 @@
+"""Every error that this package raises on purpose.
+
+::
+
+    TactileError
+    ├── ConfigurationError          a YAML block, parameter or argument that cannot be used
+    │   └── LaunchFileError         the same, in a launch file
+    ├── DeviceError
+    │   ├── DeviceNotFoundError     nothing there to open
+    │   ├── DeviceLostError         it was there, and is not any more
+    │   └── DeviceTimeoutError      it is there, and does not answer
+    ├── ImageError                  an image of the wrong size or encoding, or without a picture in it
+    ├── MessageError                bytes that are no message of the announced type
+    ├── BusError
+    │   ├── AddressInUseError       somebody else listens there
+    │   └── ServiceError
+    │       ├── ServiceUnavailableError   nobody serves it
+    │       └── ServiceTimeoutError       somebody serves it, and does not answer
+    ├── BagError                    a recording that cannot be written or read
+    └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
+
+The text of each is one sentence for a person: what was attempted on what, and what to do.
+Foreign errors are translated at the edge (``raise DeviceLostError(...) from error``), so that
+whoever starts a program catches `TactileError`, prints the sentence, and exits with status 1.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class TactileError(Exception):
+    """The root of the tree."""
+
+
+class ConfigurationError(TactileError):
+    """A YAML block, parameter or argument that cannot be used."""
+
+    @classmethod
+    def at(cls, source: str | Path, line: int | None, text: str) -> ConfigurationError:
+        """An error that names its place, in the form editors and terminals link: ``file:line: text``."""
+        return cls(f'{source}:{line}: {text}' if line is not None else f'{source}: {text}')
+
+
+class LaunchFileError(ConfigurationError):
+    """A launch file that cannot be used."""
+
+
+class DeviceError(TactileError):
+    """A device that does not do what it should."""
+
+
+class DeviceNotFoundError(DeviceError):
+    """Nothing there to open."""
+
+
+class DeviceLostError(DeviceError):
+    """It was there, and is not any more."""
+
+
+class DeviceTimeoutError(DeviceError):
+    """It is there, and does not answer in time."""
+
+
+class ImageError(TactileError):
+    """An image of the wrong size or encoding, or without a picture in it."""
+
+
+class MessageError(TactileError):
+    """Bytes that are no message of the announced type, or a type that does not exist."""
+
+
+class BusError(TactileError):
+    """The bus cannot do what was asked of it."""
+
+
+class AddressInUseError(BusError):
+    """Somebody else listens at that address."""
+
+
+class ServiceError(BusError):
+    """A service call that brought no answer."""
+
+
+class ServiceUnavailableError(ServiceError):
+    """Nobody serves it."""
+
+
+class ServiceTimeoutError(ServiceError):
+    """Somebody serves it, and does not answer in time."""
+
+
+class BagError(TactileError):
+    """A recording that cannot be written or read."""
+
+
+class ModelError(TactileError):
+    """A model file that is missing, damaged, foreign, or made for other inputs."""

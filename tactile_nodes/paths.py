@@ -1,0 +1,82 @@
+"""Where things are on this machine: what the package ships, and the folders that it may write to."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from tactile_nodes.errors import ConfigurationError
+
+PACKAGE = 'tactile_nodes'
+
+
+@cache
+def share_directory() -> Path:
+    """The folder that holds package.xml, msg/, launch/, config/ and models/.
+
+    In a source tree that is its root; after ``pip install`` or a colcon build it is
+    ``<prefix>/share/tactile_nodes``. Both are found by walking up from this file, so no
+    environment variable is needed and a virtual environment works as an ament prefix.
+
+    Raises:
+        ConfigurationError: the package was installed without its data files.
+    """
+    here = Path(__file__).resolve().parent
+    for folder in here.parents:
+        for candidate in (folder / 'share' / PACKAGE, folder):
+            if (candidate / 'package.xml').is_file() and (candidate / 'msg').is_dir():
+                return candidate
+    raise ConfigurationError(
+        f'{PACKAGE} at {here} was installed without its share folder (msg/, launch/, config/, models/); '
+        'install it again with: pip install --force-reinstall tactile_nodes'
+    )
+
+
+def run_directory() -> Path:
+    """The folder for sockets and other things that live as long as the processes do; only this user may enter.
+
+    ``$TACTILE_RUN_DIR``, else ``$XDG_RUNTIME_DIR/tactile``, else ``<tmp>/tactile-<uid>``.
+
+    Raises:
+        ConfigurationError: the folder belongs to somebody else, or others may enter it.
+    """
+    if chosen := os.environ.get('TACTILE_RUN_DIR'):
+        return _private(Path(chosen))
+    if (base := os.environ.get('XDG_RUNTIME_DIR')) and os.access(base, os.W_OK):
+        return _private(Path(base) / 'tactile')
+    return _private(Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}')
+
+
+def log_directory() -> Path:
+    """Where nodes started by a launch file leave their output: ``$ROS_LOG_DIR``, else ``~/.ros/log``."""
+    if chosen := os.environ.get('ROS_LOG_DIR'):
+        return Path(chosen)
+    return Path(os.environ.get('ROS_HOME', Path.home() / '.ros')) / 'log'
+
+
+def cache_directory() -> Path:
+    """Where results that can be computed again are kept: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``."""
+    folder = Path(os.environ.get('XDG_CACHE_HOME', Path.home() / '.cache')) / PACKAGE
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _private(folder: Path) -> Path:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise ConfigurationError(
+            f'cannot use {folder} for the sockets of the bus ({error.strerror}); '
+            'set TACTILE_RUN_DIR to a folder of your own'
+        ) from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise ConfigurationError(
+            f'{folder} is not a folder of user {os.getuid()}; set TACTILE_RUN_DIR to one that is'
+        )
+    if found.st_mode & 0o077:
+        raise ConfigurationError(f'others may enter {folder}; forbid it with: chmod 700 {folder}')
+    return folder
