@@ -74,9 +74,7 @@ def _private(folder: Path) -> Path:
             'set TACTILE_RUN_DIR to a folder of your own'
         ) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        raise ConfigurationError(
-            f'{folder} is not a folder of user {os.getuid()}; set TACTILE_RUN_DIR to one that is'
-        )
+        raise ConfigurationError(f'{folder} is not a folder of user {os.getuid()}; set TACTILE_RUN_DIR to one that is')
     if found.st_mode & 0o077:
         raise ConfigurationError(f'others may enter {folder}; forbid it with: chmod 700 {folder}')
     return folder

@@ -1,0 +1,409 @@
+"""Configuration enters here, once: a block of YAML becomes a frozen dataclass, or an error naming file, line and key.
+
+Parameter files are ROS 2's (``ros__parameters``), read by rcl's rules, so that one file serves both worlds. The rules
+that differ from plain YAML: ``010`` is eight, ``1e-3`` is a number, ``yes`` is true, a list holds one type, and which
+of several matching blocks wins follows from the order of first appearance, not from how specific a block is.
+
+A block is declared as a frozen dataclass of `parameter()` fields::
+
+    @dataclass(frozen=True)
+    class FlowParams:
+        '''Parameters of the flow node.'''
+        threads: int = parameter(1, 'threads of the flow method', minimum=1)
+
+An integer given for a `float` is refused, as rclpy refuses it: write ``7.0``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from tactile_nodes.errors import ConfigurationError
+
+Scalar = bool | int | float | str
+Value = Scalar | list[bool] | list[int] | list[float] | list[str]
+Block = TypeVar('Block')
+
+_PLAIN = '!plain'
+_TRUE = {'y', 'Y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'}
+_FALSE = {'n', 'N', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'}
+_INTEGER = re.compile(r'\s*[+-]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)')
+_DECIMAL = re.compile(r'\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?')
+_NOT_FINITE = re.compile(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)')
+
+
+class _Loader(yaml.SafeLoader):
+    """Marks unquoted scalars instead of typing them by YAML 1.1, whose rules are not rcl's."""
+
+    def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
+        return _PLAIN if kind is yaml.ScalarNode and implicit[0] else super().resolve(kind, value, implicit)  # type: ignore[no-untyped-call]
+
+
+@dataclass(frozen=True)
+class Located:
+    """A value and the place where it was written (`line` counts from 1; None on a command line)."""
+
+    value: Value
+    source: str
+    line: int | None = None
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """The values that one node pattern of one source sets, by dotted name."""
+
+    pattern: str
+    values: Mapping[str, Located]
+
+
+@dataclass(frozen=True)
+class ParameterDescription:
+    """What a node declares of one parameter."""
+
+    name: str
+    type: str
+    default: object
+    description: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[Scalar, ...] | None
+    read_only: bool
+
+
+def parameter(
+    default: Any,
+    description: str = '',
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: Sequence[Scalar] | None = None,
+    read_only: bool = False,
+) -> Any:
+    """A field of a parameter block; `read_only` means that a change needs a restart of the node."""
+    return dataclasses.field(
+        default=default,
+        metadata={
+            'description': description,
+            'minimum': minimum,
+            'maximum': maximum,
+            'choices': tuple(choices) if choices is not None else None,
+            'read_only': read_only,
+        },
+    )
+
+
+# --- rcl's reading of YAML -------------------------------------------------------------------------------------
+
+
+def parse_scalar(text: str) -> Scalar:
+    """An unquoted scalar as rcl_yaml_param_parser types it: bool, integer (C ``strtoll``, base 0), double, string.
+
+    >>> parse_scalar('0x10'), parse_scalar('010'), parse_scalar('1e-3'), parse_scalar('on'), parse_scalar('1.2.3')
+    (16, 8, 0.001, True, '1.2.3')
+    """
+    if text in _TRUE or text in _FALSE:
+        return text in _TRUE
+    if _INTEGER.fullmatch(text) and -(2**63) <= (number := _c_integer(text)) < 2**63:
+        return number
+    if _DECIMAL.fullmatch(text):
+        return float(text)
+    if _NOT_FINITE.fullmatch(text):
+        return float(text.replace('.', '', 1))
+    return text
+
+
+def load_parameter_file(path: str | Path) -> list[NodeParameters]:
+    """The blocks of a ROS 2 parameter file, in the order written.
+
+    Raises:
+        ConfigurationError: no such file, no YAML, or not of the form ``node: ros__parameters: {…}``.
+    """
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f'cannot read the parameter file {path}: {error}') from error
+    return parse_parameters(text, str(path))
+
+
+def parse_parameters(text: str, source: str) -> list[NodeParameters]:
+    """`load_parameter_file` for a text; `source` is its name in errors."""
+    root = compose(text, source)
+    if root is None:
+        return []
+    if not isinstance(root, yaml.MappingNode):
+        raise _refusal(source, root, 'a parameter file maps node names to ros__parameters')
+    return list(_node_blocks(root, '', source))
+
+
+def load_mapping(path: str | Path) -> dict[str, Located]:
+    """A plain YAML file of one mapping (a gel, a training run), flattened to dotted names, typed by the same rules.
+
+    Raises:
+        ConfigurationError: no such file, no YAML, not a mapping.
+    """
+    try:
+        root = compose(Path(path).read_text(encoding='utf-8'), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f'cannot read {path}: {error}') from error
+    if root is None:
+        return {}
+    if not isinstance(root, yaml.MappingNode):
+        raise _refusal(str(path), root, 'a mapping of names to values is expected here')
+    return dict(_flat(root, '', str(path)))
+
+
+def compose(text: str, source: str) -> yaml.Node | None:
+    """The YAML tree of `text` with its line marks; aliases are refused as rcl refuses them.
+
+    Raises:
+        ConfigurationError: not YAML.
+    """
+    try:
+        for event in yaml.parse(text, Loader=_Loader):
+            if isinstance(event, yaml.AliasEvent):
+                raise ConfigurationError.at(source, _line(event.start_mark), 'aliases are not supported here')
+        return yaml.compose(text, Loader=_Loader)
+    except (yaml.YAMLError, ValueError) as error:
+        mark = getattr(error, 'problem_mark', None)
+        reason = getattr(error, 'problem', None) or str(error).split('\n', maxsplit=1)[0]
+        raise ConfigurationError.at(source, _line(mark), f'not valid YAML: {reason}') from error
+    except RecursionError as error:
+        raise ConfigurationError(f'{source}: the YAML is nested too deeply') from error
+
+
+def _line(mark: Any) -> int | None:
+    return mark.line + 1 if mark is not None else None
+
+
+def _c_integer(text: str) -> int:
+    sign, digits = re.fullmatch(r'\s*([+-]?)(.*)', text).groups()  # type: ignore[union-attr]
+    base = 16 if digits[:2] in {'0x', '0X'} else 8 if digits.startswith('0') else 10
+    return int(digits, base) * (-1 if sign == '-' else 1)
+
+
+def _node_blocks(mapping: yaml.MappingNode, namespace: str, source: str) -> Iterable[NodeParameters]:
+    for key, child in mapping.value:
+        name = _key(key, source)
+        pattern = f'{namespace}/{name.strip("/")}'
+        if not isinstance(child, yaml.MappingNode):
+            raise _refusal(source, child, f'{name!r} must hold ros__parameters or further node names')
+        parameters = [value for inner, value in child.value if _key(inner, source) == 'ros__parameters']
+        if not parameters:
+            yield from _node_blocks(child, pattern, source)
+            continue
+        if not isinstance(parameters[-1], yaml.MappingNode):
+            raise _refusal(source, parameters[-1], f'ros__parameters of {name!r} must map names to values')
+        yield NodeParameters(pattern, dict(_flat(parameters[-1], '', source)))
+
+
+def _flat(mapping: yaml.MappingNode, prefix: str, source: str) -> Iterable[tuple[str, Located]]:
+    for key, child in mapping.value:
+        name = prefix + _key(key, source)
+        if isinstance(child, yaml.MappingNode):
+            yield from _flat(child, f'{name}.', source)
+        else:
+            yield name, Located(_value(child, source, name), source, _line(child.start_mark))
+
+
+def _key(node: yaml.Node, source: str) -> str:
+    if not isinstance(node, yaml.ScalarNode):
+        raise _refusal(source, node, 'a name is expected here')
+    return str(node.value)
+
+
+def _value(node: yaml.Node, source: str, name: str) -> Value:
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(node, source, name)
+    items = [_scalar(item, source, name) for item in node.value]
+    kinds = {type(item) for item in items}
+    if len(kinds) > 1:
+        found = ' and '.join(sorted(kind.__name__ for kind in kinds))
+        raise _refusal(source, node, f'the list {name!r} mixes {found}; a list holds one type')
+    return typing.cast(Value, items)
+
+
+def _scalar(node: yaml.Node, source: str, name: str) -> Scalar:
+    if not isinstance(node, yaml.ScalarNode):
+        raise _refusal(source, node, f'{name!r} holds a list of lists or maps, which a parameter cannot')
+    if node.tag != _PLAIN:  # quoted, literal, folded, or tagged !!str
+        return str(node.value)
+    if node.value == '':
+        raise _refusal(source, node, f'{name!r} has no value')
+    return parse_scalar(node.value)
+
+
+def _refusal(source: str, node: yaml.Node, text: str) -> ConfigurationError:
+    return ConfigurationError.at(source, _line(node.start_mark), text)
+
+
+# --- which values a node gets ----------------------------------------------------------------------------------
+
+
+def resolve_parameters(node_name: str, blocks: Iterable[NodeParameters]) -> dict[str, Located]:
+    """The values that apply to the node of this full name (``/skin/camera``), by rcl's precedence.
+
+    All blocks are merged into one list of patterns ordered by first appearance; within a pattern the later value
+    wins; then the matching patterns apply in that order, the later one winning.
+    """
+    merged: dict[str, dict[str, Located]] = {}
+    for block in blocks:
+        merged.setdefault(normal_pattern(block.pattern), {}).update(block.values)
+    found: dict[str, Located] = {}
+    for pattern, values in merged.items():
+        if matches(pattern, node_name):
+            found.update(values)
+    return found
+
+
+def exact_names(node_name: str, blocks: Iterable[NodeParameters]) -> set[str]:
+    """The parameters written for this very node rather than for a wildcard: a typo there is an error."""
+    return {name for block in blocks if normal_pattern(block.pattern) == node_name for name in block.values}
+
+
+def normal_pattern(pattern: str) -> str:
+    """A node pattern with its leading slash."""
+    return '/' + pattern.lstrip('/')
+
+
+def matches(pattern: str, node_name: str) -> bool:
+    """Whether a node pattern (``*`` one level, ``**`` any depth) covers a full node name.
+
+    >>> matches('/**', '/skin/camera'), matches('/*/camera', '/skin/camera'), matches('/camera', '/skin/camera')
+    (True, True, False)
+    """
+    expression = re.escape(normal_pattern(pattern))
+    expression = expression.replace(r'/\*\*', r'(/\w+)*').replace(r'\*', r'\w+')
+    return re.fullmatch(expression, node_name) is not None
+
+
+# --- from values to a block -------------------------------------------------------------------------------------
+
+
+def from_mapping(
+    block: type[Block], values: Mapping[str, object], *, source: str = 'parameters', exact: bool = True
+) -> Block:
+    """An instance of the frozen dataclass `block` with these dotted names set.
+
+    Args:
+        block: a frozen dataclass of `parameter()` fields and nested such dataclasses.
+        values: plain values, or `Located` ones, whose place then stands in the error.
+        source: where the values come from, for errors.
+        exact: refuse an integer where a float is declared, as ROS 2 does.
+
+    Raises:
+        ConfigurationError: an unknown name, a wrong type, a value out of range, or a block that refuses itself
+            (a `ValueError` from its ``__post_init__``).
+    """
+    known = {description.name for description in describe(block)}
+    for name, value in values.items():
+        if name not in known:
+            raise _at(value, source, f'unknown parameter {name!r}; known are: {", ".join(sorted(known))}')
+    try:
+        return typing.cast(Block, _build(block, '', values, source, exact))
+    except ValueError as error:
+        raise ConfigurationError(f'{source}: {error}') from error
+
+
+def describe(block: type[Any]) -> list[ParameterDescription]:
+    """The parameters that a block declares, by dotted name, in order."""
+    return list(_describe(block, ''))
+
+
+def to_values(block: object, prefix: str = '') -> dict[str, Value]:
+    """The dotted names and values of a block: the reverse of `from_mapping`."""
+    values: dict[str, Value] = {}
+    for field in dataclasses.fields(block):  # type: ignore[arg-type]
+        value = getattr(block, field.name)
+        if dataclasses.is_dataclass(value):
+            values.update(to_values(value, f'{prefix}{field.name}.'))
+        else:
+            values[prefix + field.name] = list(value) if isinstance(value, tuple) else value
+    return values
+
+
+def _describe(block: type[Any], prefix: str) -> Iterable[ParameterDescription]:
+    hints = typing.get_type_hints(block)
+    for field in dataclasses.fields(block):
+        hint = hints[field.name]
+        if dataclasses.is_dataclass(hint):
+            yield from _describe(typing.cast(type[Any], hint), f'{prefix}{field.name}.')
+            continue
+        facts = field.metadata
+        yield ParameterDescription(
+            prefix + field.name,
+            _type_name(hint),
+            field.default,
+            facts.get('description', ''),
+            facts.get('minimum'),
+            facts.get('maximum'),
+            facts.get('choices'),
+            facts.get('read_only', False),
+        )
+
+
+def _type_name(hint: Any) -> str:
+    if typing.get_origin(hint) is tuple:
+        return f'{typing.get_args(hint)[0].__name__}_array'
+    return str(hint.__name__)
+
+
+def _build(block: Any, prefix: str, values: Mapping[str, object], source: str, exact: bool) -> Any:
+    hints = typing.get_type_hints(block)
+    given: dict[str, object] = {}
+    for field in dataclasses.fields(block):
+        name, hint = prefix + field.name, hints[field.name]
+        if dataclasses.is_dataclass(hint):
+            given[field.name] = _build(hint, f'{name}.', values, source, exact)
+        elif name in values:
+            given[field.name] = _checked(name, hint, field.metadata, values[name], source, exact)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise ConfigurationError(f'{source}: {name!r} is missing')
+    return block(**given)
+
+
+def _checked(name: str, hint: Any, facts: Mapping[str, Any], written: object, source: str, exact: bool) -> object:
+    value = written.value if isinstance(written, Located) else written
+    if typing.get_origin(hint) is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise _at(written, source, f'{name!r} must be a list, got {value!r}')
+        inner = typing.get_args(hint)[0]
+        return tuple(_of_type(name, inner, item, written, source, exact) for item in value)
+    value = _of_type(name, hint, value, written, source, exact)
+    low, high, choices = facts.get('minimum'), facts.get('maximum'), facts.get('choices')
+    if choices is not None and value not in choices:
+        raise _at(written, source, f'{name!r} must be one of {", ".join(map(repr, choices))}, got {value!r}')
+    if (low is not None and not typing.cast(float, value) >= low) or (
+        high is not None and not typing.cast(float, value) <= high
+    ):
+        raise _at(written, source, f'{name!r} must be {_range(low, high)}, got {value!r}')
+    return value
+
+
+def _of_type(name: str, hint: Any, value: object, written: object, source: str, exact: bool) -> object:
+    if type(value) is hint:
+        return value
+    if hint is float and type(value) is int and not exact:
+        return float(value)
+    wish = f'; write {value}.0' if hint is float and type(value) is int else ''
+    wish = f'; put it in quotes: "{value}"' if hint is str else wish
+    raise _at(written, source, f'{name!r} must be a {hint.__name__}, got {value!r} ({type(value).__name__}){wish}')
+
+
+def _range(low: float | None, high: float | None) -> str:
+    if low is not None and high is not None:
+        return f'from {low} to {high}'
+    return f'at least {low}' if low is not None else f'at most {high}'
+
+
+def _at(written: object, source: str, text: str) -> ConfigurationError:
+    if isinstance(written, Located):
+        return ConfigurationError.at(written.source, written.line, text)
+    return ConfigurationError(f'{source}: {text}')
