@@ -1,0 +1,27 @@
+"""Messages: defined once in ``msg/`` (or by ROS 2), from there to classes, CDR bytes, type hashes and bag schemas."""
+
+from tactile_nodes.messages.codec import (
+    decode,
+    definition,
+    encode,
+    from_dict,
+    message_class,
+    stamp_ns,
+    time_from_ns,
+    to_dict,
+    type_hash,
+    type_name,
+)
+
+__all__ = [
+    'decode',
+    'definition',
+    'encode',
+    'from_dict',
+    'message_class',
+    'stamp_ns',
+    'time_from_ns',
+    'to_dict',
+    'type_hash',
+    'type_name',
+]

@@ -1,0 +1,163 @@
+"""Messages to bytes and back: CDR (XCDR1, little endian), as rclpy writes it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys.base import normalize_fieldname
+
+from tactile_nodes.errors import MessageError
+from tactile_nodes.messages.store import store
+
+NS_PER_S = 1_000_000_000
+
+
+def encode(message: Any) -> bytes:
+    """The CDR bytes of a message, its four-byte header included.
+
+    Raises:
+        MessageError: a field holds what its type cannot.
+    """
+    name = type_name(message)
+    try:
+        return bytes(store().serialize_cdr(message, name))
+    except Exception as error:  # generated code fails in its own ways on each wrong field
+        raise MessageError(f'a field of this {name} holds what its type cannot: {error}') from error
+
+
+def decode(data: bytes | memoryview, name: str) -> Any:
+    """The message of type `name` that `data` holds; its arrays are read-only views of `data`.
+
+    Raises:
+        MessageError: no such type, or the bytes are no such message.
+    """
+    message_class(name)
+    try:
+        return store().deserialize_cdr(data, name)
+    except (SerdeError, IndexError, AssertionError, OverflowError, MemoryError, RecursionError) as error:
+        raise MessageError(f'{len(data)} bytes that are no {name}: {error}') from error
+
+
+def message_class(name: str) -> type[Any]:
+    """The frozen class of the type `name` ('sensor_msgs/msg/Image').
+
+    Raises:
+        MessageError: no such type.
+    """
+    return store().message_class(name)
+
+
+def type_name(message: Any) -> str:
+    """The type of a message or of a message class, 'sensor_msgs/msg/Image'."""
+    name: str = message.__msgtype__
+    return name
+
+
+def type_hash(name: str) -> str:
+    """The type's RIHS01 hash (REP-2016), as ROS 2 computes it: 'RIHS01_<64 hex>'.
+
+    Raises:
+        MessageError: no such type.
+    """
+    message_class(name)
+    return store().hash_rihs01(name)
+
+
+def definition(name: str) -> str:
+    """The full definition of a type: its text and, after separators, those of the types it is made of.
+
+    Ours are given as they stand in ``msg/``, comments included; for the standard types, whose texts are not
+    part of any dependency, it is the fields alone.
+
+    Raises:
+        MessageError: no such type.
+    """
+    message_class(name)
+    known = store()
+    found = [name]
+    for entry in found:
+        found += [nested for nested in known.nested(entry) if nested not in found]
+    parts = [_text(name)] + [f'{"=" * 80}\nMSG: {_short(entry)}\n{_text(entry)}' for entry in found[1:]]
+    return '\n'.join(parts)
+
+
+def stamp_ns(time: Any) -> int:
+    """A builtin_interfaces/Time as integer nanoseconds."""
+    return int(time.sec) * NS_PER_S + int(time.nanosec)
+
+
+def time_from_ns(nanoseconds: int) -> Any:
+    """Integer nanoseconds as a builtin_interfaces/Time.
+
+    >>> time_from_ns(1_500_000_000)
+    Time(sec=1, nanosec=500000000)
+    """
+    return message_class('builtin_interfaces/msg/Time')(sec=nanoseconds // NS_PER_S, nanosec=nanoseconds % NS_PER_S)
+
+
+def to_dict(message: Any) -> dict[str, Any]:
+    """A message as plain Python (dicts, lists, numbers, strings), in field order, for printing."""
+    return {field.name: _plain(getattr(message, field.name)) for field in dataclasses.fields(message)}
+
+
+def from_dict(name: str, values: Mapping[str, Any]) -> Any:
+    """The message of type `name` with these fields set and the others zero, as ``ros2 topic pub`` reads them.
+
+    Raises:
+        MessageError: no such type or field, or a value that does not fit.
+    """
+    made = message_class(name)
+    fields = {normalize_fieldname(field): description for field, description in store().fielddefs[name][1]}
+    if unknown := sorted(values.keys() - fields.keys()):
+        raise MessageError(f'{name} has no field {unknown[0]!r}; it has: {", ".join(fields) or "none"}')
+    message = made(**{key: _typed(fields[key], value, f'{name}.{key}') for key, value in values.items()})
+    encode(message)  # a value that does not fit is found here rather than at some subscriber
+    return message
+
+
+def _text(name: str) -> str:
+    known = store()
+    return known.texts[name] if name in known.texts else known.gendefhash(name, {}, 2)[0]
+
+
+def _short(name: str) -> str:
+    package, _, stem = name.split('/')
+    return f'{package}/{stem}'
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return to_dict(value)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, list) else value
+
+
+def _typed(description: Any, value: Any, place: str) -> Any:
+    kind, rest = description
+    try:
+        if kind == Nodetype.NAME:
+            return from_dict(rest, value)
+        if kind == Nodetype.BASE:
+            return _base(rest[0], value)
+        (inner_kind, inner), _ = rest
+        if inner_kind == Nodetype.BASE and inner[0] not in {'string', 'wstring'}:
+            return np.array(value, {'byte': 'u1', 'char': 'u1', 'octet': 'u1'}.get(inner[0], inner[0]))
+        return [_typed((inner_kind, inner), item, place) for item in value]
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise MessageError(f'{place} cannot be {value!r}: {error}') from error
+
+
+def _base(base: str, value: Any) -> Any:
+    if base in {'string', 'wstring'}:
+        return str(value)
+    if base == 'bool':
+        if not isinstance(value, bool):
+            raise TypeError('true or false is expected')
+        return value
+    return float(value) if base.startswith('float') else int(value)

@@ -1,0 +1,39 @@
+"""The standard services that nodes offer, as pairs of messages.
+
+A service ``pkg/srv/Name`` travels as its request ``pkg/srv/Name_Request`` and its response ``pkg/srv/Name_Response``,
+which is also how ROS 2 names them. Their fields are those of std_srvs and rcl_interfaces.
+"""
+
+from __future__ import annotations
+
+TRIGGER = 'std_srvs/srv/Trigger'
+SET_BOOL = 'std_srvs/srv/SetBool'
+LIST_PARAMETERS = 'rcl_interfaces/srv/ListParameters'
+GET_PARAMETERS = 'rcl_interfaces/srv/GetParameters'
+SET_PARAMETERS = 'rcl_interfaces/srv/SetParameters'
+DESCRIBE_PARAMETERS = 'rcl_interfaces/srv/DescribeParameters'
+
+SERVICES = {
+    f'{TRIGGER}_Request': '',
+    f'{TRIGGER}_Response': 'bool success\nstring message\n',
+    f'{SET_BOOL}_Request': 'bool data\n',
+    f'{SET_BOOL}_Response': 'bool success\nstring message\n',
+    f'{LIST_PARAMETERS}_Request': 'string[] prefixes\nuint64 depth\n',
+    f'{LIST_PARAMETERS}_Response': 'rcl_interfaces/ListParametersResult result\n',
+    f'{GET_PARAMETERS}_Request': 'string[] names\n',
+    f'{GET_PARAMETERS}_Response': 'rcl_interfaces/ParameterValue[] values\n',
+    f'{SET_PARAMETERS}_Request': 'rcl_interfaces/Parameter[] parameters\n',
+    f'{SET_PARAMETERS}_Response': 'rcl_interfaces/SetParametersResult[] results\n',
+    f'{DESCRIBE_PARAMETERS}_Request': 'string[] names\n',
+    f'{DESCRIBE_PARAMETERS}_Response': 'rcl_interfaces/ParameterDescriptor[] descriptors\n',
+}
+
+
+def request_type(service: str) -> str:
+    """The message type of a service's request: ``std_srvs/srv/Trigger_Request``."""
+    return f'{service}_Request'
+
+
+def response_type(service: str) -> str:
+    """The message type of a service's response."""
+    return f'{service}_Response'

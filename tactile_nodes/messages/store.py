@@ -1,0 +1,171 @@
+"""The one store of message types: the standard ones of ROS 2 and ours, read from ``msg/*.msg``.
+
+Codec, hashes and field lists are rosbags'. The classes are made here, because a message that is handed from node to
+node without a copy must not change on the way: they are frozen, take keywords only, and every field that is not
+given is zero, empty or a message of zeros, as in ROS 2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Msgdef, Nodetype
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.base import normalize_fieldname
+from rosbags.typesys.store import Typestore
+
+from tactile_nodes.errors import ConfigurationError, MessageError
+from tactile_nodes.messages.services import SERVICES
+from tactile_nodes.paths import PACKAGE, share_directory
+
+_EMPTY = 'structure_needs_at_least_one_member'
+# Where two packages use one short name, the one meant here.
+_PREFERRED = (PACKAGE, 'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'diagnostic_msgs')
+
+
+class MessageStore(Typestore):
+    """rosbags' type store with frozen classes and with the texts that our own types were read from."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        standard = get_typestore(Stores.ROS2_JAZZY)
+        self.types.update(standard.types)
+        self.fielddefs.update(standard.fielddefs)
+        self.texts: dict[str, str] = {}
+        self._classes: dict[str, type[Any]] = {}
+
+    def learn(self, text: str, name: str) -> None:
+        """Add the type `name` ('pkg/msg/Name') defined by `text`, a .msg file's content.
+
+        Raises:
+            MessageError: the text is no message definition, or differs from the one already known.
+        """
+        try:
+            # rosbags reads messages only; a service's halves are messages whose names say /srv/
+            ((_, parsed),) = get_types_from_msg(text, name.replace('/srv/', '/msg/')).items()
+            self.register({name: parsed})
+        except TypesysError as error:
+            raise MessageError(f'the definition of {name} cannot be used: {error}') from error
+        self.texts[name] = text
+
+    def message_class(self, name: str) -> type[Any]:
+        """The frozen class of the type `name`.
+
+        Raises:
+            MessageError: no such type.
+        """
+        if name not in self._classes:
+            if name not in self.fielddefs:
+                raise MessageError(f'there is no message type {name!r}; it has the form package/msg/Name')
+            self._classes[name] = self.types[name] = self._frozen_class(name)
+        return self._classes[name]
+
+    def get_msgdef(self, typename: str) -> Msgdef[object]:
+        self.message_class(typename)  # before rosbags generates code that makes instances
+        return super().get_msgdef(typename)
+
+    def nested(self, name: str) -> Iterator[str]:
+        """The types that the fields of `name` are made of, not itself."""
+        for _, description in self.fielddefs[name][1]:
+            kind, rest = _element(description)
+            if kind == Nodetype.NAME:
+                yield rest
+
+    def _frozen_class(self, name: str) -> type[Any]:
+        constants, fields = self.fielddefs[name]
+        columns = [(normalize_fieldname(field), Any, self._default(description)) for field, description in fields]
+        namespace: dict[str, Any] = {constant: value for constant, _, value in constants}
+        namespace['__msgtype__'] = name
+        namespace['__doc__'] = self.texts.get(name, name)
+        class_name = name.rpartition('/')[2]
+        columns = columns or [(_EMPTY, Any, dataclasses.field(default=0))]
+        # eq=False: arrays do not compare to a bool; two messages are equal when their bytes are.
+        made = dataclasses.make_dataclass(
+            class_name, columns, namespace=namespace, frozen=True, kw_only=False, eq=False
+        )
+        made.__module__ = f'{PACKAGE}.messages.types'
+        return made
+
+    def _default(self, description: Any) -> Any:
+        kind, rest = description
+        if kind == Nodetype.BASE:
+            return dataclasses.field(default=_zero(rest[0]))
+        if kind == Nodetype.NAME:
+            return dataclasses.field(default_factory=self.message_class(rest))
+        (inner_kind, inner), count = rest
+        length = count if kind == Nodetype.ARRAY else 0
+        if inner_kind == Nodetype.BASE and inner[0] not in {'string', 'wstring'}:
+            dtype = np.dtype({'byte': 'u1', 'char': 'u1', 'octet': 'u1'}.get(inner[0], inner[0]))
+            return dataclasses.field(default_factory=lambda: np.zeros(length, dtype))
+        make = self.message_class(inner) if inner_kind == Nodetype.NAME else str
+        return dataclasses.field(default_factory=lambda: [make() for _ in range(length)])
+
+
+@cache
+def store() -> MessageStore:
+    """The store of this process.
+
+    Raises:
+        ConfigurationError: the package's msg folder is missing, or a file in it is no message definition.
+    """
+    made = MessageStore()
+    for name, text in SERVICES.items():
+        made.learn(text, name)
+    try:
+        for name, text in own_definitions():
+            made.learn(text, name)
+    except MessageError as error:
+        raise ConfigurationError(f'the package is damaged: {error}') from error
+    return made
+
+
+@cache
+def short_names() -> dict[str, str]:
+    """Each class name ('Image') with the full name of its type."""
+    found: dict[str, str] = {}
+    for full in store().fielddefs:
+        package, _, short = full.split('/')
+        if short not in found or _rank(package) < _rank(found[short].split('/')[0]):
+            found[short] = full
+    return found
+
+
+def own_definitions() -> Iterator[tuple[str, str]]:
+    """Name and text of each message that this package defines, dependencies before dependants."""
+    files = {file.stem: file.read_text(encoding='utf-8') for file in sorted(_message_folder().glob('*.msg'))}
+    while files:
+        ready = [stem for stem, text in files.items() if not any(_uses(text, other) for other in files.keys() - {stem})]
+        for stem in ready:
+            yield f'{PACKAGE}/msg/{stem}', files.pop(stem)
+        if not ready:
+            raise ConfigurationError(f'the messages {", ".join(sorted(files))} contain each other')
+
+
+def _rank(package: str) -> int:
+    return _PREFERRED.index(package) if package in _PREFERRED else len(_PREFERRED)
+
+
+def _message_folder() -> Path:
+    return share_directory() / 'msg'
+
+
+def _uses(text: str, other: str) -> bool:
+    return any(line.split()[:1] == [other] or line.startswith(f'{other}[') for line in text.splitlines())
+
+
+def _element(description: Any) -> tuple[Nodetype, Any]:
+    kind, rest = description
+    return (Nodetype(rest[0][0]), rest[0][1]) if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE} else (Nodetype(kind), rest)
+
+
+def _zero(base: str) -> bool | int | float | str:
+    if base in {'string', 'wstring'}:
+        return ''
+    if base == 'bool':
+        return False
+    return 0.0 if base.startswith('float') else 0
