@@ -1,0 +1,194 @@
+"""What every camera does, and the choice of the one that a SOURCE names.
+
+===========================================  ==================================================================
+source                                       camera
+===========================================  ==================================================================
+``simulated``                                the twin: a rendered gel (`camera_simulated`)
+``/dev/video0``, ``/dev/v4l/by-id/…``, ``0``  a V4L2 device (`camera_v4l2`); prefer by-id: indices change at boot
+``http://…``, ``https://…``                  MJPEG over HTTP (`camera_mjpeg`)
+``rtsp://…``                                 RTSP, through FFmpeg (`camera_rtsp`)
+a file                                       a recorded video (`camera_file`)
+a folder                                     its images in natural order (`camera_file`)
+===========================================  ==================================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.health import Health
+from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, ImageError
+from tactile_nodes.params import parameter
+
+Picture = npt.NDArray[np.uint8]
+
+SIMULATED = 'simulated'
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """What is asked of a camera. A width, height, rate or control of 0 is left to the device."""
+
+    source: str = parameter(
+        SIMULATED, 'simulated, a device, a video file, a folder of images, or an http:// or rtsp:// address'
+    )
+    width: int = parameter(0, 'pixels; another size is refused; 0: what the source gives', minimum=0)
+    height: int = parameter(0, 'pixels; another size is refused; 0: what the source gives', minimum=0)
+    fps: float = parameter(60.0, 'frames per second, where the source does not say itself', minimum=0.0)
+    fourcc: str = parameter('MJPG', 'pixel format asked of a V4L2 device; empty: what it has')
+    exposure_ms: float = parameter(0.0, 'exposure time of a V4L2 device; 0: what it has', minimum=0.0)
+    gain: int = parameter(-1, "gain of a V4L2 device in the device's own steps; -1: what it has", minimum=-1)
+    white_balance_k: int = parameter(0, 'colour temperature of a V4L2 device; 0: what it has', minimum=0)
+    keep_auto: bool = parameter(False, 'leave automatic exposure and white balance of a V4L2 device on')
+    rate: float = parameter(1.0, 'speed of a file or folder; 0.0: as fast as it is read', minimum=0.0)
+    loop: bool = parameter(False, 'start a file or folder again at its end')
+    stall_s: float = parameter(1.5, 'a live source silent for this long counts as lost', minimum=0.1)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture and when it was taken.
+
+    Attributes:
+        image: (h, w) grey or (h, w, 3) blue-green-red, uint8, as the device sends it: neither cropped nor turned.
+        stamp_ns: capture time on the host's time base (`clock`), as near to the exposure as the source allows;
+            strictly increasing from frame to frame.
+        sequence: number of the frame among all that the source is known to have made since it was opened.
+        dropped: how many of those were lost so far: overtaken unread, damaged, or missing by their stamps.
+            Between two frames that were read, the growth of `sequence` is one more than that of `dropped`.
+    """
+
+    image: Picture
+    stamp_ns: int
+    sequence: int
+    dropped: int
+
+    @property
+    def encoding(self) -> str:
+        """The image's `encoding` in `sensor_msgs/Image`: ``mono8`` or ``bgr8``."""
+        return 'mono8' if self.image.ndim == 2 else 'bgr8'
+
+
+class Camera(Protocol):
+    """A source of frames."""
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What it is, what was asked of it and what it answered; keys and values for ``/diagnostics``."""
+        ...
+
+    @property
+    def health(self) -> Health:
+        """How it is now, in a sentence."""
+        ...
+
+    def open(self) -> None:
+        """Start delivering frames.
+
+        Raises:
+            DeviceNotFoundError: nothing there, or nothing that this user may open.
+            DeviceTimeoutError: it is there, and sends no picture.
+            ImageError: its pictures have another size than the settings ask for, or cannot be read.
+        """
+        ...
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """The next frame; of a live source the newest. None: a finite source has come to its end.
+
+        Raises:
+            DeviceTimeoutError: no frame within `timeout_s`.
+            DeviceLostError: it was there, and is not any more.
+            DeviceError: it is not open.
+            ImageError: a picture of another size, or one that cannot be read.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the device; a second call does nothing."""
+        ...
+
+
+def open_camera(settings: CameraSettings, clock: Clock) -> Camera:
+    """The camera that `settings.source` names, open; a live one reconnects by itself (`Reconnecting`).
+
+    Raises:
+        ConfigurationError: the source names no kind of camera.
+        DeviceError, ImageError: as `Camera.open`.
+    """
+    camera = _camera(settings, clock)
+    camera.open()
+    return camera
+
+
+def _camera(settings: CameraSettings, clock: Clock) -> Camera:
+    source = settings.source.strip()
+    if source == SIMULATED:
+        from tactile_nodes.drivers.camera_simulated import SimulatedCamera
+
+        return SimulatedCamera(settings, clock)
+    if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
+        return _stream(scheme.group(1).lower(), settings, clock)
+    if source.isdigit() or source.startswith('/dev/'):
+        return _device(settings, clock)
+    return _recording(Path(source).expanduser(), settings, clock)
+
+
+def _stream(scheme: str, settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera_reconnecting import Reconnecting
+
+    if scheme in {'http', 'https'}:
+        from tactile_nodes.drivers.camera_mjpeg import MjpegCamera
+
+        return Reconnecting(lambda: MjpegCamera(settings, clock), clock, settings)
+    if scheme in {'rtsp', 'rtsps'}:
+        from tactile_nodes.drivers.camera_rtsp import RtspCamera
+
+        return Reconnecting(lambda: RtspCamera(settings, clock), clock, settings)
+    raise ConfigurationError(
+        f'cannot read pictures from {settings.source}: the scheme {scheme}:// is not supported; '
+        'use http://, https:// (MJPEG) or rtsp://'
+    )
+
+
+def _device(settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera_reconnecting import Reconnecting
+    from tactile_nodes.drivers.camera_v4l2 import V4l2Camera
+
+    return Reconnecting(lambda: V4l2Camera(settings, clock), clock, settings)
+
+
+def _recording(path: Path, settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera_file import FileCamera, ImageFolder, VideoFile
+
+    if path.is_dir():
+        return FileCamera(settings, clock, ImageFolder(path, settings.fps))
+    if path.exists():
+        return FileCamera(settings, clock, VideoFile(path, settings.fps))
+    raise DeviceNotFoundError(
+        f'there is no camera, video or folder of images named {str(path)!r}; the source may be a device '
+        '(/dev/video0), a file, a folder, an http:// or rtsp:// address, or "simulated"'
+    )
+
+
+def check_size(image: npt.NDArray[Any], settings: CameraSettings, name: str) -> None:
+    """Refuse a picture that has not the size that was asked for.
+
+    Raises:
+        ImageError: naming both sizes.
+    """
+    height, width = image.shape[:2]
+    if settings.width in {0, width} and settings.height in {0, height}:
+        return
+    asked = f'{settings.width or "any"}x{settings.height or "any"}'
+    raise ImageError(
+        f'{name} gives pictures of {width}x{height}, asked for were {asked}; '
+        f'set width and height of the camera to {width} and {height}, or to 0 to take what comes'
+    )
