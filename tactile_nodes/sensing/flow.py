@@ -1,0 +1,197 @@
+"""Rest image and image in, displacement of every pixel out; every method behind one protocol.
+
+A method is chosen by name and options: ``make_flow('dis', {'preset': 'ultrafast', 'finest_scale': 1})``.
+Adding one takes a class with the two verbs of `FlowMethod` and a line in `FLOW_METHODS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+
+
+@dataclass(frozen=True)
+class DisplacementField:
+    """Where every pixel of the rest image went: [..., 0] = x to the right, [..., 1] = y down, in pixels.
+
+    `confidence` is between 0 (no information) and 1, or None where a method does not say.
+    """
+
+    displacement_px: Float32[np.ndarray, 'h w 2']
+    confidence: Float32[np.ndarray, 'h w'] | None = None
+
+
+class FlowMethod(Protocol):
+    """Measures displacement against a rest image.
+
+    The result depends on the two images and the options alone, never on images seen before.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def options(self) -> dict[str, object]:
+        """All options with their values, as a model's card records them."""
+        ...
+
+    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Take `image` as the gel at rest.
+
+        Raises:
+            ImageError: not an 8 bit grey image, or too small.
+        """
+        ...
+
+    def displacement(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
+        """Displacement of `image` against the rest image.
+
+        Raises:
+            ImageError: another size or type than the rest image, or no rest image yet.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class DisOptions:
+    """Options of the dense inverse search; None leaves a value to the preset.
+
+    `threads` is the number that OpenCV is told to use, since the calls of a whole process share it.
+    """
+
+    preset: str = 'ultrafast'
+    finest_scale: int | None = 1
+    patch_size: int | None = None
+    patch_stride: int | None = None
+    gradient_descent_iterations: int | None = None
+    variational_refinement_iterations: int | None = None
+    threads: int = 1
+
+
+class DisFlow:
+    """Dense inverse search (Kroeger et al., ECCV 2016) as OpenCV implements it: the paper's method.
+
+    The paper names neither preset nor scale. OpenCV's presets `fast` and `ultrafast` stop at a quarter of the
+    resolution (finest scale 2), where they read about half of a motion far below a pixel, which is what a light
+    touch makes. So the default takes `ultrafast` one scale further: `docs/method.md` has the comparison.
+    """
+
+    name = 'dis'
+
+    def __init__(self, options: DisOptions | None = None) -> None:
+        self._options = options or DisOptions()
+        self._reference: np.ndarray | None = None
+        self._search = _dis(self._options)
+
+    @property
+    def options(self) -> dict[str, object]:
+        return asdict(self._options)
+
+    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        _require_grey(image)
+        self._reference = np.ascontiguousarray(image).copy()
+
+    def displacement(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
+        reference = _require_like(self._reference, image)
+        if cv2.getNumThreads() != self._options.threads:
+            cv2.setNumThreads(self._options.threads)
+        flow = self._search.calc(reference, np.ascontiguousarray(image), None)  # type: ignore[call-overload]
+        return DisplacementField(flow)
+
+
+def _dis(options: DisOptions) -> cv2.DISOpticalFlow:
+    presets = {
+        'ultrafast': cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+        'fast': cv2.DISOPTICAL_FLOW_PRESET_FAST,
+        'medium': cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+    }
+    if options.preset not in presets:
+        raise ConfigurationError(f"the flow method 'dis' has no preset {options.preset!r}; use {', '.join(presets)}")
+    search = cv2.DISOpticalFlow.create(presets[options.preset])
+    setters: dict[str, Callable[[int], None]] = {
+        'finest_scale': search.setFinestScale,
+        'patch_size': search.setPatchSize,
+        'patch_stride': search.setPatchStride,
+        'gradient_descent_iterations': search.setGradientDescentIterations,
+        'variational_refinement_iterations': search.setVariationalRefinementIterations,
+    }
+    for name, apply in setters.items():
+        if (value := getattr(options, name)) is not None:
+            apply(value)
+    return search
+
+
+SMALLEST_IMAGE = 32
+"""Side in pixels under which DIS has no patches left on its coarser scales."""
+
+
+def _require_grey(image: np.ndarray) -> None:
+    if image.ndim != 2 or image.dtype != np.uint8:
+        raise ImageError(
+            f'optical flow needs 8 bit grey images, got {image.dtype} with shape {image.shape}; '
+            'convert with tactile_nodes.sensing.geometry.grey'
+        )
+    if min(image.shape) < SMALLEST_IMAGE:
+        raise ImageError(
+            f'optical flow needs images of at least {SMALLEST_IMAGE}x{SMALLEST_IMAGE} pixels, '
+            f'got {image.shape[1]}x{image.shape[0]}; use a larger crop'
+        )
+
+
+def _require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
+    _require_grey(image)
+    if reference is None:
+        raise ImageError('optical flow has no rest image to compare with; capture one with nothing touching the gel')
+    if image.shape != reference.shape:
+        raise ImageError(
+            f'the image has {image.shape[1]}x{image.shape[0]} pixels and the rest image '
+            f'{reference.shape[1]}x{reference.shape[0]}; capture the rest image again with the present camera settings'
+        )
+    return reference
+
+
+def _make_dis(options: Mapping[str, object]) -> FlowMethod:
+    return DisFlow(DisOptions(**checked_options('dis', DisOptions, options)))  # type: ignore[arg-type]
+
+
+FLOW_METHODS: dict[str, Callable[[Mapping[str, object]], FlowMethod]] = {'dis': _make_dis}
+
+
+def make_flow(name: str, options: Mapping[str, object] | None = None) -> FlowMethod:
+    """The flow method of that name.
+
+    Raises:
+        ConfigurationError: no such method, or no such option of it.
+    """
+    if name not in FLOW_METHODS:
+        raise ConfigurationError(f'there is no flow method {name!r}; use one of: {", ".join(FLOW_METHODS)}')
+    return FLOW_METHODS[name](options or {})
+
+
+def checked_options(method: str, options_type: type, options: Mapping[str, object]) -> dict[str, object]:
+    """The options, if the method's dataclass has them all and none has another type than its default allows.
+
+    Raises:
+        ConfigurationError: an unknown option, or a value of the wrong type.
+    """
+    known = asdict(options_type())
+    for name, value in options.items():
+        if name not in known:
+            raise ConfigurationError(f'{method!r} has no option {name!r}; it has: {", ".join(known)}')
+        wanted = str if isinstance(known[name], str) else float if isinstance(known[name], float) else int
+        if not _fits(value, wanted) and not (value is None and known[name] is None):
+            raise ConfigurationError(f'option {name!r} of {method!r} must be of type {wanted.__name__}, got {value!r}')
+    return dict(options)
+
+
+def _fits(value: object, wanted: type) -> bool:
+    if isinstance(value, bool):
+        return wanted is bool
+    return isinstance(value, (int, float)) if wanted is float else isinstance(value, wanted)

@@ -1,0 +1,171 @@
+"""Frames, bins, the fisheye camera, and the cut from the camera's image to the image that is processed.
+
+The surface frame has its origin at the centre of the gel's surface, x to the right in the image, y down in
+the image, z out of the gel, away from the camera; so its axes are parallel to the camera's optical frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from tactile_nodes.errors import ImageError
+
+
+@dataclass(frozen=True)
+class BinGrid:
+    """The bins that grid the surface; index k = row * cols + col, rows along +y, columns along +x.
+
+    The paper's 9x9 bins over the whole 32 mm surface are 3.556 mm wide; the centre of bin 0 lies at
+    (-14.222, -14.222) mm and that of bin 40 at the origin.
+    """
+
+    rows: int = 9
+    cols: int = 9
+    width_mm: float = 32.0
+    height_mm: float = 32.0
+
+    @property
+    def count(self) -> int:
+        return self.rows * self.cols
+
+    @property
+    def bin_size_mm(self) -> tuple[float, float]:
+        """Width (along x) and height (along y) of one bin."""
+        return self.width_mm / self.cols, self.height_mm / self.rows
+
+    @property
+    def origin_mm(self) -> tuple[float, float]:
+        """The outer corner (x, y) of bin 0 in the surface frame: (-16, -16) for the paper's grid."""
+        return -self.width_mm / 2, -self.height_mm / 2
+
+    @property
+    def centres_mm(self) -> Float[np.ndarray, 'rows cols 2']:
+        """Centre (x, y) of each bin in the surface frame."""
+        width, height = self.bin_size_mm
+        x = self.origin_mm[0] + (np.arange(self.cols) + 0.5) * width
+        y = self.origin_mm[1] + (np.arange(self.rows) + 0.5) * height
+        return np.stack(np.meshgrid(x, y), axis=-1)
+
+    def bin_of(self, x_mm: float, y_mm: float) -> int:
+        """Index of the bin that holds a point; a point outside the surface belongs to the nearest bin.
+
+        For the paper's grid (0, 0) lies in bin 40, (-16, -16) in bin 0 and (15.9, -16) in bin 8.
+        """
+        width, height = self.bin_size_mm
+        col = min(max(int((x_mm - self.origin_mm[0]) // width), 0), self.cols - 1)
+        row = min(max(int((y_mm - self.origin_mm[1]) // height), 0), self.rows - 1)
+        return row * self.cols + col
+
+    def border_distance_mm(self, x_mm: float, y_mm: float) -> float:
+        """Distance to the nearest border between two bins: 1.778 mm at the centre of the paper's bin 40."""
+        inner_x = self.origin_mm[0] + np.arange(1, self.cols) * self.bin_size_mm[0]
+        inner_y = self.origin_mm[1] + np.arange(1, self.rows) * self.bin_size_mm[1]
+        return float(np.abs(np.concatenate([inner_x - x_mm, inner_y - y_mm])).min(initial=np.inf))
+
+
+@dataclass(frozen=True)
+class FisheyeCamera:
+    """An equidistant fisheye: a ray at angle theta to the optical axis lands r = focal * theta from the centre.
+
+    Points are (x, y, z) in the optical frame (z forward), pixels (u, v) with the centre of the first pixel
+    at (0, 0). With 300 px/rad a point at 45 degrees to the right lands 300 * pi/4 = 235.62 px from the centre.
+    """
+
+    width: int = 640
+    height: int = 480
+    focal_px_per_rad: float = 300.0
+    centre_px: tuple[float, float] = (319.5, 239.5)
+
+    def project(self, points: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 2']:
+        """Pixel of each point. The scale of the points does not matter."""
+        across = np.hypot(points[:, 0], points[:, 1])
+        theta = np.arctan2(across, points[:, 2])
+        # theta / across tends to 1 / z on the axis; the maximum only avoids 0 / 0 there.
+        scale = self.focal_px_per_rad * theta / np.maximum(across, np.finfo(points.dtype).tiny)
+        pixels: np.ndarray = points[:, :2] * scale[:, None] + np.asarray(self.centre_px, points.dtype)
+        return pixels
+
+    def unproject(self, pixels: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 3']:
+        """Unit vector along the ray of each pixel: (0.7071, 0, 0.7071) for the example above."""
+        offset = pixels - np.asarray(self.centre_px, pixels.dtype)
+        radius = np.hypot(offset[:, 0], offset[:, 1])
+        theta = radius / self.focal_px_per_rad
+        sideways = offset * (np.sin(theta) / np.maximum(radius, np.finfo(pixels.dtype).tiny))[:, None]
+        return np.column_stack([sideways, np.cos(theta)])
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A rectangle of an image, in pixels from its upper left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @classmethod
+    def centred(cls, image_width: int, image_height: int, width: int = 440, height: int = 440) -> Crop:
+        """The paper's cut: 440x440 from the middle of 640x480, that is Crop(x=100, y=20, ...).
+
+        Raises:
+            ImageError: the image is smaller than the cut.
+        """
+        if width > image_width or height > image_height:
+            raise ImageError(
+                f'cannot cut {width}x{height} pixels from an image of {image_width}x{image_height}; '
+                'set the camera to a larger size or the crop to a smaller one'
+            )
+        return cls((image_width - width) // 2, (image_height - height) // 2, width, height)
+
+    def apply(self, image: UInt8[np.ndarray, 'h w *channels']) -> UInt8[np.ndarray, 'ch cw *channels']:
+        """The rectangle as a view into the image.
+
+        Raises:
+            ImageError: the rectangle does not lie within the image.
+        """
+        height, width = image.shape[:2]
+        if min(self.x, self.y) < 0 or self.x + self.width > width or self.y + self.height > height:
+            raise ImageError(
+                f'the crop {self.width}x{self.height} at ({self.x}, {self.y}) does not lie within '
+                f'the image of {width}x{height} pixels; change the crop or the size of the camera image'
+            )
+        return image[self.y : self.y + self.height, self.x : self.x + self.width]
+
+
+def grey(image: UInt8[np.ndarray, 'h w *channels'], order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
+    """Luma 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) of a colour image; a grey one returns unchanged.
+
+    A pure green pixel of 255 becomes 150. `order` is 'bgr' or 'rgb'.
+
+    Raises:
+        ImageError: neither one, three nor four channels, or not 8 bit.
+    """
+    if image.dtype != np.uint8 or image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)):
+        raise ImageError(
+            f'cannot make a grey image of an array of {image.dtype} with shape {image.shape}; '
+            'give 8 bit images with one, three or four channels'
+        )
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 1:
+        return image[:, :, 0]
+    return _luma(image, order)
+
+
+def centre_crop(
+    image: UInt8[np.ndarray, 'h w *channels'], width: int = 440, height: int = 440
+) -> UInt8[np.ndarray, 'ch cw *channels']:
+    """The middle of an image, as `Crop.centred` cuts it."""
+    return Crop.centred(image.shape[1], image.shape[0], width, height).apply(image)
+
+
+def _luma(image: np.ndarray, order: str) -> np.ndarray:
+    import cv2
+
+    codes = {('bgr', 3): cv2.COLOR_BGR2GRAY, ('rgb', 3): cv2.COLOR_RGB2GRAY,
+             ('bgr', 4): cv2.COLOR_BGRA2GRAY, ('rgb', 4): cv2.COLOR_RGBA2GRAY}  # fmt: skip
+    converted: np.ndarray = cv2.cvtColor(image, codes[order, image.shape[2]])
+    return converted

@@ -1,0 +1,81 @@
+"""A gel as data: what has to be said to make one sensor, as one small mapping (a YAML file's content)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+
+from tactile_nodes.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Gel:
+    """The paper's sensor: a stiff layer, a soft gel full of markers and a black skin, over a fisheye camera.
+
+    The elastic layer of the mechanics is the soft gel with its skin, 6 mm thick, bonded to the stiff layer,
+    which counts as rigid. The modulus is chosen so that 2 mm of the paper's tip take about 1 N.
+    `pupil_below_markers_mm` is the distance from the camera's entrance pupil to the lowest markers; refraction
+    at the lens is part of it. With `focal_px_per_rad` the gel fills 88 % of the 440x440 crop.
+    """
+
+    seed: int = 1
+    size_mm: float = 32.0
+    soft_mm: float = 4.5
+    skin_mm: float = 1.5
+    shear_modulus_mpa: float = 0.155
+    poisson_ratio: float = 0.5
+    marker_count: int = 10_000
+    marker_diameter_mm: tuple[float, float] = (0.150, 0.180)
+    tip_radius_mm: float = 0.6
+    pupil_below_markers_mm: float = 17.0
+    focal_px_per_rad: float = 297.0
+    image_width: int = 640
+    image_height: int = 480
+    blur_px: float = 0.55
+    background_grey: float = 14.0
+    marker_grey: float = 150.0
+    vignetting: float = 0.35
+    read_noise_grey: float = 1.2
+    shot_noise_grey: float = 0.05
+
+    @property
+    def layer_mm(self) -> float:
+        """Thickness of what deforms: 6 mm."""
+        return self.soft_mm + self.skin_mm
+
+    @property
+    def pupil_z_mm(self) -> float:
+        """Where the camera's pupil is in the surface frame: -23 mm."""
+        return -(self.layer_mm + self.pupil_below_markers_mm)
+
+    @property
+    def gel_id(self) -> str:
+        """Twelve hexadecimal digits that change with any property of the gel."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, object], source: str = 'gel') -> Gel:
+        """A gel with some of its properties given, the others as above.
+
+        Raises:
+            ConfigurationError: an unknown property or one of the wrong type.
+        """
+        known = {each.name: each.default for each in fields(cls)}
+        for name, value in mapping.items():
+            if name not in known:
+                raise ConfigurationError(f'{source}: a gel has no property {name!r}; it has: {", ".join(known)}')
+            if not _same_kind(value, known[name]):
+                raise ConfigurationError(f'{source}: {name!r} must be like {known[name]!r}, got {value!r}')
+        given = {name: tuple(value) if isinstance(value, list) else value for name, value in mapping.items()}
+        return cls(**given)  # type: ignore[arg-type]
+
+
+def _same_kind(value: object, default: object) -> bool:
+    if isinstance(value, bool):
+        return False
+    if isinstance(default, tuple):
+        return isinstance(value, (list, tuple)) and len(value) == len(default)
+    return isinstance(value, (int, float) if isinstance(default, float) else int)

@@ -1,0 +1,198 @@
+"""What the camera sees: markers in the gel, moved by the contact, through a fisheye, with noise.
+
+A marker is a disc of light blurred by lens and pixel, drawn as a Gaussian of the same variance at its exact
+sub-pixel place and normalised, so that its centroid moves exactly as the marker does. Markers add up where
+they overlap. Refraction, shadows and the skin's own grey are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable
+
+TAPS = np.arange(-3, 5)
+"""Pixels around a marker that receive its light: from three left of the pixel it is in to four right of it."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """One round tip at a place on the surface, pressed in by a depth (negative: that far above the gel)."""
+
+    x_mm: float
+    y_mm: float
+    depth_mm: float
+
+
+class Optics:
+    """Renders one gel. The same presses and noise seed give the same pixels, in any process, in any order."""
+
+    def __init__(self, gel: Gel, table: ContactTable) -> None:
+        self._gel = gel
+        self._table = table
+        self.camera = camera_of(gel)
+        self.markers_mm, diameter_mm = place_markers(gel)
+        distance = np.linalg.norm(self.markers_mm - _pupil(gel), axis=1)
+        radius_px = gel.focal_px_per_rad * diameter_mm / 2 / distance
+        # The variance of a disc is a quarter of its squared radius along each axis, that of a pixel 1/12.
+        variance = radius_px**2 / 4 + gel.blur_px**2 + 1 / 12
+        self._exponent = (-0.5 / variance).astype(np.float32)
+        self._light = (gel.marker_grey * np.pi * radius_px**2).astype(np.float32)
+        self._shade = vignette(gel)
+        self._noise = NoiseBank(gel)
+        self._lookup = TableLookup(table, self.markers_mm[:, 2])
+        self._rest = self._draw(self.project(()))
+
+    def displacement_mm(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 3']:
+        """How far each marker moves; the fields of several presses add up."""
+        moved = np.zeros_like(self.markers_mm)
+        for press in presses:
+            if press.depth_mm > 0:
+                moved += self._lookup(self.markers_mm, press)
+        return moved
+
+    def project(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 2']:
+        """Pixel of each marker in the camera image."""
+        return self.camera.project(self.markers_mm + self.displacement_mm(presses) - _pupil(self._gel))
+
+    def radiance(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'h w']:
+        """The image in grey levels before noise and rounding."""
+        if any(press.depth_mm > 0 for press in presses):
+            return self._draw(self.project(presses))
+        return self._rest
+
+    def render(self, presses: tuple[Press, ...], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
+        """The image as the camera delivers it."""
+        return self._noise.expose(self.radiance(presses), noise_seed)
+
+    def _draw(self, pixels: np.ndarray) -> np.ndarray:
+        height, width = self._shade.shape
+        corner = np.floor(pixels)
+        part = pixels - corner
+        across, down = self._weights(part[:, 0]), self._weights(part[:, 1])
+        down *= self._light[:, None]
+        light = (down[:, :, None] * across[:, None, :]).reshape(len(pixels), -1)
+        first = corner[:, 1].astype(np.intp) * width + corner[:, 0].astype(np.intp)
+        place = first[:, None] + (TAPS[:, None] * width + TAPS).ravel()
+        inside = (corner > 3).all(axis=1) & (corner[:, 0] < width - 5) & (corner[:, 1] < height - 5)
+        if not inside.all():
+            place, light = place[inside], light[inside]
+        sums = np.bincount(place.ravel(), weights=light.ravel(), minlength=height * width)
+        drawn: np.ndarray = sums.astype(np.float32).reshape(height, width)
+        drawn += np.float32(self._gel.background_grey)
+        drawn *= self._shade
+        return drawn
+
+    def _weights(self, part: np.ndarray) -> np.ndarray:
+        offset = TAPS.astype(np.float32) - part[:, None]
+        weights: np.ndarray = np.exp(offset * offset * self._exponent[:, None])
+        weights /= weights.sum(axis=1, keepdims=True)
+        return weights
+
+
+class TableLookup:
+    """Displacement of fixed points from a table: linear between its radii, heights and depths."""
+
+    def __init__(self, table: ContactTable, z_mm: Float32[np.ndarray, ' points']) -> None:
+        self._table = table
+        self._per_mm = np.float32(1 / (table.radius_mm[1] - table.radius_mm[0]))
+        place = (z_mm - table.z_mm[0]) / (table.z_mm[1] - table.z_mm[0])
+        self._low = np.clip(place.astype(np.intp), 0, len(table.z_mm) - 2)
+        self._part = (place - self._low).astype(np.float32)
+
+    def __call__(self, points_mm: Float32[np.ndarray, 'points 3'], press: Press) -> Float32[np.ndarray, 'points 3']:
+        """Displacement of the points, whose heights must be those given at the start; zero beyond the table."""
+        centre = np.array([press.x_mm, press.y_mm], np.float32)
+        offset = points_mm[:, :2] - centre
+        distance = np.sqrt(np.square(offset).sum(axis=1))
+        place = np.minimum(distance * self._per_mm, np.float32(len(self._table.radius_mm) - 1.001))
+        low = place.astype(np.intp)
+        outward, upward = (self._blend(each, low, place - low) for each in self._table.displacement_at(press.depth_mm))
+        outward /= np.maximum(distance, np.float32(1e-6))
+        return np.column_stack([offset * outward[:, None], upward])
+
+    def _blend(self, values: np.ndarray, low: np.ndarray, part: np.ndarray) -> np.ndarray:
+        columns = values.shape[1]
+        flat = values.ravel()
+        corner = low * columns + self._low
+        part = part.astype(np.float32)
+        near = flat[corner] + self._part * (flat[corner + 1] - flat[corner])
+        corner += columns
+        far = flat[corner] + self._part * (flat[corner + 1] - flat[corner])
+        blended: np.ndarray = near + part * (far - near)
+        return blended
+
+
+class NoiseBank:
+    """Read and shot noise: one large field of normal deviates, a different cut of it for every seed.
+
+    Drawing 307200 normal deviates takes longer than rendering; a cut at one of 256x256 places of a prepared
+    field costs nothing, and two frames share a cut once in 65536.
+    """
+
+    ROOM = 256
+
+    def __init__(self, gel: Gel) -> None:
+        self._shape = gel.image_height, gel.image_width
+        self._shot = np.float32(gel.shot_noise_grey)
+        self._read_variance = np.float32(gel.read_noise_grey**2)
+        size = (gel.image_height + self.ROOM, gel.image_width + self.ROOM)
+        self._field = np.random.default_rng(gel.seed).standard_normal(size, dtype=np.float32)
+
+    def expose(self, radiance: Float32[np.ndarray, 'h w'], seed: int) -> UInt8[np.ndarray, 'h w']:
+        """Grey levels with noise, rounded and limited to 0 to 255.
+
+        The variance is read² + shot * grey: 1.2 and 0.05 give 1.39 grey levels at 10 and 2.99 at 150.
+        """
+        y, x = divmod(mix(seed) % self.ROOM**2, self.ROOM)
+        noise = self._field[y : y + self._shape[0], x : x + self._shape[1]]
+        spread = radiance * self._shot
+        spread += self._read_variance
+        np.sqrt(spread, out=spread)
+        spread *= noise
+        spread += radiance
+        spread += np.float32(0.5)  # the conversion to integers cuts off
+        np.clip(spread, 0, 255, out=spread)
+        image: np.ndarray = spread.astype(np.uint8)
+        return image
+
+
+def mix(value: int) -> int:
+    """A well-spread 64 bit number from any integer (splitmix64), the same on every machine."""
+    mask = 0xFFFF_FFFF_FFFF_FFFF
+    value = (value + 0x9E37_79B9_7F4A_7C15) & mask
+    value = ((value ^ (value >> 30)) * 0xBF58_476D_1CE4_E5B9) & mask
+    value = ((value ^ (value >> 27)) * 0x94D0_49BB_1331_11EB) & mask
+    return value ^ (value >> 31)
+
+
+def camera_of(gel: Gel) -> FisheyeCamera:
+    """The camera under a gel, looking along +z at the middle of its surface."""
+    centre = (gel.image_width - 1) / 2, (gel.image_height - 1) / 2
+    return FisheyeCamera(gel.image_width, gel.image_height, gel.focal_px_per_rad, centre)
+
+
+def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
+    """Places of the markers in the surface frame, at random through the soft gel, and their diameters."""
+    random = np.random.default_rng(gel.seed)
+    half = gel.size_mm / 2
+    low, high = (-half, -half, -gel.layer_mm), (half, half, -gel.skin_mm)
+    places = random.uniform(low, high, (gel.marker_count, 3)).astype(np.float32)
+    return places, random.uniform(*gel.marker_diameter_mm, gel.marker_count).astype(np.float32)
+
+
+def vignette(gel: Gel) -> Float32[np.ndarray, 'h w']:
+    """Brightness over the image: 1 in the middle, `1 - vignetting` at half the image's height from it."""
+    y, x = np.mgrid[: gel.image_height, : gel.image_width].astype(np.float32)
+    squared = (x - (gel.image_width - 1) / 2) ** 2 + (y - (gel.image_height - 1) / 2) ** 2
+    shade: np.ndarray = 1 / (1 + gel.vignetting / (1 - gel.vignetting) * squared / (gel.image_height / 2) ** 2)
+    return shade.astype(np.float32)
+
+
+def _pupil(gel: Gel) -> np.ndarray:
+    return np.array([0.0, 0.0, gel.pupil_z_mm], np.float32)

@@ -1,0 +1,137 @@
+"""A sensor and what happens to it, as a function of time alone.
+
+Two processes that build the same scene see the same world at the same time without talking to each other:
+one renders what the camera sees, the other says what the truth is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.optics import Optics, Press, mix
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a perfect sensor would say: the paper's label, and the exact place beside it.
+
+    The whole force is in the bin that holds the centre of the indentation; all zero without contact.
+    """
+
+    normal_force_n: Float32[np.ndarray, 'rows cols']
+    total_n: float
+    position_mm: tuple[float, float]
+    depth_mm: float
+
+    @property
+    def in_contact(self) -> bool:
+        return self.depth_mm > 0
+
+
+class Schedule(Protocol):
+    """Where the tip is at a time."""
+
+    def press_at(self, time_ns: int) -> Press: ...
+
+
+@dataclass(frozen=True)
+class PressSchedule:
+    """A tip that presses the gel at one random place after another, forever.
+
+    Every `period_s` it rests above the gel, comes down, dwells, goes up and moves on, with smooth motion. Place
+    and depth of press number n follow from the seed and n, so that any time can be asked for. Before `start_ns`
+    nothing touches the gel.
+    """
+
+    seed: int = 1
+    start_ns: int = 0
+    period_s: float = 2.0
+    reach_mm: float = 13.5
+    shallowest_mm: float = 0.25
+    deepest_mm: float = 2.0
+    clearance_mm: float = 1.0
+    phases: tuple[float, float, float, float] = field(default=(0.2, 0.4, 0.65, 0.85))
+    """Shares of the period at which the tip starts down, arrives, starts up, and is up again."""
+
+    def press_at(self, time_ns: int) -> Press:
+        """Place and depth of the tip; a negative depth is its height above the gel."""
+        since_ns = time_ns - self.start_ns
+        if since_ns < 0:
+            return Press(0.0, 0.0, -self.clearance_mm)
+        number, within_ns = divmod(since_ns, round(self.period_s * NS_PER_S))
+        share = within_ns / (self.period_s * NS_PER_S)
+        here, deepest = self._target(number)
+        x_mm, y_mm = self._travel(number, here, share)
+        return Press(x_mm, y_mm, self._height(share, deepest))
+
+    def _height(self, share: float, deepest_mm: float) -> float:
+        down, bottom, lift, up = self.phases
+        pressed = smooth((share - down) / (bottom - down)) - smooth((share - lift) / (up - lift))
+        return -self.clearance_mm + pressed * (deepest_mm + self.clearance_mm)
+
+    def _travel(self, number: int, here: tuple[float, float], share: float) -> tuple[float, float]:
+        """From this place to the next while the tip is up; the journey ends with the period."""
+        ahead, _ = self._target(number + 1)
+        done = smooth((share - self.phases[3]) / (1 - self.phases[3]))
+        return here[0] + done * (ahead[0] - here[0]), here[1] + done * (ahead[1] - here[1])
+
+    def _target(self, number: int) -> tuple[tuple[float, float], float]:
+        first = mix(self.seed) ^ (3 * number)
+        u, v, w = (mix(first + each) / 2**64 for each in range(3))
+        place = ((2 * u - 1) * self.reach_mm, (2 * v - 1) * self.reach_mm)
+        return place, self.shallowest_mm + w * (self.deepest_mm - self.shallowest_mm)
+
+
+def smooth(share: float) -> float:
+    """A smooth step from 0 to 1 without jerks at its ends: 10 s³ - 15 s⁴ + 6 s⁵, 0.5 at 0.5."""
+    s = min(max(share, 0.0), 1.0)
+    return s * s * s * (10 + s * (6 * s - 15))
+
+
+class Scene:
+    """One gel under one schedule, at any time: the image that the camera takes, and the truth."""
+
+    def __init__(
+        self,
+        gel: Gel | None = None,
+        schedule: Schedule | None = None,
+        bins: BinGrid | None = None,
+        table: ContactTable | None = None,
+    ) -> None:
+        self.gel = gel or Gel()
+        self.schedule: Schedule = schedule or PressSchedule()
+        self.bins = bins or BinGrid(width_mm=self.gel.size_mm, height_mm=self.gel.size_mm)
+        self._table = table or solve(self.gel)
+        self._optics: Optics | None = None
+
+    @property
+    def optics(self) -> Optics:
+        """The renderer, made when the first image is asked for: whoever wants only the truth needs none."""
+        if self._optics is None:
+            self._optics = Optics(self.gel, self._table)
+        return self._optics
+
+    def render(self, time_ns: int) -> UInt8[np.ndarray, 'h w']:
+        """The camera image at a time."""
+        return self.optics.render((self.schedule.press_at(time_ns),), noise_seed=time_ns)
+
+    def truth(self, time_ns: int) -> Truth:
+        """The force on the gel at a time."""
+        return truth_of(self.schedule.press_at(time_ns), self._table, self.bins)
+
+
+def truth_of(press: Press, table: ContactTable, bins: BinGrid) -> Truth:
+    """The paper's label for one press: its force in the bin of its centre."""
+    forces = np.zeros(bins.count, np.float32)
+    total_n = table.force_at(press.depth_mm)
+    forces[bins.bin_of(press.x_mm, press.y_mm)] = total_n
+    return Truth(forces.reshape(bins.rows, bins.cols), total_n, (press.x_mm, press.y_mm), max(press.depth_mm, 0.0))
