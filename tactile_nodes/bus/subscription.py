@@ -1,0 +1,69 @@
+"""The receiving end of a topic: a bounded buffer that never makes a publisher wait."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Qos, Received
+
+
+class Subscription:
+    """Holds what came in until it is taken; when full, the oldest message gives way and `dropped` counts it."""
+
+    def __init__(
+        self,
+        topic: str,
+        type_name: str,
+        qos: Qos,
+        node: str,
+        on_ready: Callable[[], None] | None,
+        on_close: Callable[[Subscription], None],
+    ) -> None:
+        self.topic = topic
+        self.type_name = type_name
+        self.qos = qos
+        self.node = node
+        self.received = 0
+        self.dropped = 0
+        self.malformed = 0
+        self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
+        self._arrived = threading.Condition()
+        self._on_ready = on_ready
+        self._on_close = on_close
+        self._closed = False
+
+    def put(self, received: Received) -> None:
+        """Called by the transport, from any thread; returns at once."""
+        with self._arrived:
+            if self._closed:
+                return
+            self.received += 1
+            self.dropped += len(self._waiting) == self._waiting.maxlen
+            self._waiting.append(received)
+            self._arrived.notify()
+        if self._on_ready is not None:
+            self._on_ready()
+
+    def take(self) -> Received | None:
+        """The oldest waiting message, or None."""
+        with self._arrived:
+            return self._waiting.popleft() if self._waiting else None
+
+    def get(self, timeout_s: float | None = None) -> Received | None:
+        """The oldest waiting message, waiting for one; None after `timeout_s` or when closed."""
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._waiting or self._closed, timeout_s)
+            return self._waiting.popleft() if self._waiting else None
+
+    def close(self) -> None:
+        """Receive no more; closing twice is harmless."""
+        with self._arrived:
+            if self._closed:
+                return
+            self._closed = True
+            self._arrived.notify_all()
+        self._on_close(self)

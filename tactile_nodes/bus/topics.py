@@ -1,0 +1,85 @@
+"""The one table of topics. No topic is spelt anywhere else.
+
+Names are relative: the node's namespace goes in front and remaps apply, as in ROS 2. Those that start with a slash are
+the same for a whole domain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tactile_nodes.bus.protocol import Qos
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic's name, type and quality of service, its usual rate, and whether bags record it unless told otherwise."""
+
+    name: str
+    type_name: str
+    description: str
+    qos: Qos
+    rate_hz: float | None = None
+    recorded: bool = True
+
+
+_LATEST = Qos('latest', 1)
+_LATCHED = Qos('latest', 1, latched=True)
+
+IMAGE = Topic(
+    'image_raw',
+    'sensor_msgs/msg/Image',
+    'the camera image, cropped and grey (mono8), stamped at capture',
+    _LATEST,
+    60.0,
+)
+CAMERA_INFO = Topic(
+    'camera_info',
+    'sensor_msgs/msg/CameraInfo',
+    'size and region of interest of each image, with its stamp',
+    _LATEST,
+    60.0,
+)
+REFERENCE_IMAGE = Topic(
+    'reference_image', 'sensor_msgs/msg/Image', 'the rest image that motion is measured against', _LATCHED
+)
+FLOW_FEATURES = Topic(
+    'flow_features', 'tactile_nodes/msg/FlowFeatures', 'motion averaged over a grid of regions', _LATEST, 60.0
+)
+FORCE_DISTRIBUTION = Topic(
+    'force_distribution',
+    'tactile_nodes/msg/ForceDistribution',
+    'normal force on each bin of the surface [N]',
+    _LATEST,
+    60.0,
+)
+WRENCH = Topic(
+    'wrench', 'geometry_msgs/msg/WrenchStamped', 'net force on the gel in the surface frame [N, N m]', _LATEST, 60.0
+)
+TRUE_FORCE = Topic(
+    'true_force_distribution',
+    'tactile_nodes/msg/ForceDistribution',
+    'what really presses, as the simulator knows it',
+    _LATEST,
+    60.0,
+)
+DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'how each node is', Qos('queue', 100), 1.0)
+ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'what each node says', Qos('queue', 1000))
+CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'the time while a bag is replayed', _LATEST, recorded=False)
+RIG_STATE = Topic('rig_state', 'tactile_nodes/msg/RigState', 'where the pressing machine is', Qos('queue', 100), 10.0)
+SYNC_EDGE = Topic('sync_edge', 'tactile_nodes/msg/SyncEdge', 'edges of the digital line', Qos('queue', 1000))
+
+TOPICS = {
+    topic.name: topic
+    for topic in (
+        IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, DIAGNOSTICS, ROSOUT,
+        CLOCK, RIG_STATE, SYNC_EDGE,
+    )
+}  # fmt: skip
+
+
+def default_qos(topic: str) -> Qos:
+    """The quality of service of a full topic name by the table; a queue of 100 for a topic that is not in it."""
+    short = topic.rpartition('/')[2]
+    found = TOPICS.get(topic) or TOPICS.get(short)
+    return found.qos if found else Qos('queue', 100)

@@ -1,0 +1,57 @@
+"""The frames that travel between processes.
+
+A message: ``[header, CDR bytes]``; the header holds what a subscriber must know before it touches the bytes.
+A call: ``[CALL, id, service, type, CDR bytes]``; its answer: ``[ANSWER, id, b'ok' or b'error', CDR bytes or text]``.
+A ping: ``[PING, id]``; its answer ``[ANSWER, id, b'ok', b'']``.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from tactile_nodes import messages
+from tactile_nodes.errors import MessageError
+
+CALL = b'TNC1'
+ANSWER = b'TNA1'
+PING = b'TNP1'
+
+_MAGIC = b'TNM1'
+_HEADER = struct.Struct('<4s16s8sQq')
+HEADER_SIZE = _HEADER.size
+
+
+@dataclass(frozen=True)
+class Header:
+    """Who sent the message (`gid`, at most 16 characters), as which of theirs, when, and of which type."""
+
+    gid: str
+    type_key: bytes
+    sequence: int
+    source_ns: int
+
+
+def type_key(type_name: str) -> bytes:
+    """Eight bytes that tell a type, its fields included, from others: the head of its RIHS01 hash."""
+    return bytes.fromhex(messages.type_hash(type_name).removeprefix('RIHS01_')[:16])
+
+
+def pack_header(gid: str, key: bytes, sequence: int, source_ns: int) -> bytes:
+    """The first frame of a message."""
+    return _HEADER.pack(_MAGIC, gid.encode('ascii'), key, sequence, source_ns)
+
+
+def unpack_header(frame: bytes | memoryview) -> Header:
+    """The reverse.
+
+    Raises:
+        MessageError: no header of ours.
+    """
+    if len(frame) != HEADER_SIZE or bytes(frame[:4]) != _MAGIC:
+        raise MessageError('a frame that no node of ours has sent')
+    _, gid, key, sequence, source_ns = _HEADER.unpack(frame)
+    try:
+        return Header(gid.rstrip(b'\0').decode('ascii'), key, sequence, source_ns)
+    except UnicodeDecodeError as error:
+        raise MessageError('a frame that no node of ours has sent') from error
