@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol
+from typing import Protocol, get_args, get_type_hints
 
 import cv2
 import numpy as np
@@ -176,18 +176,19 @@ def make_flow(name: str, options: Mapping[str, object] | None = None) -> FlowMet
 
 
 def checked_options(method: str, options_type: type, options: Mapping[str, object]) -> dict[str, object]:
-    """The options, if the method's dataclass has them all and none has another type than its default allows.
+    """The options, if the method's dataclass has them all and none has another type than declared.
 
     Raises:
         ConfigurationError: an unknown option, or a value of the wrong type.
     """
-    known = asdict(options_type())
+    hints = get_type_hints(options_type)
     for name, value in options.items():
-        if name not in known:
-            raise ConfigurationError(f'{method!r} has no option {name!r}; it has: {", ".join(known)}')
-        wanted = str if isinstance(known[name], str) else float if isinstance(known[name], float) else int
-        if not _fits(value, wanted) and not (value is None and known[name] is None):
-            raise ConfigurationError(f'option {name!r} of {method!r} must be of type {wanted.__name__}, got {value!r}')
+        if name not in hints:
+            raise ConfigurationError(f'{method!r} has no option {name!r}; it has: {", ".join(hints)}')
+        wanted = get_args(hints[name]) or (hints[name],)
+        if not any(_fits(value, each) for each in wanted):
+            names = ' or '.join(each.__name__ for each in wanted)
+            raise ConfigurationError(f'option {name!r} of {method!r} must be of type {names}, got {value!r}')
     return dict(options)
 
 

@@ -1,0 +1,160 @@
+"""Presses of the simulated sensor as training samples: rendered, measured, kept on disk.
+
+A data set follows from its configuration alone: every block of presses has its own seed and its own rest
+image, so neither the number of processes nor their order changes a byte. What was made once is found again
+by the hash of everything that it depends on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float16, Float32
+
+from tactile_nodes import paths
+from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.geometry import BinGrid, centre_crop
+from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Optics, Press, mix
+
+RECIPE = 1
+"""Raised when the code below gives other samples for the same configuration."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Samples of presses: features, where and how deep the tip was, its force, and the regions' confidence.
+
+    `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` says with which
+    of the rest images, and so with which row of `confidence`, sample i was measured.
+    """
+
+    features: Float16[np.ndarray, 'samples rows cols channels']
+    presses: Float32[np.ndarray, 'samples 4']
+    rest: np.ndarray
+    confidence: Float32[np.ndarray, 'rests rows cols']
+    fingerprint: str
+
+    def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
+        """The paper's labels: the whole force in the bin of the indentation's centre."""
+        labels = np.zeros((len(self.presses), bins.count), np.float32)
+        places = [bins.bin_of(float(x), float(y)) for x, y in self.presses[:, :2]]
+        labels[np.arange(len(labels)), places] = self.presses[:, 3]
+        return labels
+
+
+@dataclass(frozen=True)
+class _Block:
+    """One rest image and the presses that are measured against it."""
+
+    config: TrainConfig
+    number: int
+    presses: int
+
+
+def simulate(config: TrainConfig, progress: Progress) -> Dataset:
+    """The data set of a configuration, from disk if it was made before."""
+    folder = paths.cache_directory() / 'datasets' / recipe_id(config)
+    if not folder.is_dir():
+        _make(config, folder, progress)
+    return _load(folder)
+
+
+def recipe_id(config: TrainConfig) -> str:
+    """Sixteen hexadecimal digits over everything that the samples depend on."""
+    data = {name: value for name, value in asdict(config.data).items() if name != 'processes'}
+    chosen = {
+        'recipe': RECIPE,
+        'opencv': cv2.__version__,
+        'data': data,
+        'flow': [config.flow.name, config.make_flow().options],
+        'encoding': [config.encoding.name, config.make_encoding().options],
+        'gel': config.gel.gel_id,
+    }
+    return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _make(config: TrainConfig, folder: Path, progress: Progress) -> None:
+    draft = folder.with_name(f'{folder.name}.part')
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir(parents=True)
+    results = list(_rendered(config, progress))
+    names = ('features', 'presses', 'confidence')
+    features, presses, confidence = ([block[i] for block in results] for i in range(len(names)))
+    np.save(draft / 'features.npy', np.concatenate(features))
+    np.save(draft / 'presses.npy', np.concatenate(presses))
+    np.save(draft / 'confidence.npy', np.stack(confidence))
+    np.save(draft / 'rest.npy', np.repeat(np.arange(len(presses)), [len(each) for each in presses]))
+    draft.replace(folder)
+
+
+def _load(folder: Path) -> Dataset:
+    arrays = {name: np.load(folder / f'{name}.npy') for name in ('features', 'presses', 'rest', 'confidence')}
+    digest = hashlib.sha256()
+    for array in arrays.values():
+        digest.update(np.ascontiguousarray(array).data)
+    return Dataset(**arrays, fingerprint=digest.hexdigest()[:16])
+
+
+def _rendered(config: TrainConfig, progress: Progress) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    size = config.data.presses_per_rest_image
+    blocks = [
+        _Block(config, number, min(size, config.data.presses - first))
+        for number, first in enumerate(range(0, config.data.presses, size))
+    ]
+    with (
+        multiprocessing.get_context('spawn').Pool(config.data.processes) as pool,
+        progress.bar('rendering presses', config.data.presses) as bar,
+    ):
+        for result in pool.imap(_render_block, blocks):
+            bar.advance(len(result[1]))
+            yield result
+
+
+def _render_block(block: _Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Features, presses and confidence of one block (in a process of its own)."""
+    config = block.config
+    table = solve(config.gel)
+    optics = Optics(config.gel, table)
+    flow, encoding = config.make_flow(), config.make_encoding()
+    seeds = _noise_seeds(config.data.seed, block.number)
+    rest = average([_crop(config, optics.render((), next(seeds))) for _ in range(config.data.frames_per_rest_image)])
+    flow.set_reference(rest)
+    encoding.set_reference(rest)
+    features, presses = [], []
+    for press in random_presses(config, block.number, block.presses):
+        encoded = encoding.encode(flow.displacement(_crop(config, optics.render((press,), next(seeds)))))
+        features.append(encoded.values.astype(np.float16))
+        presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
+    return np.stack(features), np.array(presses, np.float32), encoded.confidence
+
+
+def random_presses(config: TrainConfig, block: int, count: int) -> list[Press]:
+    """Places and depths, uniform within the configuration's limits; some of them without contact."""
+    data = config.data
+    random = np.random.default_rng([data.seed, block])
+    x, y = random.uniform(-data.reach_mm, data.reach_mm, (2, count))
+    depth = random.uniform(data.shallowest_mm, data.deepest_mm, count)
+    depth[random.random(count) < data.without_contact] = -1.0
+    return [Press(*each) for each in zip(x.tolist(), y.tolist(), depth.tolist(), strict=True)]
+
+
+def _noise_seeds(seed: int, block: int) -> Iterator[int]:
+    number = mix(seed) ^ mix(block)
+    while True:
+        number = mix(number)
+        yield number
+
+
+def _crop(config: TrainConfig, image: np.ndarray) -> np.ndarray:
+    return centre_crop(image, config.data.crop, config.data.crop)

@@ -1,0 +1,175 @@
+"""Trained models as files: weights and a card in one safetensors file, never anything that could run.
+
+The file is a plain safetensors file (any reader of that format opens it). Its metadata hold the card, a JSON
+text that says what the numbers mean and how they came about, and the SHA-256 of the whole file with the
+checksum's own digits as zeros, so that no altered byte goes unnoticed. The model id is its first 12 digits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors.numpy
+from safetensors import SafetensorError
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel, InputScaling, Mlp
+
+FORMAT = 'tactile_nodes.force_model'
+FORMAT_VERSION = 1
+NO_CHECKSUM = '0' * 64
+
+
+@dataclass(frozen=True)
+class LoadedModel:
+    """A model ready for use, and the card that explains it."""
+
+    model: ForceModel
+    card: Mapping[str, Any]
+
+    @property
+    def model_id(self) -> str:
+        return self.model.model_id
+
+    @property
+    def flow(self) -> tuple[str, dict[str, object]]:
+        """Name and options of the optical flow that the model was trained with."""
+        return self.card['flow']['name'], dict(self.card['flow']['options'])
+
+    @property
+    def encoding(self) -> tuple[str, dict[str, object]]:
+        """Name and options of the feature encoding that the model was trained with."""
+        return self.card['encoding']['name'], dict(self.card['encoding']['options'])
+
+
+def save_model(path: Path, model: ForceModel, card: Mapping[str, Any]) -> str:
+    """Write a model with its card and return its id; weights are stored as 16 bit floats.
+
+    The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
+    """
+    described = {**card, **_description(model)}
+    metadata = {'format': FORMAT, 'card': json.dumps(described, sort_keys=True), 'sha256': NO_CHECKSUM}
+    blank = safetensors.numpy.save(_tensors(model), metadata)
+    checksum = hashlib.sha256(blank).hexdigest()
+    draft = path.with_name(f'.{path.name}.part')
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft.write_bytes(blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
+    draft.replace(path)
+    return checksum[:12]
+
+
+def load_model(path: Path | str) -> LoadedModel:
+    """Read a model and check every byte of it.
+
+    Raises:
+        ModelError: the file is missing, damaged, no model of ours, or of a newer format.
+    """
+    path = Path(path)
+    data = _read(path)
+    metadata = _metadata(path, data)
+    checksum = _verified(path, data, metadata)
+    card = json.loads(metadata['card'])
+    if card.get('format_version') != FORMAT_VERSION:
+        raise ModelError(
+            f'{path} has format version {card.get("format_version")}, and this release reads version {FORMAT_VERSION}; '
+            'update tactile_nodes or train the model again'
+        )
+    return LoadedModel(_model(path, data, card, checksum[:12]), card)
+
+
+def _description(model: ForceModel) -> dict[str, Any]:
+    return {
+        'format_version': FORMAT_VERSION,
+        'layout': asdict(model.layout),
+        'bins': asdict(model.bins),
+        'network': {'sizes': list(model.network.sizes), 'hidden': 'logistic', 'output': 'identity'},
+        'confidence_floor': model.scaling.confidence_floor,
+        'output_scale_n': model.output_scale_n,
+        'contact_threshold_n': model.contact_threshold_n,
+        'units': {'normal_force': 'N, positive into the gel', 'position': 'mm, surface frame', 'flow': 'px'},
+    }
+
+
+def _tensors(model: ForceModel) -> dict[str, np.ndarray]:
+    scaling, network = model.scaling, model.network
+    tensors = {'input.mean': scaling.mean, 'input.gain': scaling.gain, 'input.trusted': scaling.trusted}
+    for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        tensors[f'layer{i}.weight'] = weight.astype(np.float16)
+        tensors[f'layer{i}.bias'] = bias
+    return {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise ModelError(
+            f'there is no model file {path}; check the path, or make one with: tactile train -o {path}'
+        ) from error
+    except OSError as error:
+        raise ModelError(f'cannot read the model file {path} ({error.strerror}); check its permissions') from error
+
+
+def _metadata(path: Path, data: bytes) -> dict[str, str]:
+    """The metadata of a safetensors file: 8 bytes with the length of a JSON header, then that header."""
+    length = int.from_bytes(data[:8], 'little')
+    try:
+        if not 2 <= length <= len(data) - 8:
+            raise ValueError('the header is longer than the file')
+        metadata = json.loads(data[8 : 8 + length]).get('__metadata__', {})
+    except (ValueError, AttributeError, RecursionError) as error:
+        raise ModelError(_foreign(path, data)) from error
+    if not isinstance(metadata, dict) or metadata.get('format') != FORMAT:
+        raise ModelError(_foreign(path, data))
+    if not all(isinstance(metadata.get(name), str) for name in ('card', 'sha256')):
+        raise ModelError(_damaged(path))
+    return metadata
+
+
+def _verified(path: Path, data: bytes, metadata: Mapping[str, str]) -> str:
+    checksum = metadata['sha256']
+    blank = data.replace(checksum.encode(), NO_CHECKSUM.encode(), 1)
+    if len(checksum) != len(NO_CHECKSUM) or hashlib.sha256(blank).hexdigest() != checksum:
+        raise ModelError(_damaged(path))
+    return checksum
+
+
+def _model(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> ForceModel:
+    try:
+        tensors = safetensors.numpy.load(data)
+        layers = range(len(card['network']['sizes']) - 1)
+        return ForceModel(
+            layout=FeatureLayout(**card['layout']),
+            bins=BinGrid(**card['bins']),
+            scaling=InputScaling(
+                tensors['input.mean'], tensors['input.gain'], tensors['input.trusted'], card['confidence_floor']
+            ),
+            network=Mlp(
+                tuple(tensors[f'layer{i}.weight'].astype(np.float32) for i in layers),
+                tuple(tensors[f'layer{i}.bias'] for i in layers),
+            ),
+            output_scale_n=card['output_scale_n'],
+            contact_threshold_n=card['contact_threshold_n'],
+            model_id=model_id,
+        )
+    except (SafetensorError, KeyError, TypeError) as error:
+        raise ModelError(f'{path} lacks a part of the model ({error}); train it again or fetch it again') from error
+
+
+def _foreign(path: Path, data: bytes) -> str:
+    if data[:2] in (b'PK', b'\x80\x02', b'\x80\x04'):
+        what = 'is a pickle or PyTorch archive, which may run code when loaded, so it is not opened'
+    else:
+        what = 'is no model of tactile_nodes, or its beginning is damaged'
+    return f'{path} {what}; give a .safetensors file made by: tactile train'
+
+
+def _damaged(path: Path) -> str:
+    return f'{path} is damaged: its checksum does not match its content; fetch it again or train it again'
