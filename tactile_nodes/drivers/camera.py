@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -31,6 +31,19 @@ from tactile_nodes.params import parameter
 Picture = npt.NDArray[np.uint8]
 
 SIMULATED = 'simulated'
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """The world of the simulated camera; processes that give the same settings see the same world."""
+
+    gel: str = parameter('', "YAML file of the gel's properties; empty: the paper's gel")
+    gel_seed: int = parameter(-1, 'where the markers are; -1: as in the file', minimum=-1)
+    seed: int = parameter(1, 'where and how deep the tip presses')
+    start_ns: int = parameter(0, "nothing touches the gel before this time of the host's time base", minimum=0)
+    period_s: float = parameter(2.0, 'from one press to the next', minimum=0.1)
+    shallowest_mm: float = parameter(0.25, 'least depth of a press', minimum=0.0)
+    deepest_mm: float = parameter(2.0, 'greatest depth of a press', minimum=0.0, maximum=2.5)
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,7 @@ class CameraSettings:
     rate: float = parameter(1.0, 'speed of a file or folder; 0.0: as fast as it is read', minimum=0.0)
     loop: bool = parameter(False, 'start a file or folder again at its end')
     stall_s: float = parameter(1.5, 'a live source silent for this long counts as lost', minimum=0.1)
+    scene: SceneSettings = field(default_factory=SceneSettings)
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ class MultipartParser:
         self._delimiter = b'--' + boundary.strip('"').lstrip('-').encode('latin-1')
         self._buffer = bytearray()
         self._state = self._seek
+        self._now_ns = 0
         self._arrival_ns = 0
         self._length: int | None = None
         self._parts: list[Part] = []
@@ -41,22 +42,23 @@ class MultipartParser:
         """The parts that `data`, which arrived at `now_ns`, completes."""
         self._buffer += data
         self._parts = []
-        while self._state(now_ns):
+        self._now_ns = now_ns
+        while self._state():
             pass
         return self._parts
 
-    def _seek(self, now_ns: int) -> bool:
+    def _seek(self) -> bool:
         """Drop everything up to the next delimiter."""
         start = self._buffer.find(self._delimiter)
         if start < 0:
             del self._buffer[: -len(self._delimiter)]
             return False
         del self._buffer[: start + len(self._delimiter)]
-        self._arrival_ns = now_ns
+        self._arrival_ns = self._now_ns
         self._state = self._header
         return True
 
-    def _header(self, now_ns: int) -> bool:
+    def _header(self) -> bool:
         end = re.search(rb'\r?\n\r?\n', self._buffer[:LONGEST_HEADER])
         if end is None:
             if len(self._buffer) < LONGEST_HEADER:
@@ -69,7 +71,7 @@ class MultipartParser:
         self._state = self._body
         return True
 
-    def _body(self, now_ns: int) -> bool:
+    def _body(self) -> bool:
         if self._length is not None and 0 < self._length <= min(len(self._buffer), LONGEST_BODY):
             end = self._buffer.find(b'\n' + self._delimiter, 0, self._length)
             return self._hand_out(end if end >= 0 else self._length)

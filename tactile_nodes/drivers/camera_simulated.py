@@ -1,0 +1,107 @@
+"""The camera's twin: it renders the shared scene at its frame rate.
+
+The scene is a function of time, and the time is the frame's stamp on the host's time base; so another process that
+builds the same scene (`build_scene`) knows the truth for every frame from the frame's stamp alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from tactile_nodes import params
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.camera import CameraSettings, Frame, SceneSettings, check_size
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.scene import PressSchedule, Scene
+
+NAME = 'the simulated camera'
+
+
+class SimulatedCamera:
+    """Renders a frame when its time has come; frames that nobody was there to take are lost, as from a camera."""
+
+    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._scene: Scene | None = None
+        self._start_ns = 0
+        self._sequence = -1
+        self._dropped = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The gel, the size and the rate."""
+        base = {'source': self._settings.source, 'kind': 'simulated camera', 'stamps': 'capture'}
+        if self._scene is None:
+            return base
+        gel = self._scene.gel
+        size = f'{gel.image_width}x{gel.image_height}'
+        return {**base, 'gel': gel.gel_id, 'size': size, 'frames/s': f'{self._settings.fps:g}'}
+
+    @property
+    def health(self) -> Health:
+        """OK while it is open; the frames lost are said."""
+        if self._scene is None:
+            return Health(Level.STALE, f'{NAME} is not open')
+        return Health(Level.OK, f'rendering, {self._dropped} frames lost')
+
+    def open(self) -> None:
+        """Build the scene and render once, so that the first frame comes as fast as the others."""
+        if self._settings.fps <= 0:
+            raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
+        scene = build_scene(self._settings.scene)
+        check_size(scene.render(0), self._settings, NAME)
+        self._scene = scene
+        self._start_ns = self._clock.now_ns()
+        self._sequence, self._dropped = -1, 0
+
+    def read(self, timeout_s: float) -> Frame:
+        """The next frame when it is due; of frames that are overdue, the newest."""
+        if self._scene is None:
+            raise DeviceError(f'{NAME} is closed; open it before reading')
+        now_ns = self._clock.now_ns()
+        newest = int((now_ns - self._start_ns) * self._settings.fps / NS_PER_S)
+        sequence = max(newest, self._sequence + 1)
+        stamp_ns, deadline_ns = self._due_ns(sequence), now_ns + round(timeout_s * NS_PER_S)
+        self._clock.sleep_until(min(stamp_ns, deadline_ns))
+        if stamp_ns > deadline_ns:
+            raise DeviceTimeoutError(f'{NAME} makes no picture within {timeout_s:g} s at its rate')
+        self._dropped += sequence - self._sequence - 1
+        self._sequence = sequence
+        return Frame(np.asarray(self._scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
+
+    def close(self) -> None:
+        """Forget the scene."""
+        self._scene = None
+
+    def _due_ns(self, sequence: int) -> int:
+        return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
+
+
+def build_scene(settings: SceneSettings) -> Scene:
+    """The gel and what happens to it; the same settings give the same world in every process.
+
+    Raises:
+        ConfigurationError: a gel file that cannot be used.
+    """
+    schedule = PressSchedule(
+        seed=settings.seed,
+        start_ns=settings.start_ns,
+        period_s=settings.period_s,
+        shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
+        deepest_mm=settings.deepest_mm,
+    )
+    return Scene(_gel(settings), schedule)
+
+
+def _gel(settings: SceneSettings) -> Gel:
+    gel = Gel()
+    if settings.gel:
+        values = {name: located.value for name, located in params.load_mapping(settings.gel).items()}
+        gel = Gel.from_mapping(values, settings.gel)
+    return gel if settings.gel_seed < 0 else dataclasses.replace(gel, seed=settings.gel_seed)

@@ -1,0 +1,56 @@
+"""When a frame was taken, from what the kernel says and from when it arrived; and how many are missing before it."""
+
+from __future__ import annotations
+
+from tactile_nodes import clock
+
+OLDEST_NS = 2_000_000_000  # an always drained device hands out nothing older
+NS_PER_MS = 1_000_000
+
+
+class KernelStamps:
+    """Stamps of a V4L2 device: the kernel's if they make sense, else arrival times, and then for good.
+
+    ``CAP_PROP_POS_MSEC`` after a grab is the V4L2 buffer's time stamp in ms of CLOCK_MONOTONIC. uvcvideo takes it
+    when the first USB packet of the frame arrives: after the exposure, a constant time before the picture is
+    complete. Drivers that stamp with another clock, or not at all, show by an age that cannot be.
+    """
+
+    def __init__(self) -> None:
+        self.complaint = ''
+        self._last_ns = 0
+
+    @property
+    def source(self) -> str:
+        """Which stamps are in use, for people."""
+        return f'arrival ({self.complaint})' if self.complaint else 'kernel, CLOCK_MONOTONIC'
+
+    def stamp(self, position_ms: float, monotonic_ns: int) -> int:
+        """The stamp, on the host's time base, of a frame that was handed over at `monotonic_ns`."""
+        taken_ns = round(position_ms * NS_PER_MS)
+        if not self.complaint:
+            self.complaint = _complaint(taken_ns, monotonic_ns, self._last_ns)
+        self._last_ns = max(self._last_ns + 1, monotonic_ns if self.complaint else taken_ns)
+        return clock.from_monotonic_ns(self._last_ns)
+
+
+def _complaint(taken_ns: int, now_ns: int, last_ns: int) -> str:
+    if taken_ns <= 0:
+        return 'the driver gives no stamps'
+    if taken_ns > now_ns:
+        return f"the driver's stamps lie {(taken_ns - now_ns) / 1e9:.3f} s in the future"
+    if now_ns - taken_ns > OLDEST_NS:
+        return f"the driver's stamps are {(now_ns - taken_ns) / 1e9:.3f} s old"
+    if taken_ns <= last_ns:
+        return "the driver's stamps do not increase"
+    return ''
+
+
+def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
+    """How many frames of a camera of `fps` should have come between two that did.
+
+    At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 25 ms is jitter.
+    """
+    if fps <= 0 or last_ns == 0:
+        return 0
+    return max(0, round((stamp_ns - last_ns) * fps / clock.NS_PER_S) - 1)
