@@ -59,6 +59,7 @@ class V4l2Camera:
         clock: the host's.
         capture: opens the device's stream.
         controls: opens the device's controls.
+        check: raises if the device cannot be a camera of this user.
     """
 
     def __init__(
@@ -67,11 +68,13 @@ class V4l2Camera:
         clock: Clock,
         capture: Callable[[str], Capture] = open_capture,
         controls: Callable[[str], Controls] = KernelControls,
+        check: Callable[[str], None] = check_device,
     ) -> None:
         self._settings = settings
         self._clock = clock
         self._open_capture = capture
         self._open_controls = controls
+        self._check = check
         self.name = device_path(settings.source)
         self._reader: FrameReader | None = None
         self._device: _Device | None = None
@@ -93,7 +96,7 @@ class V4l2Camera:
 
     def open(self) -> None:
         """Set the format, wait for the first frame, set the controls."""
-        check_device(self.name)
+        self._check(self.name)
         capture = self._open_capture(self.name)
         if not capture.isOpened():
             raise DeviceNotFoundError(
