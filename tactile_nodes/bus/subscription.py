@@ -48,6 +48,11 @@ class Subscription:
         if self._on_ready is not None:
             self._on_ready()
 
+    @property
+    def waiting(self) -> int:
+        """How many messages wait to be taken."""
+        return len(self._waiting)
+
     def take(self) -> Received | None:
         """The oldest waiting message, or None."""
         with self._arrived:

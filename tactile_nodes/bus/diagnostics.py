@@ -1,0 +1,63 @@
+"""How a node is, told once a second on /diagnostics."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+from tactile_nodes.messages import time_from_ns, types
+
+
+class Level(IntEnum):
+    """diagnostic_msgs/DiagnosticStatus levels."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass
+class _Part:
+    level: Level = Level.OK
+    text: str = ''
+    values: dict[str, object] = field(default_factory=dict)
+
+
+class Diagnostics:
+    """The state of a node's parts ('camera', 'reference'); kept by the node's callbacks, published by its timer."""
+
+    def __init__(self, node: str, hardware_id: str = '') -> None:
+        self.hardware_id = hardware_id
+        self._node = node.lstrip('/')
+        self._parts: dict[str, _Part] = {}
+        self._lock = threading.Lock()
+
+    def report(self, part: str, level: Level, text: str, **values: object) -> bool:
+        """Say how `part` is; true when its level or text is new."""
+        with self._lock:
+            known = self._parts.setdefault(part, _Part(Level.STALE))
+            changed = (known.level, known.text) != (level, text)
+            self._parts[part] = _Part(level, text, dict(values))
+            return changed
+
+    def message(self, now_ns: int) -> types.DiagnosticArray:
+        """All parts as one message."""
+        with self._lock:
+            statuses = [self._status(name, part) for name, part in self._parts.items()]
+        return types.DiagnosticArray(header=types.Header(stamp=time_from_ns(now_ns)), status=statuses)
+
+    def _status(self, name: str, part: _Part) -> types.DiagnosticStatus:
+        return types.DiagnosticStatus(
+            level=int(part.level),
+            name=f'{self._node}: {name}',
+            message=part.text,
+            hardware_id=self.hardware_id,
+            values=[types.KeyValue(key=key, value=_text(value)) for key, value in part.values.items()],
+        )
+
+
+def _text(value: Any) -> str:
+    return f'{value:.6g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,262 @@
+"""What every node is made of: it subscribes, calls a function, publishes."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import queue
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from tactile_nodes import params
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import Names, NodeArguments
+from tactile_nodes.bus.diagnostics import Diagnostics, Level
+from tactile_nodes.bus.log import Log
+from tactile_nodes.bus.parameters import ParameterServer
+from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received, Reply
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock
+from tactile_nodes.errors import MessageError, TactileError
+from tactile_nodes.messages import services, stamp_ns, types
+from tactile_nodes.params import parameter
+
+DIAGNOSTICS_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class NodeParams:
+    """The parameters that every node has."""
+
+    use_sim_time: bool = parameter(False, 'take the time from /clock instead of the host', read_only=True)
+
+
+class Node:
+    """A node: its callbacks run one after the other in the thread that calls `spin`.
+
+    Subclasses set `NAME` and `PARAMS` (a frozen dataclass that derives from `NodeParams`), and in ``__init__`` create
+    their publishers, subscriptions, timers and services. They hold no arithmetic.
+
+    Raises:
+        ConfigurationError: parameters that do not fit.
+    """
+
+    NAME = 'node'
+    PARAMS: type[Any] = NodeParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        arguments = arguments or NodeArguments()
+        self.bus = bus
+        self.names = Names.of(self.NAME, arguments)
+        self._parameters = ParameterServer(self._read_parameters(arguments), self._apply_parameters)
+        self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._timers: list[tuple[int, int, _Timer]] = []
+        self._order = itertools.count()
+        self._ends: list[Closing] = []
+        self.clock: Clock = clock or (SteppedClock() if self.params.use_sim_time else SystemClock())
+        self.log = Log(self.full_name, arguments.log_level, self.clock)
+        self.diagnostics = Diagnostics(self.full_name)
+        self._offer_standard_ends()
+
+    @property
+    def full_name(self) -> str:
+        """'/skin/camera'"""
+        return self.names.full_name
+
+    @property
+    def params(self) -> Any:
+        """The current parameters: an instance of `PARAMS`."""
+        return self._parameters.block
+
+    # --- for subclasses -------------------------------------------------------------------------------------
+
+    def create_publisher(self, topic: Topic) -> Publisher:
+        made = self.bus.advertise(self.names.resolve(topic.name), topic.type_name, topic.qos, self.full_name)
+        self._ends.append(made)
+        return made
+
+    def create_subscription(self, topic: Topic, callback: Callable[[Received], None]) -> Subscription:
+        """Call `callback` with each message of `topic` that is kept; bytes that are no message are counted only."""
+        inbox = _Inbox(self, callback)
+        name = self.names.resolve(topic.name)
+        made = self.bus.subscribe(name, topic.type_name, topic.qos, self.full_name, inbox.ready)
+        inbox.subscription = made
+        self._ends.append(made)
+        return made
+
+    def create_timer(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call `callback` every `period_s` by this node's clock; periods that were missed are skipped."""
+        self._push(_Timer(round(period_s * NS_PER_S), callback), self.clock.now_ns())
+
+    def create_service(self, name: str, type_name: str, answer: Callable[[Any], Any]) -> None:
+        """Answer calls of `name` with what `answer` makes of the request, in this node's thread."""
+
+        def handle(request: Any, reply: Reply) -> None:
+            self._work.put(lambda: reply(self._answered(answer, request)))
+
+        self._ends.append(self.bus.serve(self.names.resolve(name), type_name, handle, self.full_name))
+
+    def create_trigger(self, name: str, act: Callable[[], str]) -> None:
+        """A std_srvs/Trigger: its message is what `act` returns, or the sentence of the TactileError it raises."""
+
+        def answer(_: types.Trigger_Request) -> types.Trigger_Response:
+            try:
+                return types.Trigger_Response(success=True, message=act())
+            except TactileError as error:
+                return types.Trigger_Response(success=False, message=str(error))
+
+        self.create_service(name, services.TRIGGER, answer)
+
+    def on_parameters(self, changed: Any) -> None:
+        """Take over new parameters, or refuse them with a ConfigurationError; for subclasses that can change."""
+
+    def report(self, part: str, level: Level, text: str, **values: object) -> None:
+        """Say how a part of this node is; what is new is also logged."""
+        if self.diagnostics.report(part, level, text, **values) and text:
+            {Level.OK: self.log.info, Level.WARN: self.log.warn}.get(level, self.log.error)(f'{part}: {text}')
+
+    def on_close(self) -> None:
+        """Release what the subclass holds."""
+
+    # --- running --------------------------------------------------------------------------------------------
+
+    def spin(self) -> None:
+        """Run callbacks until `stop` is called. Errors of ours are logged; anything else is a bug and ends the node."""
+        while self.spin_once(self._wait_s()):
+            pass
+
+    def spin_once(self, timeout_s: float | None = 0.0) -> bool:
+        """Run one callback and the timers that are due; false when the node was stopped."""
+        try:
+            work = self._work.get(timeout=timeout_s) if timeout_s != 0.0 else self._work.get_nowait()
+        except queue.Empty:
+            work = _nothing
+        if work is None:
+            return False
+        self._run(work)
+        self._run_timers()
+        return True
+
+    def post(self, work: Callable[[], None]) -> None:
+        """Do something in this node's thread, soon."""
+        self._work.put(work)
+
+    def stop(self) -> None:
+        """Make `spin` return; from any thread."""
+        self._work.put(None)
+
+    def close(self) -> None:
+        """Leave the bus; after `spin` has returned."""
+        self.on_close()
+        for end in self._ends:
+            end.close()
+        self._ends.clear()
+        remove = getattr(self.bus, 'remove_node', None)
+        if remove is not None:
+            remove(self.full_name)
+
+    # --- inside ---------------------------------------------------------------------------------------------
+
+    def _read_parameters(self, arguments: NodeArguments) -> Any:
+        values = params.resolve_parameters(self.full_name, arguments.parameters)
+        known = {entry.name for entry in params.describe(self.PARAMS)}
+        exact = params.exact_names(self.full_name, arguments.parameters)
+        # What a wildcard sets for others is not for us; what names us and is unknown is a typo.
+        mine = {name: value for name, value in values.items() if name in known or name in exact}
+        return params.from_mapping(self.PARAMS, mine, source=self.full_name)
+
+    def _apply_parameters(self, changed: Any) -> None:
+        self.on_parameters(changed)
+
+    def _offer_standard_ends(self) -> None:
+        add = getattr(self.bus, 'add_node', None)
+        if add is not None:
+            add(self.full_name)
+        self.log.publisher = self.create_publisher(topics.ROSOUT)
+        told = self.create_publisher(topics.DIAGNOSTICS)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self.diagnostics.message(self.clock.now_ns())))
+        server = self._parameters
+        self.create_service('~/list_parameters', services.LIST_PARAMETERS, server.list)
+        self.create_service('~/get_parameters', services.GET_PARAMETERS, server.get)
+        self.create_service('~/set_parameters', services.SET_PARAMETERS, server.set)
+        self.create_service('~/describe_parameters', services.DESCRIBE_PARAMETERS, server.describe)
+        if self.params.use_sim_time:
+            self.create_subscription(topics.CLOCK, self._on_clock)
+
+    def _on_clock(self, received: Received) -> None:
+        assert isinstance(self.clock, SteppedClock)
+        self.clock.set_ns(stamp_ns(received.message.clock))
+
+    def _answered(self, answer: Callable[[Any], Any], request: Any) -> Any:
+        try:
+            return answer(request)
+        except TactileError as error:
+            return error
+
+    def _run(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except TactileError as error:
+            self.report('errors', Level.ERROR, str(error))
+
+    def _run_timers(self) -> None:
+        now_ns = self.clock.now_ns()
+        while self._timers and self._timers[0][0] <= now_ns:
+            _, _, timer = heapq.heappop(self._timers)
+            self._run(timer.callback)
+            self._push(timer, now_ns)
+
+    def _push(self, timer: _Timer, now_ns: int) -> None:
+        heapq.heappush(self._timers, (now_ns + timer.period_ns, next(self._order), timer))
+
+    def _wait_s(self) -> float | None:
+        if not self._timers or not isinstance(self.clock, SystemClock):
+            return None  # a stepped clock moves through messages, which wake us
+        return max(1e-6, (self._timers[0][0] - self.clock.now_ns()) / NS_PER_S)
+
+
+class _Inbox:
+    """Brings messages from a subscription into the node's thread, one at a time, so that others get their turn."""
+
+    def __init__(self, node: Node, callback: Callable[[Received], None]) -> None:
+        self.subscription: Subscription | None = None
+        self._node = node
+        self._callback = callback
+        self._pending = False
+
+    def ready(self) -> None:
+        """Something came in; called from any thread, also before `subscription` is set."""
+        if not self._pending:
+            self._pending = True
+            self._node.post(self._deliver)
+
+    def _deliver(self) -> None:
+        assert self.subscription is not None
+        self._pending = False  # before taking: what comes in from now on asks again
+        received = self.subscription.take()
+        if self.subscription.waiting:
+            self.ready()
+        if received is not None and self._decodes(received):
+            self._callback(received)
+
+    def _decodes(self, received: Received) -> bool:
+        assert self.subscription is not None
+        try:
+            return received.message is not None
+        except MessageError as error:
+            self.subscription.malformed += 1
+            topic = self.subscription.topic
+            self._node.log.warn(f'dropped a message on {topic}: {error}', once=topic)
+            return False
+
+
+@dataclass(frozen=True)
+class _Timer:
+    period_ns: int
+    callback: Callable[[], None]
+
+
+def _nothing() -> None:
+    """What there is to do when nothing came."""

@@ -1,0 +1,137 @@
+"""A node's parameters as others see them: rcl_interfaces' services on a block of `params.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes import params
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import types
+
+NOT_SET, BOOL, INTEGER, DOUBLE, STRING, BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(10)
+_FIELDS = {
+    BOOL: 'bool_value',
+    INTEGER: 'integer_value',
+    DOUBLE: 'double_value',
+    STRING: 'string_value',
+    BYTES: 'byte_array_value',
+    BOOLS: 'bool_array_value',
+    INTEGERS: 'integer_array_value',
+    DOUBLES: 'double_array_value',
+    STRINGS: 'string_array_value',
+}
+_KINDS = {bool: BOOL, int: INTEGER, float: DOUBLE, str: STRING}
+_DTYPES = {BOOLS: np.bool_, INTEGERS: np.int64, DOUBLES: np.float64}
+_KIND_BY_TYPE_NAME = {
+    **{kind.__name__: number for kind, number in _KINDS.items()},
+    **{f'{kind.__name__}_array': number + 5 for kind, number in _KINDS.items()},
+}
+
+
+class ParameterServer:
+    """Lists, gives, changes and describes the parameters of one block.
+
+    `apply` is called with the whole new block before it takes effect and may refuse it with a ConfigurationError.
+    """
+
+    def __init__(self, block: Any, apply: Callable[[Any], None]) -> None:
+        self.block = block
+        self._apply = apply
+        self._descriptions = {entry.name: entry for entry in params.describe(type(block))}
+
+    def list(self, request: types.ListParameters_Request) -> types.ListParameters_Response:
+        wanted = [name for name in self._descriptions if _begins(name, request.prefixes)]
+        prefixes = sorted({name.rpartition('.')[0] for name in wanted if '.' in name})
+        result = types.ListParametersResult(names=wanted, prefixes=prefixes)
+        return types.ListParameters_Response(result=result)
+
+    def get(self, request: types.GetParameters_Request) -> types.GetParameters_Response:
+        values = params.to_values(self.block)
+        found = [to_message(values[name]) if name in values else types.ParameterValue() for name in request.names]
+        return types.GetParameters_Response(values=found)
+
+    def set(self, request: types.SetParameters_Request) -> types.SetParameters_Response:
+        results = [self._set_one(entry.name, from_message(entry.value)) for entry in request.parameters]
+        return types.SetParameters_Response(results=results)
+
+    def describe(self, request: types.DescribeParameters_Request) -> types.DescribeParameters_Response:
+        found = [self._descriptor(name) for name in request.names]
+        return types.DescribeParameters_Response(descriptors=found)
+
+    def change(self, values: Mapping[str, object]) -> None:
+        """Set several parameters at once, or none of them.
+
+        Raises:
+            ConfigurationError: an unknown name, a value that does not fit, one that only a restart can change, or
+                the node refuses.
+        """
+        for name in values:
+            if name in self._descriptions and self._descriptions[name].read_only:
+                raise ConfigurationError(f'{name!r} can only be set when the node starts')
+        changed = params.from_mapping(type(self.block), {**params.to_values(self.block), **values}, source='set')
+        self._apply(changed)
+        self.block = changed
+
+    def _set_one(self, name: str, value: object) -> types.SetParametersResult:
+        try:
+            self.change({name: value})
+        except ConfigurationError as error:
+            return types.SetParametersResult(successful=False, reason=str(error))
+        return types.SetParametersResult(successful=True)
+
+    def _descriptor(self, name: str) -> types.ParameterDescriptor:
+        if name not in self._descriptions:
+            return types.ParameterDescriptor(name=name)
+        entry = self._descriptions[name]
+        kind = _KIND_BY_TYPE_NAME[entry.type]
+        return types.ParameterDescriptor(
+            name=name,
+            type=kind,
+            description=entry.description,
+            additional_constraints=f'one of {", ".join(map(str, entry.choices))}' if entry.choices else '',
+            read_only=entry.read_only,
+            **_ranges(kind, entry.minimum, entry.maximum),
+        )
+
+
+def to_message(value: Any) -> types.ParameterValue:
+    """A value as rcl_interfaces/ParameterValue."""
+    kind = _kind_of(value)
+    content: Any = np.array(value, _DTYPES[kind]) if kind in _DTYPES else value
+    fields: dict[str, Any] = {_FIELDS[kind]: content}
+    return types.ParameterValue(type=kind, **fields)
+
+
+def from_message(message: types.ParameterValue) -> Any:
+    """The reverse; None when it is not set."""
+    if message.type not in _FIELDS:
+        return None
+    value = getattr(message, _FIELDS[message.type])
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _kind_of(value: Any) -> int:
+    if not isinstance(value, list):
+        return _KINDS[type(value)]
+    return _KINDS[type(value[0])] + 5 if value else STRINGS
+
+
+def _ranges(kind: int, minimum: float | None, maximum: float | None) -> dict[str, Any]:
+    if minimum is None and maximum is None:
+        return {}
+    if kind in {INTEGER, INTEGERS}:
+        low = -(2**63) if minimum is None else int(minimum)
+        high = 2**63 - 1 if maximum is None else int(maximum)
+        return {'integer_range': [types.IntegerRange(from_value=low, to_value=high, step=0)]}
+    low_f = -np.inf if minimum is None else float(minimum)
+    high_f = np.inf if maximum is None else float(maximum)
+    return {
+        'floating_point_range': [types.FloatingPointRange(from_value=float(low_f), to_value=float(high_f), step=0.0)]
+    }
+
+
+def _begins(name: str, prefixes: list[str]) -> bool:
+    return not prefixes or any(name == prefix or name.startswith(f'{prefix}.') for prefix in prefixes)
