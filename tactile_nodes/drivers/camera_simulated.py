@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tactile_nodes.drivers.camera import CameraSettings, Frame, SceneSettings, c
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import PressSchedule, Scene
 
 NAME = 'the simulated camera'
@@ -96,7 +98,13 @@ def build_scene(settings: SceneSettings) -> Scene:
         shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
         deepest_mm=settings.deepest_mm,
     )
-    return Scene(_gel(settings), schedule)
+    gel = _gel(settings)
+    return Scene(gel, schedule, table=_table(gel))
+
+
+@cache
+def _table(gel: Gel) -> ContactTable:
+    return solve(gel)
 
 
 def _gel(settings: SceneSettings) -> Gel:

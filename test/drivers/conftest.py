@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import SteppedClock, SystemClock
 
 BOUNDARY = 'frame'
 
@@ -33,6 +33,18 @@ def _own_run_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytes
 @pytest.fixture
 def clock() -> SystemClock:
     return SystemClock()
+
+
+class JumpingClock(SteppedClock):
+    """Time that passes only by being slept through."""
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.set_ns(max(self.now_ns(), deadline_ns))
+
+
+@pytest.fixture
+def jumping() -> JumpingClock:
+    return JumpingClock(1_700_000_000_000_000_000)
 
 
 def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
@@ -263,8 +275,3 @@ def device(tmp_path: Path) -> EmulatedDevice:
     emulated = EmulatedDevice(tmp_path / 'video7')
     emulated.plug()
     return emulated
-
-
-@pytest.fixture
-def device_type() -> type[EmulatedDevice]:
-    return EmulatedDevice

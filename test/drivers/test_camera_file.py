@@ -1,0 +1,167 @@
+"""Videos and folders of images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame, open_camera
+from tactile_nodes.drivers.camera_file import natural_key
+from tactile_nodes.errors import DeviceTimeoutError, ImageError
+
+SHARED = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mini_videos'
+
+
+def read_all(camera: Camera) -> list[Frame]:
+    frames = []
+    while (frame := camera.read(1.0)) is not None:
+        frames.append(frame)
+    return frames
+
+
+def levels(frames: list[Frame]) -> list[int]:
+    """The number drawn into each picture: its level is 20 + 10 * number, every other column 4 above."""
+    return [round((float(frame.image.mean()) - 22) / 10) for frame in frames]
+
+
+def opened(path: Path, clock: SteppedClock, **settings: object) -> Camera:
+    return open_camera(CameraSettings(str(path), **{'fps': 50.0, **settings}), clock)
+
+
+def test_a_video_gives_every_frame_once_and_then_ends(video: Path, jumping: SteppedClock) -> None:
+    camera = opened(video, jumping)
+    assert levels(read_all(camera)) == list(range(8))
+    assert camera.read(1.0) is None
+
+
+def test_a_looping_video_starts_again(video: Path, jumping: SteppedClock) -> None:
+    camera = opened(video, jumping, loop=True)
+    frames = [camera.read(1.0) for _ in range(19)]
+    assert levels(frames) == [*range(8), *range(8), *range(3)]
+    assert [frame.sequence for frame in frames] == list(range(19))
+
+
+def test_a_folder_is_read_in_the_order_of_the_numbers_and_other_files_are_passed_over(
+    folder: Path, jumping: SteppedClock
+) -> None:
+    assert levels(read_all(opened(folder, jumping))) == list(range(12))
+
+
+def test_names_are_sorted_as_people_sort_them() -> None:
+    names = ['b1', 'a10', 'a9', 'A1', 'a', '7', 'a1b2', 'a1b10']
+    assert sorted(names, key=natural_key) == ['7', 'a', 'A1', 'a1b2', 'a1b10', 'a9', 'a10', 'b1']
+
+
+def test_frame_k_is_stamped_start_plus_k_over_the_rate(video: Path, jumping: SteppedClock) -> None:
+    start_ns = jumping.now_ns()
+    stamps = [frame.stamp_ns - start_ns for frame in read_all(opened(video, jumping))]
+    assert stamps == [20_000_000 * k for k in range(8)]
+
+
+def test_the_rate_speeds_the_file_up(video: Path, jumping: SteppedClock) -> None:
+    start_ns = jumping.now_ns()
+    frames = read_all(opened(video, jumping, rate=2.0))
+    assert frames[-1].stamp_ns - start_ns == 7 * 10_000_000 == jumping.now_ns() - start_ns
+
+
+def test_a_folder_takes_its_rate_from_the_settings(folder: Path, jumping: SteppedClock) -> None:
+    frames = read_all(opened(folder, jumping, fps=25.0))
+    assert frames[-1].stamp_ns - frames[0].stamp_ns == 11 * 40_000_000
+
+
+def test_at_rate_zero_no_time_passes_and_stamps_still_increase(folder: Path, jumping: SteppedClock) -> None:
+    start_ns = jumping.now_ns()
+    frames = read_all(opened(folder, jumping, rate=0.0))
+    assert jumping.now_ns() == start_ns
+    assert [frame.stamp_ns - start_ns for frame in frames] == list(range(12))
+
+
+def test_a_reader_that_fell_behind_gets_every_frame(video: Path, jumping: SteppedClock) -> None:
+    camera = opened(video, jumping)
+    jumping.advance(1.0)
+    assert levels(read_all(camera)) == list(range(8))
+
+
+def test_a_frame_that_was_waited_for_in_vain_comes_with_the_next_read(video: Path, jumping: SteppedClock) -> None:
+    camera = opened(video, jumping, rate=0.01)
+    assert levels([camera.read(1.0)]) == [0]
+    with pytest.raises(DeviceTimeoutError, match='not due within 1 s'):
+        camera.read(1.0)
+    assert levels([camera.read(1.0)]) == [1]
+
+
+def test_a_grey_image_stays_grey(tmp_path: Path, jumping: SteppedClock) -> None:
+    cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), 9, np.uint8))
+    frame = opened(tmp_path, jumping).read(1.0)
+    assert frame.image.shape == (5, 7)
+    assert frame.encoding == 'mono8'
+
+
+def test_deeper_images_are_cut_to_8_bits(tmp_path: Path, jumping: SteppedClock) -> None:
+    """Of 16 bits the upper 8: 0x1234 becomes 0x12."""
+    cv2.imwrite(str(tmp_path / 'a.png'), np.full((5, 7), 0x1234, np.uint16))
+    assert (opened(tmp_path, jumping).read(1.0).image == 0x12).all()
+
+
+def test_dark_frames_are_delivered(tmp_path: Path, jumping: SteppedClock) -> None:
+    cv2.imwrite(str(tmp_path / 'a.png'), np.zeros((5, 7), np.uint8))
+    assert opened(tmp_path, jumping).read(1.0).image.max() == 0
+
+
+def test_an_empty_folder_is_refused(tmp_path: Path, jumping: SteppedClock) -> None:
+    with pytest.raises(ImageError, match='holds no images; it may hold .bmp .jpeg'):
+        opened(tmp_path, jumping)
+
+
+def test_images_of_two_sizes_are_refused_with_both_sizes(folder: Path, jumping: SteppedClock) -> None:
+    cv2.imwrite(str(folder / '3.png'), np.zeros((10, 20), np.uint8))
+    camera = opened(folder, jumping)
+    with pytest.raises(ImageError, match='mixes pictures of 64x48 and of 20x10'):
+        read_all(camera)
+
+
+@pytest.mark.parametrize('content', [b'', b'no image at all'])
+def test_a_damaged_image_is_named(folder: Path, jumping: SteppedClock, content: bytes) -> None:
+    (folder / '3.png').write_bytes(content)
+    camera = opened(folder, jumping)
+    with pytest.raises(ImageError, match=r'3.png holds no image that can be read'):
+        read_all(camera)
+
+
+@pytest.mark.parametrize('content', [b'', b'no video at all' * 100])
+def test_a_file_that_is_no_video_is_refused(tmp_path: Path, jumping: SteppedClock, content: bytes) -> None:
+    path = tmp_path / 'video.avi'
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=r'video.avi (is no video that can be read|holds no picture)'):
+        opened(path, jumping)
+
+
+def test_a_folder_without_a_rate_says_what_to_set(folder: Path, jumping: SteppedClock) -> None:
+    with pytest.raises(ImageError, match='set fps of the camera'):
+        opened(folder, jumping, fps=0.0)
+
+
+@pytest.mark.shared_data
+@pytest.mark.skipif(not SHARED.is_dir(), reason='the recordings of other people are not here')
+@pytest.mark.parametrize(
+    ('name', 'count'),
+    [
+        ('cheese_tube/exp_num_1/camera_0.avi', 68),
+        ('cheese_tube/exp_num_1/camera_2.avi', 68),
+        ('ball_white_thread/exp_num_2/camera_0.avi', 231),
+        ('ball_white_thread/exp_num_2/camera_2.avi', 231),
+    ],
+)
+def test_a_real_recording_gives_the_frames_that_its_header_claims(name: str, count: int, jumping: SteppedClock) -> None:
+    """The counts are those of the files' indices; 25 frames a second are 40 ms."""
+    camera = opened(SHARED / name, jumping, loop=True, fps=0.0)
+    frames = [camera.read(1.0) for _ in range(count + 2)]
+    assert {frame.image.shape for frame in frames} == {(240, 320, 3)}
+    assert {b.stamp_ns - a.stamp_ns for a, b in zip(frames, frames[1:], strict=False)} == {40_000_000}
+    assert (frames[count].image == frames[0].image).all()
+    assert (frames[count + 1].image == frames[1].image).all()
+    assert not (frames[count - 1].image == frames[0].image).all()

@@ -1,0 +1,73 @@
+"""The camera's twin, on a clock that only the tests move."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.drivers.camera import CameraSettings, SceneSettings, open_camera
+from tactile_nodes.drivers.camera_simulated import build_scene
+from tactile_nodes.errors import ConfigurationError
+
+
+def test_frames_are_stamped_at_the_instants_of_the_rate(jumping: SteppedClock) -> None:
+    """At 60 frames a second the first three lie 0, 16 666 667 and 33 333 333 ns after the start."""
+    start_ns = jumping.now_ns()
+    camera = open_camera(CameraSettings(), jumping)
+    assert [camera.read(1.0).stamp_ns - start_ns for _ in range(3)] == [0, 16_666_667, 33_333_333]
+    assert jumping.now_ns() - start_ns == 33_333_333
+
+
+def test_a_frame_shows_the_scene_at_its_stamp(jumping: SteppedClock) -> None:
+    settings = CameraSettings(fps=2.0)
+    camera = open_camera(settings, jumping)
+    scene = build_scene(settings.scene)
+    for _ in range(3):
+        frame = camera.read(1.0)
+        assert (frame.image == scene.render(frame.stamp_ns)).all()
+
+
+def test_a_late_reader_gets_the_newest_frame_and_the_lost_ones_are_counted(jumping: SteppedClock) -> None:
+    """After 1 s of not reading at 60 a second, frame 60 is due; frames 1 to 59 are lost."""
+    camera = open_camera(CameraSettings(), jumping)
+    camera.read(1.0)
+    jumping.advance(1.0)
+    frame = camera.read(1.0)
+    assert (frame.sequence, frame.dropped) == (60, 59)
+    assert frame.stamp_ns == jumping.now_ns()
+
+
+def test_nothing_touches_the_gel_before_the_start_of_the_scene() -> None:
+    start_ns = 10**18
+    scene = build_scene(SceneSettings(start_ns=start_ns))
+    assert not scene.truth(start_ns - 1).in_contact
+    assert scene.truth(start_ns + 1_000_000_000).in_contact  # the middle of the first press of two seconds
+
+
+def test_the_same_settings_show_the_same_world_and_another_gel_another() -> None:
+    at_ns = 12_345
+    assert (build_scene(SceneSettings()).render(at_ns) == build_scene(SceneSettings()).render(at_ns)).all()
+    other = build_scene(SceneSettings(gel_seed=7)).render(at_ns)
+    assert np.mean(other != build_scene(SceneSettings()).render(at_ns)) > 0.3
+
+
+def test_a_gel_file_changes_what_it_names(tmp_path: Path) -> None:
+    path = tmp_path / 'gel.yaml'
+    path.write_text('seed: 9\nmarker_count: 500\n', encoding='ascii')
+    gel = build_scene(SceneSettings(gel=str(path))).gel
+    assert (gel.seed, gel.marker_count, gel.size_mm) == (9, 500, 32.0)
+
+
+def test_a_gel_file_with_an_unknown_property_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / 'gel.yaml'
+    path.write_text('markers: 500\n', encoding='ascii')
+    with pytest.raises(ConfigurationError, match=r'gel.yaml.*markers'):
+        build_scene(SceneSettings(gel=str(path)))
+
+
+def test_a_rate_of_zero_is_refused(jumping: SteppedClock) -> None:
+    with pytest.raises(ConfigurationError, match='set fps'):
+        open_camera(CameraSettings(fps=0.0), jumping)

@@ -1,0 +1,76 @@
+"""Cutting the parts out of a stream, whatever pieces it arrives in and whatever liberties the server takes."""
+
+from __future__ import annotations
+
+from itertools import accumulate
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_nodes.drivers.multipart import MultipartParser
+
+BODIES = [b'\xff\xd8one\xff\xd9', b'\xff\xd8\r\n\r\ntwo--\xff\xd9', b'\xff\xd8three\xff\xd9']
+
+
+def stream(lengths: bool = True, newline: bytes = b'\r\n', boundary: bytes = b'--cut') -> bytes:
+    text = b''
+    for body in BODIES:
+        head = [boundary, b'Content-Type: image/jpeg', *([b'Content-Length: %d' % len(body)] * lengths), b'', b'']
+        text += newline.join(head) + body + newline
+    return text + boundary + newline
+
+
+def bodies(parser: MultipartParser, *pieces: bytes) -> list[bytes]:
+    return [part.body.rstrip(b'\r\n') for piece in pieces for part in parser.feed(piece, 0)]
+
+
+@given(lengths=st.booleans(), cuts=st.lists(st.integers(1, 60), min_size=1, max_size=60))
+def test_the_parts_do_not_depend_on_the_pieces(lengths: bool, cuts: list[int]) -> None:
+    text = stream(lengths)
+    marks = [0, *accumulate(cuts), len(text)]
+    pieces = [text[a:b] for a, b in zip(marks, marks[1:], strict=False)]
+    assert bodies(MultipartParser('cut'), *pieces) == BODIES
+
+
+@pytest.mark.parametrize('declared', ['cut', '--cut', '"cut"', '"--cut"'])
+def test_the_boundary_may_be_declared_with_dashes_and_quotes(declared: str) -> None:
+    assert bodies(MultipartParser(declared), stream()) == BODIES
+
+
+def test_bare_line_feeds_are_understood() -> None:
+    assert bodies(MultipartParser('cut'), stream(newline=b'\n')) == BODIES
+
+
+def test_a_part_with_a_length_comes_before_the_next_delimiter_has_arrived() -> None:
+    text = b'--cut\r\ncontent-length: 4\r\n\r\nabcd'
+    assert bodies(MultipartParser('cut'), text) == [b'abcd']
+
+
+def test_a_part_is_stamped_when_its_delimiter_arrives() -> None:
+    parser = MultipartParser('cut')
+    assert parser.feed(b'--cut\r\nContent-Le', 100) == []
+    (part,) = parser.feed(b'ngth: 4\r\n\r\nabcd', 200)
+    assert part.arrival_ns == 100
+
+
+def test_a_length_that_is_too_great_swallows_nothing_beyond_the_next_delimiter() -> None:
+    text = b'--cut\r\nContent-Length: 9000\r\n\r\nabcd\r\n' + stream()
+    assert bodies(MultipartParser('cut'), text) == [b'abcd', *BODIES]
+
+
+def test_a_length_that_is_too_small_costs_one_part() -> None:
+    text = b'--cut\r\nContent-Length: 2\r\n\r\nabcd\r\n' + stream()
+    assert bodies(MultipartParser('cut'), text) == [b'ab', *BODIES]
+
+
+def test_garbage_between_parts_is_passed_over() -> None:
+    assert bodies(MultipartParser('cut'), b'\0\xff garbage --cu' * 50 + b'\r\n' + stream()) == BODIES
+
+
+@given(st.lists(st.binary(max_size=200), max_size=20))
+def test_no_bytes_break_it(pieces: list[bytes]) -> None:
+    parser = MultipartParser('c')
+    for piece in pieces:
+        parser.feed(piece, 0)
+    assert bodies(parser, b'\r\n\r\n\r\n--c\r\n\r\n\r\n--c\r\nContent-Length: 4\r\n\r\nabcd')[-1] == b'abcd'
