@@ -1,0 +1,67 @@
+"""`tactile run`: run one executable, with the words and flags of ``ros2 run``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+from collections.abc import Sequence
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.launching import packages
+from tactile_nodes.launching.template import SubstitutionError
+
+DESCRIPTION = 'Run an executable of a package'
+EPILOG = """\
+examples:
+  tactile run camera_node                                        a node of this package
+  tactile run camera_node --ros-args -r __ns:=/left -p rate:=60.0
+  tactile run tactile_nodes camera_node --ros-args --params-file camera.yaml
+  tactile run --prefix 'taskset -c 1' camera_node                with a command in front
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `tactile run`."""
+    parser.add_argument('--prefix', help="a command to put in front, in quotes if it has spaces: 'gdb -ex run --args'")
+    words = parser.add_argument(
+        'words', nargs=argparse.REMAINDER, metavar='[PKG] EXEC ...', help='the executable and its arguments'
+    )
+    words.completer = complete  # type: ignore[attr-defined]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Become the executable: signals and the exit status are its own, and nothing stays in between."""
+    package, executable, words = split(arguments.words)
+    try:
+        program = packages.command_of(package, executable, os.environ)
+    except SubstitutionError as error:
+        raise ConfigurationError(str(error)) from error
+    command = [*shlex.split(arguments.prefix or ''), *program, *words]
+    try:
+        os.execvpe(command[0], command, {**os.environ, **packages.source_environment(program)})  # noqa: S606
+    except OSError as error:
+        raise ConfigurationError(f'cannot run {command[0]}: {error.strerror}') from error
+
+
+def split(words: Sequence[str]) -> tuple[str, str, list[str]]:
+    """Package, executable and arguments of ``[PKG] EXEC …``.
+
+    Raises:
+        ConfigurationError: no executable is named; the error lists those there are.
+    """
+    known = packages.package_names(os.environ)
+    package = words[0] if words and words[0] in known else packages.OWN
+    rest = list(words[1:] if words and words[0] in known else words)
+    if not rest:
+        names = ', '.join(packages.executables_of(package, os.environ))
+        raise ConfigurationError(f"name an executable of package '{package}'; there are: {names or 'none'}")
+    return package, rest[0], rest[1:]
+
+
+def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
+    """Names of packages and executables."""
+    words = parsed_args.words or []
+    package = words[0] if words else packages.OWN
+    names = packages.executables_of(package, os.environ) if package in packages.package_names(os.environ) else []
+    return [name for name in [*packages.package_names(os.environ), *names] if name.startswith(prefix)]

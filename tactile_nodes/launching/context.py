@@ -1,0 +1,92 @@
+"""The state of a running launch: launch configurations, environment, and what nodes get without asking.
+
+A scoped group works on a copy (`scoped`), so whatever it sets is gone after it; an include does not.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_nodes.launching import substitutions
+from tactile_nodes.launching.template import SubstitutionError
+
+
+@dataclass
+class Scope:
+    """What a scoped group restores.
+
+    Attributes:
+        configurations: launch configurations (arguments, ``let``, and ROS 2's own, like ``ros_namespace``).
+        environment: the environment of processes to come.
+        remaps: (from, to) of ``set_remap``.
+        parameters: (name, value) of ``set_parameter``, and files of ``set_parameters_from_file``, in order.
+    """
+
+    configurations: dict[str, str]
+    environment: dict[str, str]
+    remaps: list[tuple[str, str]] = field(default_factory=list)
+    parameters: list[tuple[str, str] | Path] = field(default_factory=list)
+
+
+class Context:
+    """The scope in force, the file being read, and the values of substitutions."""
+
+    def __init__(
+        self,
+        environment: Mapping[str, str],
+        log_folder: Path,
+        *,
+        file: Path,
+        allow_commands: bool = False,
+    ) -> None:
+        self.scope = Scope({}, dict(environment))
+        self.file = file
+        self.log_folder = log_folder
+        self.allow_commands = allow_commands
+        self._first_environment = dict(environment)
+
+    @property
+    def configurations(self) -> dict[str, str]:
+        return self.scope.configurations
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return self.scope.environment
+
+    @contextmanager
+    def scoped(self) -> Iterator[None]:
+        """Undo, at the end, every change of the scope."""
+        outer = self.scope
+        self.scope = copy.deepcopy(outer)
+        try:
+            yield
+        finally:
+            self.scope = outer
+
+    @contextmanager
+    def inside(self, file: Path) -> Iterator[None]:
+        """Let ``$(dirname)`` and ``$(filename)`` mean another file."""
+        outer, self.file = self.file, file
+        try:
+            yield
+        finally:
+            self.file = outer
+
+    def reset_environment(self) -> None:
+        """Back to the environment the launch was started in."""
+        self.scope.environment = dict(self._first_environment)
+
+    def reset_configurations(self, keep: Mapping[str, str]) -> None:
+        """Forget all but `keep`: namespace, remaps and parameters for all nodes too, which ROS 2 holds in there."""
+        self.scope = Scope(dict(keep), self.scope.environment)
+
+    def call(self, name: str, arguments: list[str]) -> str:
+        """The value of a substitution; see `template.Caller`."""
+        try:
+            return substitutions.FUNCTIONS[name](self, *arguments)
+        except OSError as error:
+            raise SubstitutionError(str(error)) from error

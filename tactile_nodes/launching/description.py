@@ -1,0 +1,113 @@
+"""A launch file for the reader: the arguments it takes, and what it says, includes unfolded where that is possible."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_nodes.errors import LaunchFileError
+from tactile_nodes.launching.actions import Action, Argument, Group, Include, Timer
+from tactile_nodes.launching.context import Context
+from tactile_nodes.launching.document import Item
+from tactile_nodes.launching.reading import read_file
+from tactile_nodes.launching.template import Call, Template
+
+_MAX_INCLUDES = 20
+
+
+@dataclass(frozen=True)
+class DeclaredArgument:
+    """An argument of a launch file; `conditional` where it only matters under some condition."""
+
+    argument: Argument
+    conditional: bool
+
+
+def declared_arguments(file: Path) -> list[DeclaredArgument]:
+    """The arguments of a file and of those it includes, in order, each name once.
+
+    Raises:
+        LaunchFileError: the file is wrong.
+    """
+    found: dict[str, DeclaredArgument] = {}
+    for declared in _declared(read_file(file), file, conditional=False, depth=0):
+        found.setdefault(declared.argument.name, declared)
+    return list(found.values())
+
+
+def arguments_text(file: Path) -> str:
+    """What ``--show-args`` prints."""
+    declared = declared_arguments(file)
+    lines = ["Arguments (pass arguments as '<name>:=<value>'):"]
+    for each in declared:
+        lines += ['', f"    '{each.argument.name}':{'*' * each.conditional}", f'        {each.argument.description}']
+        if each.argument.default is not None:
+            lines.append(f'        (default: {_default(each.argument.default)})')
+    if not declared:
+        lines += ['', '  No arguments.']
+    if any(each.conditional for each in declared):
+        lines += ['', '* argument(s) which are only used if specific conditions occur']
+    return '\n'.join(lines)
+
+
+def file_text(file: Path) -> str:
+    """What ``--print`` prints: one line an action, its children below it."""
+    return '\n'.join([str(file), *_lines(read_file(file), file, '', 0)])
+
+
+def _declared(actions: tuple[Action, ...], file: Path, *, conditional: bool, depth: int) -> Iterator[DeclaredArgument]:
+    for action in actions:
+        under = conditional or action.condition is not None
+        if isinstance(action.effect, Argument):
+            yield DeclaredArgument(action.effect, under)
+        elif isinstance(action.effect, (Group, Timer)):
+            under = under or isinstance(action.effect, Timer)
+            yield from _declared(action.effect.children, file, conditional=under, depth=depth)
+        elif isinstance(action.effect, Include) and (included := _included(action.effect, file, depth)):
+            given = {pair.name.literal for pair in action.effect.arguments}
+            for declared in _declared(read_file(included), included, conditional=under, depth=depth + 1):
+                if declared.argument.name not in given:
+                    yield declared
+
+
+def _included(include: Include, file: Path, depth: int) -> Path | None:
+    """The file that is included, if that does not depend on how the launch runs."""
+    context = Context(os.environ, file.parent, file=file.absolute())
+    try:
+        found = Path(include.file.evaluate(context))
+    except LaunchFileError:
+        return None
+    return found if found.is_file() and depth < _MAX_INCLUDES else None
+
+
+def _default(template: Template) -> str:
+    return ' + '.join(_part(part) for part in template.parts) or "''"
+
+
+def _part(part: str | Call) -> str:
+    return str(part) if isinstance(part, Call) else f"'{part}'"
+
+
+def _lines(actions: tuple[Action, ...], file: Path, indent: str, depth: int) -> Iterator[str]:
+    for index, action in enumerate(actions):
+        last = index == len(actions) - 1
+        yield f'{indent}{"└── " if last else "├── "}{action.name}{_details(action.item)}'
+        inner = indent + ('    ' if last else '│   ')
+        if isinstance(action.effect, (Group, Timer)):
+            yield from _lines(action.effect.children, file, inner, depth)
+        elif isinstance(action.effect, Include) and (included := _included(action.effect, file, depth)):
+            yield from _lines(read_file(included), included, inner, depth + 1)
+
+
+def _details(item: Item) -> str:
+    return ''.join(f' {key}={_shown(value)}' for key, value in item.value.items() if key != 'children')
+
+
+def _shown(item: Item) -> str:
+    if isinstance(item.value, list):
+        return f'[{", ".join(_shown(each) for each in item.value)}]'
+    if isinstance(item.value, dict):
+        return f'{{{", ".join(f"{key}: {_shown(value)}" for key, value in item.value.items())}}}'
+    return str(item.value)

@@ -1,0 +1,40 @@
+"""ROS names: joining namespaces, and what a valid one is."""
+
+from __future__ import annotations
+
+import re
+
+from tactile_nodes.launching.template import SubstitutionError
+
+_PART = r'[A-Za-z_][A-Za-z0-9_]*'
+_NAMESPACE = re.compile(rf'/|(/{_PART})+')
+
+
+def joined_namespace(base: str | None, namespace: str | None) -> str | None:
+    """A namespace below the pushed one; an absolute one ignores it. Always absolute, None where none is given.
+
+    >>> joined_namespace('/skin', 'left'), joined_namespace('skin', '/left'), joined_namespace(None, None)
+    ('/skin/left', '/left', None)
+    """
+    if namespace is None:
+        joined = base
+    elif not base or namespace.startswith('/'):
+        joined = namespace
+    else:
+        joined = f'{base.rstrip("/")}/{namespace}'
+    if joined is None:
+        return None
+    absolute = joined if joined.startswith('/') else f'/{joined}'
+    return absolute.rstrip('/') or '/'
+
+
+def check_namespace(namespace: str | None) -> None:
+    """Refuse what rcl refuses."""
+    if namespace is not None and not _NAMESPACE.fullmatch(namespace):
+        raise SubstitutionError(f"'{namespace}' is no valid namespace: letters, digits and _, joined by single /")
+
+
+def check_node_name(name: str) -> None:
+    """Refuse what rcl refuses."""
+    if not re.fullmatch(_PART, name):
+        raise SubstitutionError(f"'{name}' is no valid node name: letters, digits and _, not beginning with a digit")

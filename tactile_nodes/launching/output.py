@@ -1,0 +1,144 @@
+"""Where lines go: the screen, the launch's log file, and log files of single processes.
+
+The forms are those of ``ros2 launch``: ``[INFO] [launch]: text`` for the launcher's own lines, ``[camera_node-1] text``
+for the lines of a process; in ``launch.log`` with the time in front.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TextIO
+
+from tactile_nodes import clock
+from tactile_nodes.errors import ConfigurationError
+
+# output option -> (where stdout goes, where stderr goes)
+_ROUTES: dict[str, tuple[set[str], set[str]]] = {
+    'log': ({'log'}, {'log', 'screen'}),
+    'screen': ({'screen'}, {'screen'}),
+    'both': ({'log', 'screen'}, {'log', 'screen'}),
+    'own_log': ({'own'}, {'own'}),
+    'full': ({'log', 'screen', 'own'}, {'log', 'screen', 'own'}),
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of output.
+
+    Attributes:
+        source: who wrote it: ``launch``, ``launch.user`` (the action `log`), or a process, ``camera_node-1``.
+        text: the line, without its end.
+        level: DEBUG, INFO, WARNING or ERROR; empty for what a process wrote.
+        stream: ``stdout`` or ``stderr`` of a process; empty for the launcher's own.
+    """
+
+    source: str
+    text: str
+    level: str = ''
+    stream: str = ''
+
+    def __str__(self) -> str:
+        return f'[{self.level}] [{self.source}]: {self.text}' if self.level else f'[{self.source}] {self.text}'
+
+
+Screen = Callable[[Line], None]
+
+
+def print_line(line: Line) -> None:
+    """The usual screen."""
+    sys.stdout.write(f'{line}\n')
+    sys.stdout.flush()
+
+
+def make_log_folder(base: Path) -> Path:
+    """A new folder for the logs of one launch; ``latest`` beside it leads there.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    moment = datetime.fromtimestamp(clock.wall_ns() / 1e9).strftime('%Y-%m-%d-%H-%M-%S-%f')
+    folder = base.expanduser() / f'{moment}-{socket.gethostname()}-{os.getpid()}'
+    try:
+        folder.mkdir(parents=True)
+        _point(folder.parent / 'latest', folder)
+    except OSError as error:
+        raise ConfigurationError(
+            f'cannot make the log folder {folder} ({error.strerror}); set ROS_LOG_DIR to a folder of yours'
+        ) from error
+    return folder
+
+
+def _point(link: Path, folder: Path) -> None:
+    if link.exists() and not link.is_symlink():
+        return
+    draft = folder.with_name(f'.{folder.name}')
+    draft.symlink_to(folder, target_is_directory=True)
+    draft.replace(link)
+
+
+class LaunchLog:
+    """Takes the lines of all processes, from their threads, and of the launcher."""
+
+    def __init__(self, folder: Path, screen: Screen, *, debug: bool = False) -> None:
+        self.folder = folder
+        self._screen: Screen | None = screen
+        self._debug = debug
+        self._files: dict[str, TextIO | None] = {}
+        self._lock = threading.RLock()
+
+    def say(self, level: str, source: str, text: str) -> None:
+        """A line of the launcher: to the screen and to launch.log."""
+        if level == 'DEBUG' and not self._debug:
+            return
+        line = Line(source, text, level=level)
+        with self._lock:
+            self._show(line)
+            self._write('launch.log', f'{_seconds()} {line}')
+
+    def take(self, line: Line, output: str) -> None:
+        """A line of a process, to where its output option sends it."""
+        routes = _ROUTES[output][line.stream == 'stderr']
+        with self._lock:
+            if 'screen' in routes:
+                self._show(line)
+            if 'log' in routes:
+                self._write('launch.log', f'{_seconds()} {line}')
+            if 'own' in routes:
+                self._write(f'{line.source}-{line.stream}.log', str(line))
+                self._write(f'{line.source}.log', str(line))
+
+    def close(self) -> None:
+        with self._lock:
+            for file in self._files.values():
+                if file is not None:
+                    file.close()
+            self._files.clear()
+
+    def _show(self, line: Line) -> None:
+        try:
+            if self._screen is not None:
+                self._screen(line)
+        except OSError:
+            self._screen = None  # the terminal is gone, or the pipe closed: the processes still have to be ended
+
+    def _write(self, name: str, text: str) -> None:
+        try:
+            if name not in self._files:
+                self._files[name] = (self.folder / name).open('a', encoding='utf-8', buffering=1)
+            if (file := self._files[name]) is not None:
+                file.write(f'{text}\n')
+        except OSError as error:
+            self._files[name] = None
+            self._show(Line('launch', f'{name} is not written any more: {error.strerror}', level='ERROR'))
+
+
+def _seconds() -> str:
+    return f'{clock.wall_ns() / 1e9:.7f}'
