@@ -794,12 +794,14 @@ class FlowFeatures(Message):
     encoding: str
     values: NDArray[Any]
     confidence: NDArray[Any]
+    image_width: int
+    image_height: int
     method: str
     reference_id: str
     image_level: float
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]
@@ -812,6 +814,7 @@ class ForceDistribution(Message):
     REASON_FOREIGN_MOTION: ClassVar[int]
     REASON_NOT_FINITE: ClassVar[int]
     REASON_STALE: ClassVar[int]
+    REASON_OTHER_IMAGE: ClassVar[int]
     header: Header
     rows: int
     cols: int

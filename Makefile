@@ -1,0 +1,43 @@
+# make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
+# make test                                                                   run the tests
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+SOURCE ?= simulated
+ARGS ?=
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: live test lint docs clean
+
+live: $(VENV)/.live
+	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 10) else "Python 3.10 or newer is needed; choose one with: make PYTHON=python3.11 …")'
+	@echo 'Making a virtual environment in $(VENV) …'
+	@$(PYTHON) -m venv $(VENV)
+
+# Without torch: nothing in the live path needs it.
+$(VENV)/.live: setup.py constraints.txt | $(BIN)/python
+	@echo 'Installing what live sensing needs (about 150 MB, no torch) …'
+	@$(PIP) --constraint constraints.txt --editable .
+	@touch $@
+
+# torch first and by its exact version, so that nothing else chooses another build of it.
+$(VENV)/.dev: setup.py constraints.txt $(VENV)/.live
+	@echo 'Installing what training and the tests need …'
+	@$(PIP) --constraint constraints.txt torch
+	@$(PIP) --constraint constraints.txt --editable '.[train,dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build *.egg-info

@@ -1,0 +1,73 @@
+"""What pip installs. (colcon builds the same tree through CMakeLists.txt; package.xml says so.)
+
+Tried versions stand in constraints.txt; here are the ranges that they lie in.
+"""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+ROOT = Path(__file__).parent
+SHARE = Path('share/tactile_nodes')
+
+NODES = ['camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'composed']
+
+
+def shared_files() -> list[tuple[str, list[str]]]:
+    """The folders that ROS 2 and `paths.share_directory` expect below share/tactile_nodes."""
+    found = [('share/ament_index/resource_index/packages', ['resource/tactile_nodes']), (str(SHARE), ['package.xml'])]
+    for top in ('msg', 'launch', 'config', 'models'):
+        for folder in [ROOT / top, *(path for path in (ROOT / top).rglob('*') if path.is_dir())]:
+            files = [str(path.relative_to(ROOT)) for path in sorted(folder.iterdir()) if path.is_file()]
+            if files:
+                found.append((str(SHARE / folder.relative_to(ROOT)), files))
+    return found
+
+
+setup(
+    name='tactile_nodes',
+    version='0.1.0',
+    description='Vision-based touch sensing: normal force on each bin of a soft gel [N], from a camera under it',
+    long_description=(ROOT / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=['tactile_nodes', 'tactile_nodes.*']),
+    package_data={'tactile_nodes.messages': ['types.pyi']},
+    data_files=shared_files(),
+    install_requires=[
+        'argcomplete>=3.5,<4',
+        'jaxtyping>=0.3,<0.4',
+        'mcap>=1.2,<2',
+        'numpy>=1.26,<3',
+        'opencv-contrib-python-headless>=4.10,<6',
+        'psutil>=6,<8',
+        'pyserial>=3.5,<4',
+        'pyyaml>=6,<7',
+        'pyzmq>=26,<28',
+        'rich>=13,<16',
+        'rosbags>=0.11,<0.12',
+        'safetensors>=0.5,<1',
+    ],
+    extras_require={
+        'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
+        'dev': [
+            'beartype>=0.20,<1',
+            'hypothesis>=6.100,<7',
+            'import-linter>=2.1,<3',
+            'mypy>=2.4,<3',
+            'pytest>=9,<10',
+            'pytest-timeout>=2.3,<3',
+            'ruff>=0.17.5,<0.18',
+            'types-PyYAML>=6,<7',
+            'types-psutil>=6,<8',
+            'types-pyserial>=3.5,<4',
+        ],
+    },
+    entry_points={
+        'console_scripts': [
+            'tactile = tactile_nodes.cli.main:main',
+            *(f'{name}_node = tactile_nodes.nodes.{name}:main' for name in NODES),
+        ],
+    },
+)

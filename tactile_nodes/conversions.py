@@ -1,0 +1,104 @@
+"""Between what is computed (arrays, millimetres) and what travels (messages, SI units)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ImageError, MessageError
+from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid, grey
+
+_CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
+_NOWHERE = (math.nan, math.nan)
+
+
+def header(stamp_ns: int, frame_id: str) -> types.Header:
+    """A std_msgs/Header."""
+    return types.Header(stamp=time_from_ns(stamp_ns), frame_id=frame_id)
+
+
+def image_message(image: UInt8[np.ndarray, 'h w'], head: types.Header) -> types.Image:
+    """A grey image as sensor_msgs/Image; the pixels are copied once, into the message."""
+    height, width = image.shape
+    data = np.ascontiguousarray(image).reshape(-1)
+    if data.base is not None or not data.flags.owndata:
+        data = data.copy()  # the message freezes its arrays, and a camera's buffer is not ours to freeze
+    return types.Image(header=head, height=height, width=width, encoding='mono8', step=width, data=data)
+
+
+def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
+    """The grey picture in a sensor_msgs/Image: of mono8 a view of its bytes, of bgr8 and rgb8 the luma.
+
+    Raises:
+        ImageError: another encoding, or fewer bytes than its size and step say.
+    """
+    if message.encoding not in _CHANNELS:
+        raise ImageError(
+            f'an image of encoding {message.encoding!r} came in; set the camera to one of {", ".join(_CHANNELS)}'
+        )
+    channels = _CHANNELS[message.encoding]
+    row_bytes = message.width * channels
+    if message.step < row_bytes or len(message.data) < message.step * message.height:
+        raise ImageError(
+            f'an image of {message.width}x{message.height} {message.encoding} holds {len(message.data)} bytes with a '
+            f'step of {message.step}; check the node that publishes it'
+        )
+    rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
+    picture = rows[:, :row_bytes]
+    if channels == 1:
+        return picture
+    return grey(picture.reshape(message.height, message.width, channels), message.encoding[:3])
+
+
+def features_array(message: types.FlowFeatures) -> Features:
+    """The features in a message.
+
+    Raises:
+        MessageError: the arrays have other lengths than rows, cols and channels say.
+    """
+    rows, cols, channels = message.rows, message.cols, message.channels
+    if len(message.values) != rows * cols * channels or len(message.confidence) != rows * cols:
+        raise MessageError(
+            f'features of {rows}x{cols}x{channels} came with {len(message.values)} values and '
+            f'{len(message.confidence)} confidences'
+        )
+    values = message.values.reshape(rows, cols, channels)
+    return Features(message.encoding, values, message.confidence.reshape(rows, cols))
+
+
+def force_fields(
+    forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid, contact_mm: tuple[float, float] | None
+) -> dict[str, object]:
+    """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
+    width_mm, height_mm = bins.bin_size_mm
+    x_mm, y_mm = contact_mm or _NOWHERE
+    return {
+        'rows': bins.rows,
+        'cols': bins.cols,
+        'bin_width': width_mm * 1e-3,
+        'bin_height': height_mm * 1e-3,
+        'origin': types.Point(x=bins.origin_mm[0] * 1e-3, y=bins.origin_mm[1] * 1e-3),
+        'normal_force': np.ascontiguousarray(forces_n, np.float32).reshape(-1).copy(),
+        'total': float(forces_n.sum(dtype=np.float64)),
+        'peak': float(forces_n.max()),
+        'in_contact': contact_mm is not None,
+        'contact': types.Point(x=x_mm * 1e-3, y=y_mm * 1e-3, z=0.0 if contact_mm else math.nan),
+    }
+
+
+def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:
+    """The net force on the gel, in the surface frame: pressing into the gel is -z, since z points out of it.
+
+    The torque is about the frame's origin, from each bin's force at its centre: r x F with F = (0, 0, -f) is
+    (-y f, x f, 0).
+    """
+    forces = np.asarray(force.normal_force, np.float64).reshape(force.rows, force.cols)
+    x = force.origin.x + (np.arange(force.cols) + 0.5) * force.bin_width
+    y = force.origin.y + (np.arange(force.rows) + 0.5) * force.bin_height
+    torque = types.Vector3(x=float(-(forces.sum(axis=1) * y).sum()), y=float((forces.sum(axis=0) * x).sum()))
+    wrench = types.Wrench(force=types.Vector3(z=-force.total), torque=torque)
+    return types.WrenchStamped(header=force.header, wrench=wrench)

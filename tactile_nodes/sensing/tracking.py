@@ -1,0 +1,112 @@
+"""Rest image and features together: what a stream of images is turned into, frame by frame."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.features import FeatureEncoding, Features
+from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
+from tactile_nodes.sensing.quality import require_picture, require_rest_image
+from tactile_nodes.sensing.reference import RestAccumulator, content_id
+
+
+class FeatureTracker:
+    """Takes the rest image when told to, and turns every later image into features against it.
+
+    Args:
+        flow: how motion is measured.
+        encoding: how it is summed up by region.
+        rest_frames: how many frames are averaged into a rest image.
+        marked_share: share of the regions that must show structure in a rest image; sparse patterns need less.
+    """
+
+    def __init__(
+        self, flow: FlowMethod, encoding: FeatureEncoding, *, rest_frames: int = 10, marked_share: float = 0.1
+    ) -> None:
+        self.reference: np.ndarray | None = None
+        self.reference_id = ''
+        self._flow = flow
+        self._encoding = encoding
+        self._rest_frames = rest_frames
+        self._marked_share = marked_share
+        self._rest: RestAccumulator | None = None
+        self._left_to_skip = 0
+
+    @property
+    def capturing(self) -> bool:
+        """Whether the next images go into a rest image."""
+        return self._rest is not None
+
+    def begin_capture(self, skip: int = 0) -> None:
+        """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
+        self._rest = RestAccumulator()
+        self._left_to_skip = skip
+
+    def offer_rest(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Give an image to the capture under way; true when it completed the rest image.
+
+        Raises:
+            ImageError: the image is black or overexposed, and was left out; or the finished rest image cannot be
+                measured against, and the capture starts anew.
+        """
+        assert self._rest is not None
+        if self._left_to_skip > 0:
+            self._left_to_skip -= 1
+            return False
+        require_picture(image)
+        self._rest.add(image)
+        if self._rest.count < self._rest_frames:
+            return False
+        finished, self._rest = self._rest.image(), RestAccumulator()
+        self.use_reference(finished)
+        self._rest = None
+        return True
+
+    def use_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Measure against this rest image from now on.
+
+        Raises:
+            ImageError: it shows nothing that can be measured against; the one before stays in use.
+        """
+        self._encoding.set_reference(image)
+        still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
+        require_rest_image(image, self._encoding.encode(still).confidence, self._marked_share)
+        self._flow.set_reference(image)
+        self.reference, self.reference_id = image, content_id(image)
+
+    def field(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
+        """The displacement of `image` against the rest image.
+
+        Raises:
+            ImageError: there is no rest image, or it has another size.
+        """
+        if self.reference is None:
+            raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
+        return self._flow.displacement(image)
+
+    def features(self, field: DisplacementField) -> Features:
+        """The features of a displacement field."""
+        return self._encoding.encode(field)
+
+
+def overlay(
+    image: UInt8[np.ndarray, 'h w'],
+    field_px: Float32[np.ndarray, 'h w 2'],
+    *,
+    spacing_px: int = 11,
+    gain: float = 4.0,
+    least_px: float = 0.25,
+) -> UInt8[np.ndarray, 'h w 3']:
+    """The image with an arrow wherever it moved by `least_px` or more, `gain` times as long as the motion (BGR)."""
+    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    half = spacing_px // 2
+    for y in range(half, image.shape[0], spacing_px):
+        for x in range(half, image.shape[1], spacing_px):
+            dx, dy = (float(part) for part in field_px[y, x])
+            if dx * dx + dy * dy >= least_px * least_px:
+                tip = (round(x + gain * dx), round(y + gain * dy))
+                cv2.arrowedLine(picture, (x, y), tip, (0, 200, 255), 1, cv2.LINE_AA, tipLength=0.3)
+    return picture
