@@ -49,7 +49,7 @@ def _complaint(taken_ns: int, now_ns: int, last_ns: int) -> str:
 def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
     """How many frames of a camera of `fps` should have come between two that did.
 
-    At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 25 ms is jitter.
+    At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 24 ms is jitter.
     """
     if fps <= 0 or last_ns == 0:
         return 0

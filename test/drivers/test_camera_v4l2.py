@@ -1,0 +1,252 @@
+"""A V4L2 camera, against an emulation of what such devices were seen to do. No device is replaced by it: the
+contract test runs on a real one with ``-m hardware``."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import pytest
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers.camera import CameraSettings, Frame
+from tactile_nodes.drivers.camera_reconnecting import Reconnecting
+from tactile_nodes.drivers.camera_v4l2 import V4l2Camera, fourcc_text
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.drivers.v4l2_devices import check_device, device_path
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
+
+
+@pytest.fixture
+def start(device, clock: SystemClock) -> Iterator[object]:
+    """Opens the emulated device with settings of the test's own."""
+    with contextlib.ExitStack() as stack:
+
+        def opened(**settings: object) -> V4l2Camera:
+            asked = CameraSettings(str(device.node), **{'fps': 100.0, **settings})
+            camera = V4l2Camera(asked, clock, device.capture, device.access, lambda path: None)
+            camera.open()
+            stack.callback(camera.close)
+            return camera
+
+        yield opened
+
+
+def read_past(camera: V4l2Camera, seconds: float) -> Frame:
+    """The first frame that was taken this much later than the next one."""
+    first = frame = camera.read(2.0)
+    while frame.stamp_ns - first.stamp_ns < seconds * 1e9:
+        frame = camera.read(2.0)
+    return frame
+
+
+def test_the_format_is_set_before_the_size_and_the_size_before_the_rate(device, start) -> None:
+    start(width=320, height=240)
+    properties = [int(name) for name, _ in device.calls if name.isdigit()]
+    assert properties[:4] == [
+        cv2.CAP_PROP_FOURCC,
+        cv2.CAP_PROP_FRAME_WIDTH,
+        cv2.CAP_PROP_FRAME_HEIGHT,
+        cv2.CAP_PROP_FPS,
+    ]
+
+
+def test_what_was_asked_and_what_was_got_stand_side_by_side(device, start) -> None:
+    device.controls = {'auto_exposure': 3, 'exposure_time_absolute': 50, 'gain': 29}
+    camera = start(width=320, height=240, exposure_ms=15.6, gain=10)
+    camera.read(2.0)
+    said = camera.description
+    assert said['format'] == 'MJPG (asked MJPG)'
+    assert said['size'] == '320x240 (asked 320x240)'
+    assert said['frames/s'] == '100 (asked 100)'
+    assert said['auto_exposure'] == '1 (asked 1)'
+    assert said['exposure_time_absolute'] == '156 (asked 156)'
+    assert said['gain'] == '10 (asked 10)'
+    assert said['autogain'] == 'not there'
+    assert said['stamps'] == 'kernel, CLOCK_MONOTONIC'
+    assert camera.health.level == Level.OK
+
+
+def test_a_format_that_was_not_taken_is_a_warning(device, start) -> None:
+    device.formats = ('YUYV',)
+    health = start().health
+    assert health.level == Level.WARN
+    assert 'the pixel format is BGR3, asked for was MJPG' in health.message
+
+
+def test_a_rate_that_was_not_taken_is_a_warning(device, start) -> None:
+    device.rates = (50.0, 25.0)
+    assert 'it gives 50 frames/s, asked for were 60' in start(fps=60.0).health.message
+
+
+def test_automatic_modes_are_switched_off_before_the_values_that_they_would_override(device, start) -> None:
+    """With auto-gain on, the device keeps its gain of 29 whatever is asked; the value must come after."""
+    start(gain=10)
+    order = [name for name, _ in device.calls if not name.isdigit()]
+    assert order == ['auto_exposure', 'autogain', 'gain']
+    assert device.controls == {'auto_exposure': 1, 'autogain': 0, 'gain': 10}
+
+
+def test_automatic_modes_may_be_left_on(device, start) -> None:
+    before = dict(device.controls)
+    start(keep_auto=True)
+    assert device.controls == before
+
+
+def test_a_control_that_lies_is_a_warning(device, start) -> None:
+    camera = start(keep_auto=True, gain=10)
+    assert camera.health.level == Level.WARN
+    assert 'gain is 29, asked for was 10' in camera.health.message
+
+
+def test_a_control_that_is_asked_for_and_not_there_is_a_warning(device, start) -> None:
+    device.controls = {}
+    assert 'gain is not there, asked for was 10' in start(gain=10).health.message
+
+
+def test_controls_that_the_camera_forgets_are_set_again_a_second_later(device, start) -> None:
+    camera = start()
+    camera.read(2.0)
+    device.controls['auto_exposure'] = 3
+    read_past(camera, 1.1)
+    assert device.controls['auto_exposure'] == 1
+
+
+def test_frames_carry_the_stamp_of_the_kernel(device, start, clock: SystemClock) -> None:
+    """The emulated device stamps 50 ms before it hands a frame over."""
+    device.stamp_offset_ms = -50.0
+    camera = start()
+    age_ns = clock.now_ns() - camera.read(2.0).stamp_ns
+    assert 0.05e9 <= age_ns < 0.2e9
+    assert camera.health.level == Level.OK
+
+
+def test_senseless_stamps_give_way_to_arrival_and_say_so(device, start, clock: SystemClock) -> None:
+    device.stamp_offset_ms = 3_600_000.0
+    camera = start()
+    assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
+    assert camera.description['stamps'].startswith("arrival (the driver's stamps lie 3600.0")
+    assert camera.health.level == Level.WARN
+
+
+def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(start, clock: SystemClock) -> None:
+    camera = start()
+    first = camera.read(2.0)
+    time.sleep(0.3)  # a reader that is busy: this is the behaviour under test
+    frame = camera.read(2.0)
+    assert frame.sequence - first.sequence > 10
+    assert frame.dropped - first.dropped == frame.sequence - first.sequence - 1
+    assert clock.now_ns() - frame.stamp_ns < 0.1e9
+
+
+def test_pictures_that_are_cut_short_are_dropped_and_counted(device, start) -> None:
+    device.spoil = lambda number, data: data[:-40] if number % 2 else data
+    camera = start()
+    frames = [camera.read(2.0) for _ in range(6)]
+    assert all(later.dropped > earlier.dropped for earlier, later in itertools.pairwise(frames))
+
+
+def test_an_unplugged_camera_is_lost_at_once_and_does_not_burn_a_core(device, start) -> None:
+    camera = start()
+    camera.read(2.0)
+    device.unplug()
+    with pytest.raises(DeviceLostError, match='was unplugged; plug it in again'):
+        while True:
+            camera.read(1.0)
+
+
+def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spinning(device, start) -> None:
+    camera = start(stall_s=0.3)
+    camera.read(2.0)
+    grabs = []
+    device.spoil = lambda number, data: grabs.append(number) or b''
+    used, started = time.process_time(), time.monotonic()
+    with pytest.raises(DeviceLostError, match=r'no whole picture for 0\.\d s; check its cable'):
+        while True:
+            camera.read(1.0)
+    assert 0.25 < time.monotonic() - started < 1.5
+    assert time.process_time() - used < 0.2
+
+
+def test_a_stalled_camera_times_out_although_the_grab_blocks(device, start) -> None:
+    camera = start()
+    camera.read(2.0)
+    device.stalled.set()
+    started = time.monotonic()
+    with pytest.raises(DeviceTimeoutError):
+        for _ in range(3):
+            camera.read(0.1)
+    assert time.monotonic() - started < 0.5
+    device.stalled.clear()
+
+
+def test_closing_releases_the_device(device, start) -> None:
+    camera = start()
+    camera.read(2.0)
+    camera.close()
+    assert (device.opened, device.released) == (1, 1)
+
+
+def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: SystemClock) -> None:
+    settings = CameraSettings(str(device.node), fps=100.0)
+
+    def check(path: str) -> None:
+        if not Path(path).exists():
+            raise DeviceNotFoundError(f'there is no camera {path}')
+
+    camera = Reconnecting(lambda: V4l2Camera(settings, clock, device.capture, device.access, check), clock, settings)
+    camera.open()
+    camera.read(2.0)
+    device.unplug()
+    with pytest.raises(DeviceTimeoutError):
+        while True:
+            camera.read(0.2)
+    assert camera.health.level == Level.ERROR
+    device.plug()
+    deadline = time.monotonic() + 10
+    while camera.health.level == Level.ERROR and time.monotonic() < deadline:
+        with contextlib.suppress(DeviceTimeoutError):
+            camera.read(0.2)
+    assert camera.health.level == Level.OK
+    camera.close()
+    assert device.opened == device.released == 2
+
+
+def test_a_missing_camera_is_told_with_those_that_are_there(tmp_path: Path) -> None:
+    (tmp_path / 'usb-Ailipu_ELP-video-index0').touch()
+    with pytest.raises(DeviceNotFoundError, match=r'no camera /dev/video63; there are .*usb-Ailipu_ELP-video-index0'):
+        check_device('/dev/video63', tmp_path)
+
+
+def test_a_file_that_is_no_device_is_told(tmp_path: Path) -> None:
+    (tmp_path / 'file').touch()
+    with pytest.raises(DeviceNotFoundError, match='is no video device'):
+        check_device(str(tmp_path / 'file'), tmp_path)
+
+
+def test_a_number_is_a_device_path() -> None:
+    assert device_path('2') == '/dev/video2'
+    assert device_path('/dev/v4l/by-id/usb-x') == '/dev/v4l/by-id/usb-x'
+
+
+def test_a_pixel_format_is_read_from_its_code() -> None:
+    """V4L2_PIX_FMT_MJPEG is v4l2_fourcc('M', 'J', 'P', 'G'): least significant character first."""
+    assert fourcc_text(0x47504A4D) == 'MJPG'
+    assert fourcc_text(-1) == '\xff\xff\xff\xff'
+
+
+@pytest.mark.hardware
+def test_the_real_camera_takes_its_controls() -> None:
+    """Auto-exposure off is what keeps the rest image valid."""
+    path = '/dev/video0'
+    if not Path(path).exists():
+        pytest.skip(f'no camera {path}')
+    camera = V4l2Camera(CameraSettings(path, fps=0.0), SystemClock())
+    camera.open()
+    read_past(camera, 1.2)
+    assert camera.description['auto_exposure'] in {'1 (asked 1)', 'not there'}
+    camera.close()

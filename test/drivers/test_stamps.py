@@ -1,0 +1,59 @@
+"""When a frame was taken, from the kernel's stamp and the time of arrival."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tactile_nodes import clock
+from tactile_nodes.drivers.stamps import KernelStamps, missing_between
+
+NOW = 5_000_000_000_000  # ns on CLOCK_MONOTONIC
+
+
+def test_a_kernel_stamp_becomes_a_stamp_on_the_time_base_of_the_host() -> None:
+    """4999998.7 ms on CLOCK_MONOTONIC, 1.3 ms ago."""
+    assert KernelStamps().stamp(4_999_998.7, NOW) == clock.from_monotonic_ns(4_999_998_700_000)
+
+
+@pytest.mark.parametrize(
+    ('position_ms', 'text'),
+    [
+        (0.0, 'gives no stamps'),
+        (-1.0, 'gives no stamps'),
+        (5_000_010.0, r'0\.010 s in the future'),
+        (4_900_000.0, r'100\.000 s old'),
+        (1_700_000_000_000.0, 'in the future'),  # the wall clock
+        (40.0, 'old'),  # the frame's number over a rate, as on a network source
+    ],
+)
+def test_a_stamp_that_cannot_be_gives_way_to_the_time_of_arrival(position_ms: float, text: str) -> None:
+    stamps = KernelStamps()
+    assert stamps.stamp(position_ms, NOW) == clock.from_monotonic_ns(NOW)
+    assert re.search(text, stamps.source)
+
+
+def test_a_stamp_that_stands_still_gives_way_and_stamps_still_increase() -> None:
+    stamps = KernelStamps()
+    first = stamps.stamp(4_999_999.0, NOW)
+    second = stamps.stamp(4_999_999.0, NOW + 16_000_000)
+    assert second - first == 17_000_000
+    assert 'do not increase' in stamps.complaint
+
+
+def test_arrival_times_are_kept_once_they_are_chosen() -> None:
+    """Two kinds of stamp in one stream would make the interval between two frames wrong by the camera's delay."""
+    stamps = KernelStamps()
+    stamps.stamp(0.0, NOW)
+    assert stamps.stamp(5_000_015.0, NOW + 16_000_000) == clock.from_monotonic_ns(NOW + 16_000_000)
+
+
+@pytest.mark.parametrize(('gap_ms', 'missing'), [(16.7, 0), (24.0, 0), (33.3, 1), (50.0, 2), (1000.0, 59), (1.0, 0)])
+def test_missing_frames_are_read_off_the_gap_between_stamps(gap_ms: float, missing: int) -> None:
+    assert missing_between(NOW, NOW + round(gap_ms * 1e6), 60.0) == missing
+
+
+def test_nothing_is_missing_before_the_first_frame_or_without_a_rate() -> None:
+    assert missing_between(0, NOW, 60.0) == 0
+    assert missing_between(NOW, 2 * NOW, 0.0) == 0
