@@ -99,11 +99,11 @@ def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
 def fit_scaling(dataset: Dataset, chosen: np.ndarray, config: TrainConfig) -> InputScaling:
     """Mean and spread of each feature, over the samples chosen, and the regions that held markers throughout."""
     floor = config.network.confidence_floor
-    trusted = (dataset.confidence >= floor).all(axis=0)
+    trusted = np.asarray((dataset.confidence >= floor).all(axis=0), np.float32)
     values = dataset.features[chosen].astype(np.float32)
     mean: np.ndarray = values.mean(axis=0)
-    gain: np.ndarray = np.reciprocal(np.maximum(values.std(axis=0), np.float32(1e-6)))
-    return InputScaling(mean, gain, trusted.astype(np.float32), floor)
+    gain = 1 / np.maximum(np.asarray(values.std(axis=0)), np.float32(1e-6))
+    return InputScaling(mean, gain, trusted, floor)
 
 
 def prepare(dataset: Dataset, scaling: InputScaling) -> np.ndarray:

@@ -1,0 +1,135 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.flow import make_flow
+
+
+def shifted(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
+    """Shifted by any part of a pixel, exactly, wrapping around the border: Fourier's shift theorem."""
+    height, width = image.shape
+    phase = np.exp(-2j * np.pi * (dx * np.fft.fftfreq(width) + dy * np.fft.fftfreq(height)[:, None]))
+    moved = np.fft.ifft2(np.fft.fft2(image) * phase).real
+    return np.clip(np.round(moved), 0, 255).astype(np.uint8)
+
+
+def test_dis_reads_a_shift_to_the_right_and_up_with_its_signs(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    middle = flow.displacement(shifted(speckle, 1.5, -0.8)).displacement_px[40:-40, 40:-40]
+    np.testing.assert_allclose(middle.mean(axis=(0, 1)), [1.5, -0.8], atol=0.05)
+
+
+def test_dis_reads_a_tenth_of_a_pixel(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    middle = flow.displacement(shifted(speckle, 0.1, 0.0)).displacement_px[40:-40, 40:-40]
+    assert middle[..., 0].mean() == pytest.approx(0.1, abs=0.02)
+
+
+def test_the_rest_image_against_itself_does_not_move(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    np.testing.assert_array_equal(flow.displacement(speckle).displacement_px, 0)
+
+
+def test_displacement_is_float32_per_pixel(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    field = flow.displacement(speckle)
+    assert field.displacement_px.dtype == np.float32
+    assert field.displacement_px.shape == (440, 440, 2)
+
+
+def test_what_was_seen_before_does_not_change_the_result(speckle: np.ndarray):
+    image = shifted(speckle, 0.7, 0.3)
+    fresh, used = make_flow('dis'), make_flow('dis')
+    used.set_reference(image)
+    used.displacement(shifted(speckle, 9.0, -5.0))
+    for flow in (fresh, used):
+        flow.set_reference(speckle)
+    used.displacement(shifted(speckle, -3.0, 2.0))
+    np.testing.assert_array_equal(
+        used.displacement(image).displacement_px, fresh.displacement(image).displacement_px
+    )
+
+
+def test_later_calls_leave_earlier_results_alone(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    first = flow.displacement(shifted(speckle, 1.0, 0.0))
+    kept = first.displacement_px.copy()
+    flow.displacement(shifted(speckle, -2.0, 1.0))
+    np.testing.assert_array_equal(first.displacement_px, kept)
+
+
+def test_the_rest_image_is_copied(speckle: np.ndarray):
+    buffer = speckle.copy()
+    flow = make_flow('dis')
+    flow.set_reference(buffer)
+    buffer[:] = 0
+    np.testing.assert_array_equal(flow.displacement(speckle).displacement_px, 0)
+
+
+def test_another_process_gets_the_same_bits(speckle: np.ndarray, tmp_path):
+    program = (
+        'import sys, numpy as np, hashlib\n'
+        'from tactile_nodes.sensing.flow import make_flow\n'
+        'flow = make_flow("dis"); images = np.load(sys.argv[1])\n'
+        'flow.set_reference(images[0])\n'
+        'print(hashlib.sha256(flow.displacement(images[1]).displacement_px.tobytes()).hexdigest())\n'
+    )
+    np.save(tmp_path / 'images.npy', np.stack([speckle, shifted(speckle, 0.4, -1.1)]))
+    command = [sys.executable, '-c', program, str(tmp_path / 'images.npy')]
+    answers = {subprocess.run(command, check=True, capture_output=True, text=True).stdout for _ in range(2)}
+    assert len(answers) == 1
+
+
+def test_an_image_of_another_size_is_refused(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    with pytest.raises(ImageError, match='has 400x440 pixels and the rest image 440x440'):
+        flow.displacement(np.ascontiguousarray(speckle[:, :400]))
+
+
+def test_a_colour_image_is_refused():
+    with pytest.raises(ImageError, match='8 bit grey'):
+        make_flow('dis').set_reference(np.zeros((440, 440, 3), np.uint8))
+
+
+def test_an_image_too_small_for_patches_is_refused():
+    with pytest.raises(ImageError, match='at least 32x32'):
+        make_flow('dis').set_reference(np.zeros((16, 16), np.uint8))
+
+
+def test_flow_without_a_rest_image_says_what_is_missing(speckle: np.ndarray):
+    with pytest.raises(ImageError, match='no rest image'):
+        make_flow('dis').displacement(speckle)
+
+
+def test_an_unknown_method_is_refused_with_those_there_are():
+    with pytest.raises(ConfigurationError, match="no flow method 'magic'; use one of: dis"):
+        make_flow('magic')
+
+
+@pytest.mark.parametrize('options', [{'speed': 1}, {'preset': 3}, {'threads': True}, {'preset': 'slow'}, {'threads': None}])
+def test_wrong_options_are_refused(options: dict[str, object]):
+    with pytest.raises(ConfigurationError):
+        make_flow('dis', options)
+
+
+def test_options_are_told_with_their_defaults():
+    assert make_flow('dis', {'finest_scale': None}).options == {
+        'preset': 'ultrafast',
+        'finest_scale': None,
+        'patch_size': None,
+        'patch_stride': None,
+        'gradient_descent_iterations': None,
+        'variational_refinement_iterations': None,
+        'threads': 1,
+    }

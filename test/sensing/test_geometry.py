@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.geometry import BinGrid, Crop, FisheyeCamera, centre_crop, grey
+
+
+def test_the_middle_bin_lies_at_the_origin():
+    assert BinGrid().bin_of(0.0, 0.0) == 40
+    np.testing.assert_allclose(BinGrid().centres_mm[4, 4], [0, 0], atol=1e-12)
+
+
+def test_bins_count_columns_along_x_first():
+    grid = BinGrid()
+    assert grid.bin_of(15.9, -15.9) == 8
+    assert grid.bin_of(-15.9, 15.9) == 72
+
+
+def test_bin_zero_of_the_paper_has_its_centre_half_a_bin_from_the_corner():
+    np.testing.assert_allclose(BinGrid().centres_mm[0, 0], [-16 + 32 / 18, -16 + 32 / 18])
+
+
+def test_a_point_outside_the_surface_belongs_to_the_nearest_bin():
+    assert BinGrid().bin_of(99.0, 99.0) == 80
+    assert BinGrid().bin_of(-99.0, 0.0) == 36
+
+
+@given(st.integers(0, 80))
+def test_the_centre_of_each_bin_lies_in_that_bin(index: int):
+    grid = BinGrid()
+    x, y = grid.centres_mm.reshape(-1, 2)[index]
+    assert grid.bin_of(x, y) == index
+
+
+def test_the_middle_of_a_bin_is_half_a_bin_from_its_borders():
+    assert BinGrid().border_distance_mm(0.0, 0.0) == pytest.approx(32 / 18)
+
+
+def test_the_rim_of_the_surface_is_no_border_between_bins():
+    assert BinGrid().border_distance_mm(-16.0, 0.0) == pytest.approx(32 / 18)
+
+
+def test_a_ray_at_45_degrees_lands_focal_times_quarter_pi_from_the_centre():
+    camera = FisheyeCamera(focal_px_per_rad=300.0, centre_px=(320.0, 240.0))
+    np.testing.assert_allclose(camera.project(np.array([[1.0, 0, 1]])), [[320 + 75 * np.pi, 240]])
+
+
+def test_a_point_on_the_axis_lands_in_the_centre():
+    camera = FisheyeCamera(centre_px=(320.0, 240.0))
+    np.testing.assert_array_equal(camera.project(np.array([[0.0, 0, 7]])), [[320, 240]])
+
+
+def test_the_fisheye_sees_sideways():
+    camera = FisheyeCamera(focal_px_per_rad=100.0, centre_px=(0.0, 0.0))
+    np.testing.assert_allclose(camera.project(np.array([[0.0, 2, 0]])), [[0, 50 * np.pi]], atol=1e-9)
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.2, 3))
+def test_unproject_reverses_project(x: float, y: float, z: float):
+    camera = FisheyeCamera()
+    point = np.array([[x, y, z]])
+    ray = camera.unproject(camera.project(point))
+    np.testing.assert_allclose(ray, point / np.linalg.norm(point), atol=1e-9)
+
+
+def test_the_paper_cuts_440_pixels_from_the_middle_of_640x480():
+    assert Crop.centred(640, 480) == Crop(100, 20, 440, 440)
+
+
+def test_a_crop_is_a_view_of_the_image():
+    image = np.zeros((480, 640), np.uint8)
+    centre_crop(image)[0, 0] = 7
+    assert image[20, 100] == 7
+
+
+def test_an_image_smaller_than_the_crop_is_refused():
+    with pytest.raises(ImageError, match='cannot cut 440x440 pixels from an image of 320x240'):
+        centre_crop(np.zeros((240, 320), np.uint8))
+
+
+def test_a_crop_outside_the_image_is_refused():
+    with pytest.raises(ImageError, match='does not lie within'):
+        Crop(500, 0, 440, 440).apply(np.zeros((480, 640), np.uint8))
+
+
+@pytest.mark.parametrize(('order', 'blue'), [('bgr', 0), ('rgb', 2)])
+def test_green_weighs_most_in_grey_and_blue_least(order: str, blue: int):
+    image = np.zeros((1, 2, 3), np.uint8)
+    image[0, 0, 1] = image[0, 1, blue] = 255
+    assert grey(image, order).tolist() == [[150, 29]]  # 0.587 and 0.114 of 255
+
+
+def test_a_grey_image_stays_as_it_is():
+    image = np.zeros((2, 2), np.uint8)
+    assert grey(image) is image
+
+
+def test_an_image_of_floats_is_refused():
+    with pytest.raises(ImageError, match='8 bit'):
+        grey(np.zeros((2, 2, 3), np.float32))
