@@ -18,7 +18,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,14 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.health import Health
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.geometry import BinGrid
+
+if TYPE_CHECKING:
+    from tactile_nodes.simulation.scene import Truth
+
+if TYPE_CHECKING:
+    from tactile_nodes.sensing.geometry import BinGrid
+    from tactile_nodes.simulation.scene import Truth
 
 Picture = npt.NDArray[np.uint8]
 
@@ -40,7 +48,9 @@ class SceneSettings:
     gel: str = parameter('', "YAML file of the gel's properties; empty: the paper's gel")
     gel_seed: int = parameter(-1, 'where the markers are; -1: as in the file', minimum=-1)
     seed: int = parameter(1, 'where and how deep the tip presses')
-    start_ns: int = parameter(0, "nothing touches the gel before this time of the host's time base", minimum=0)
+    start_ns: int = parameter(
+        0, "nothing touches the gel before this time of the host's time base; 0: a second after the start", minimum=0
+    )
     period_s: float = parameter(2.0, 'from one press to the next', minimum=0.1)
     shallowest_mm: float = parameter(0.25, 'least depth of a press', minimum=0.0)
     deepest_mm: float = parameter(2.0, 'greatest depth of a press', minimum=0.0, maximum=2.5)
@@ -127,6 +137,34 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Let go of the device; a second call does nothing."""
+        ...
+
+
+@runtime_checkable
+class KnowsTruth(Protocol):
+    """A camera in a simulated world, which knows what really presses."""
+
+    @property
+    def bins(self) -> BinGrid:
+        """The bins that the truth is told in."""
+        ...
+
+    def truth(self, stamp_ns: int) -> Truth:
+        """The force on the gel at the time of a frame."""
+        ...
+
+
+@runtime_checkable
+class KnowsTruth(Protocol):
+    """A camera that looks at a made world, and so can say what a perfect sensor would feel there."""
+
+    @property
+    def bins(self) -> BinGrid:
+        """The grid of the forces in `truth`."""
+        ...
+
+    def truth(self, stamp_ns: int) -> Truth:
+        """The force on the gel in the frame with this stamp."""
         ...
 
 

@@ -17,9 +17,10 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
-from tactile_nodes.simulation.scene import PressSchedule, Scene
+from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth
 
 NAME = 'the simulated camera'
 
@@ -31,6 +32,7 @@ class SimulatedCamera:
         self._settings = settings
         self._clock = clock
         self._scene: Scene | None = None
+        self._bins = BinGrid()
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -52,20 +54,40 @@ class SimulatedCamera:
             return Health(Level.STALE, f'{NAME} is not open')
         return Health(Level.OK, f'rendering, {self._dropped} frames lost')
 
+    @property
+    def bins(self) -> BinGrid:
+        """As `KnowsTruth.bins`; of the gel once it is open."""
+        return self._bins
+
+    def truth(self, stamp_ns: int) -> Truth:
+        """As `KnowsTruth.truth`."""
+        return self._opened().truth(stamp_ns)
+
     def open(self) -> None:
         """Build the scene and render once, so that the first frame comes as fast as the others."""
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
         scene = build_scene(self._settings.scene)
         check_size(scene.render(0), self._settings, NAME)
-        self._scene = scene
         self._start_ns = self._clock.now_ns()
+        if self._settings.scene.start_ns == 0:
+            start_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
+            scene = build_scene(dataclasses.replace(self._settings.scene, start_ns=start_ns), scene)
+        self._scene, self._bins = scene, scene.bins
         self._sequence, self._dropped = -1, 0
+
+    @property
+    def bins(self) -> BinGrid:
+        """The bins that the truth is told in."""
+        return self._open_scene().bins
+
+    def truth(self, stamp_ns: int) -> Truth:
+        """The force on the gel at the time of a frame."""
+        return self._open_scene().truth(stamp_ns)
 
     def read(self, timeout_s: float) -> Frame:
         """The next frame when it is due; of frames that are overdue, the newest."""
-        if self._scene is None:
-            raise DeviceError(f'{NAME} is closed; open it before reading')
+        scene = self._open_scene()
         now_ns = self._clock.now_ns()
         newest = int((now_ns - self._start_ns) * self._settings.fps / NS_PER_S)
         sequence = max(newest, self._sequence + 1)
@@ -75,11 +97,21 @@ class SimulatedCamera:
             raise DeviceTimeoutError(f'{NAME} makes no picture within {timeout_s:g} s at its rate')
         self._dropped += sequence - self._sequence - 1
         self._sequence = sequence
-        return Frame(np.asarray(self._scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
+        return Frame(np.asarray(scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
 
     def close(self) -> None:
         """Forget the scene."""
         self._scene = None
+
+    def _open_scene(self) -> Scene:
+        if self._scene is None:
+            raise DeviceError(f'{NAME} is closed; open it before reading')
+        return self._scene
+
+    def _opened(self) -> Scene:
+        if self._scene is None:
+            raise DeviceError(f'{NAME} is closed; open it before reading')
+        return self._scene
 
     def _due_ns(self, sequence: int) -> int:
         return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import CameraSettings, SceneSettings, open_camera
+from tactile_nodes.drivers.camera import CameraSettings, KnowsTruth, SceneSettings, open_camera
 from tactile_nodes.drivers.camera_simulated import build_scene
 from tactile_nodes.errors import ConfigurationError
 
@@ -38,6 +38,23 @@ def test_a_late_reader_gets_the_newest_frame_and_the_lost_ones_are_counted(jumpi
     frame = camera.read(1.0)
     assert (frame.sequence, frame.dropped) == (60, 59)
     assert frame.stamp_ns == jumping.now_ns()
+
+
+def test_the_camera_knows_the_truth_for_the_stamp_of_a_frame(jumping: SteppedClock) -> None:
+    settings = CameraSettings(fps=4.0)
+    camera = open_camera(settings, jumping)
+    assert isinstance(camera, KnowsTruth)
+    scene = build_scene(settings.scene)
+    forces = [camera.truth(camera.read(1.0).stamp_ns) for _ in range(8)]
+    assert [force.total_n for force in forces] == [
+        scene.truth(camera_ns).total_n
+        for camera_ns in range(jumping.now_ns() - 7 * 250_000_000, jumping.now_ns() + 1, 250_000_000)
+    ]
+    assert max(force.total_n for force in forces) > 0
+
+
+def test_a_recording_knows_no_truth(folder: Path, jumping: SteppedClock) -> None:
+    assert not isinstance(open_camera(CameraSettings(str(folder)), jumping), KnowsTruth)
 
 
 def test_nothing_touches_the_gel_before_the_start_of_the_scene() -> None:
