@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.gel import Gel
+
+
+def test_a_gel_takes_what_is_given_and_keeps_the_rest():
+    gel = Gel.from_mapping({'seed': 7, 'marker_diameter_mm': [0.2, 0.3], 'soft_mm': 4})
+    assert (gel.seed, gel.marker_diameter_mm, gel.soft_mm, gel.skin_mm) == (7, (0.2, 0.3), 4, 1.5)
+
+
+def test_the_camera_looks_up_from_23_millimetres_below_the_surface():
+    assert Gel().pupil_z_mm == -23.0
+
+
+@pytest.mark.parametrize('mapping', [{'sead': 1}, {'seed': 1.5}, {'seed': True}, {'soft_mm': 'thick'}])
+def test_a_wrong_property_is_refused_by_name(mapping: dict[str, object]):
+    with pytest.raises(ConfigurationError, match=next(iter(mapping))):
+        Gel.from_mapping(mapping)
+
+
+def test_any_other_property_makes_another_id():
+    assert Gel().gel_id == Gel(seed=1).gel_id
+    assert Gel().gel_id != Gel(blur_px=0.6).gel_id

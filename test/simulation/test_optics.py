@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.optics import NoiseBank, Optics, Press, mix, place_markers
+from tactile_nodes.simulation.scene import Scene
+
+DEEP = Press(3.0, -2.0, 2.0)
+
+
+def centroid(image: np.ndarray) -> np.ndarray:
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
+
+
+def test_a_dots_centroid_moves_exactly_as_its_marker_does(table: ContactTable):
+    """One marker, moved in steps of a tenth of a pixel across a whole pixel, each way."""
+    gel = Gel(marker_count=1, background_grey=0.0, vignetting=0.0)
+    optics = Optics(gel, table)
+    start = np.array([[300.0, 200.0]], np.float32)
+    for step in np.arange(0.0, 1.0, 0.1):
+        place = start + np.array([step, -step], np.float32)
+        np.testing.assert_allclose(centroid(optics._draw(place)), place[0], atol=2e-3)
+
+
+def test_a_dot_keeps_its_light_wherever_it_lies_on_the_pixels(table: ContactTable):
+    optics = Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0), table)
+    light = [optics._draw(np.array([[300 + s, 200 - s]], np.float32)).sum() for s in (0.0, 0.25, 0.5, 0.75)]
+    np.testing.assert_allclose(light, light[0], rtol=1e-5)
+
+
+def test_markers_far_outside_the_image_are_not_drawn(table: ContactTable):
+    optics = Optics(Gel(marker_count=2, background_grey=0.0), table)
+    outside = np.array([[-50.0, 100.0], [639.0, 479.0]], np.float32)
+    assert optics._draw(outside).sum() == 0
+
+
+def test_the_gel_fills_88_percent_of_the_crop(scene: Scene):
+    """The share of the crop's pixels whose rays meet the gel where its markers begin."""
+    y, x = np.mgrid[20:460, 100:540]
+    rays = scene.optics.camera.unproject(np.column_stack([x.ravel(), y.ravel()]).astype(float))
+    meets = np.abs(rays[:, :2] / rays[:, 2:]) * scene.gel.pupil_below_markers_mm
+    assert (meets <= 16).all(axis=1).mean() == pytest.approx(0.88, abs=0.02)
+
+
+def test_markers_lie_in_the_soft_gel_only(gel: Gel):
+    places, diameters = place_markers(gel)
+    assert places[:, 2].min() >= -6.0
+    assert places[:, 2].max() <= -1.5
+    assert np.abs(places[:, :2]).max() <= 16.0
+    assert 0.150 <= diameters.min() < diameters.max() <= 0.180
+
+
+def test_the_same_press_and_noise_give_the_same_pixels(scene: Scene, table: ContactTable):
+    other = Optics(scene.gel, table)
+    other.render((Press(-5.0, 4.0, 1.0),), 3)
+    np.testing.assert_array_equal(scene.optics.render((DEEP,), 7), other.render((DEEP,), 7))
+
+
+def test_another_seed_makes_another_gel(table: ContactTable, gel: Gel):
+    one, two = (Optics(each, table).radiance(()) for each in (gel, dataclasses.replace(gel, seed=2)))
+    assert np.abs(one - two).mean() > 1
+
+
+def test_a_tip_above_the_gel_changes_nothing(scene: Scene):
+    np.testing.assert_array_equal(scene.optics.radiance((Press(0, 0, -0.1),)), scene.optics.radiance(()))
+
+
+def test_a_first_touch_changes_almost_nothing(scene: Scene):
+    rest, touched = scene.optics.radiance(()), scene.optics.radiance((Press(0, 0, 0.001),))
+    assert np.abs(rest - touched).max() < 0.5
+
+
+def test_the_field_of_a_press_is_symmetric_about_its_axis(scene: Scene):
+    moved = scene.optics.displacement_mm((DEEP,))
+    offset = scene.optics.markers_mm[:, :2] - [DEEP.x_mm, DEEP.y_mm]
+    sideways = offset[:, 0] * moved[:, 1] - offset[:, 1] * moved[:, 0]
+    assert np.abs(sideways).max() < 1e-5
+
+
+def test_two_presses_add_up(scene: Scene):
+    other = Press(-6.0, 5.0, 1.0)
+    together = scene.optics.displacement_mm((DEEP, other))
+    apart = scene.optics.displacement_mm((DEEP,)) + scene.optics.displacement_mm((other,))
+    np.testing.assert_allclose(together, apart, atol=1e-6)
+
+
+def test_markers_move_by_pixels_at_two_millimetres_and_by_a_tenth_at_a_quarter(scene: Scene):
+    """The published scale of the sensor: up to a few pixels when deep, far below one when light."""
+    rest = scene.optics.project(())
+    deep, light = (np.hypot(*(scene.optics.project((Press(0, 0, depth),)) - rest).T).max() for depth in (2.0, 0.25))
+    assert 1.5 < deep < 5
+    assert 0.1 < light < 0.4
+
+
+def test_noise_has_the_variance_that_the_gel_says():
+    gel = Gel(read_noise_grey=2.0, shot_noise_grey=0.1)
+    frame = NoiseBank(gel).expose(np.full((480, 640), 100.0, np.float32), 5).astype(float)
+    assert frame.var() == pytest.approx(4 + 0.1 * 100 + 1 / 12, rel=0.02)  # 1/12 from rounding
+    assert frame.mean() == pytest.approx(100, abs=0.05)
+
+
+def test_noise_differs_from_frame_to_frame(scene: Scene):
+    radiance = scene.optics.radiance(())
+    unclipped = radiance < 200
+    one, two = ((scene.optics.render((), seed) - radiance)[unclipped] for seed in (1, 2))
+    # What rounding does is the same in all frames; it is a tenth of the noise at most.
+    assert abs(np.corrcoef(one, two)[0, 1]) < 0.01
+
+
+def test_splitmix_is_splitmix():
+    assert mix(0) == 0xE220A8397B1DCDAF  # first output of the published generator for seed 0

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.scene import PressSchedule, Scene, smooth
+
+SECOND = 1_000_000_000
+DWELL = 11 * SECOND // 10  # the middle of the first press of the default schedule
+
+
+def test_the_same_time_gives_the_same_pixels_in_two_scenes(scene: Scene, table: ContactTable):
+    other = Scene(scene.gel, table=table)
+    other.render(5 * SECOND)
+    np.testing.assert_array_equal(scene.render(DWELL), other.render(DWELL))
+
+
+def test_the_whole_force_is_in_the_bin_of_the_tip(scene: Scene):
+    truth = scene.truth(DWELL)
+    row, col = divmod(scene.bins.bin_of(*truth.position_mm), scene.bins.cols)
+    assert truth.in_contact
+    assert truth.normal_force_n[row, col] == pytest.approx(truth.total_n)
+    assert np.count_nonzero(truth.normal_force_n) == 1
+
+
+def test_nothing_touches_before_the_start(scene: Scene, table: ContactTable):
+    later = Scene(scene.gel, PressSchedule(start_ns=100 * SECOND), table=table)
+    assert later.truth(100 * SECOND - 1).total_n == 0
+    assert later.truth(100 * SECOND + DWELL).total_n > 0
+
+
+def test_every_press_dwells_at_its_place_and_depth():
+    schedule = PressSchedule(seed=3)
+    for number in range(50):
+        at = [schedule.press_at(round((number + share) * 2 * SECOND)) for share in (0.41, 0.5, 0.64)]
+        assert at[0] == at[1] == at[2]
+        assert 0.25 <= at[0].depth_mm <= 2.0
+        assert abs(at[0].x_mm) <= 13.5
+        assert abs(at[0].y_mm) <= 13.5
+
+
+def test_the_tip_never_drags_over_the_gel():
+    schedule = PressSchedule(seed=4)
+    path = [schedule.press_at(round(i * SECOND / 200)) for i in range(4000)]
+    for one, two in itertools.pairwise(path):
+        if one.depth_mm > 0 and two.depth_mm > 0:
+            assert (one.x_mm, one.y_mm) == (two.x_mm, two.y_mm)
+
+
+def test_the_tip_moves_without_jumps():
+    schedule = PressSchedule(seed=5)
+    path = np.array(
+        [(p.x_mm, p.y_mm, p.depth_mm) for p in (schedule.press_at(i * SECOND // 1000) for i in range(9000))]
+    )
+    assert np.abs(np.diff(path, axis=0)).max() < 0.3  # mm in a millisecond: 27 mm in 0.3 s, with a fast middle
+
+
+def test_presses_cover_the_surface_and_the_depths():
+    schedule = PressSchedule(seed=1)
+    targets = np.array(
+        [(p.x_mm, p.y_mm, p.depth_mm) for p in (schedule.press_at(2 * SECOND * n + DWELL) for n in range(500))]
+    )
+    # Three standard errors of a uniform distribution's mean.
+    assert (np.abs(targets.mean(axis=0) - [0, 0, 1.125]) < [1.05, 1.05, 0.07]).all()
+    assert len(np.unique(targets, axis=0)) == 500
+
+
+def test_schedules_of_neighbouring_seeds_share_no_press():
+    one, two = ({PressSchedule(seed=s).press_at(2 * SECOND * n + DWELL) for n in range(200)} for s in (1, 2))
+    assert not one & two
+
+
+def test_a_time_of_day_in_nanoseconds_is_as_good_as_any():
+    """Stamps are about 1.7e18: too large for floats, which would move the tip in steps."""
+    schedule = PressSchedule(start_ns=1_700_000_000_123_456_789)
+    assert schedule.press_at(1_700_000_000_123_456_789 + DWELL) == PressSchedule().press_at(DWELL)
+
+
+@pytest.mark.parametrize(('share', 'value'), [(-1, 0), (0, 0), (0.5, 0.5), (1, 1), (2, 1)])
+def test_the_smooth_step_starts_at_zero_and_ends_at_one(share: float, value: float):
+    assert smooth(share) == value
