@@ -19,6 +19,7 @@ import safetensors.numpy
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel, InputScaling, Mlp
 
@@ -47,6 +48,34 @@ class LoadedModel:
     def encoding(self) -> tuple[str, dict[str, object]]:
         """Name and options of the feature encoding that the model was trained with."""
         return self.card['encoding']['name'], dict(self.card['encoding']['options'])
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height in pixels of the images that the model was trained on."""
+        side = int(self.card['crop_px'])
+        return side, side
+
+    @property
+    def gel(self) -> str:
+        """The id of the gel that the model was trained on."""
+        return str(self.card['gel']['id'])
+
+
+def find_model(name: str) -> Path:
+    """The file of a model: a path, or the name of one that ships ('paper').
+
+    Raises:
+        ModelError: there is none; says which ship.
+    """
+    folder = share_directory() / 'models'
+    if (shipped := folder / f'{name}.safetensors').is_file():
+        return shipped
+    if Path(name).is_file():
+        return Path(name)
+    names = ', '.join(sorted(file.stem for file in folder.glob('*.safetensors'))) or 'none'
+    raise ModelError(
+        f'there is no model {name!r}; give the path of a model file, or the name of one that ships: {names}'
+    )
 
 
 def save_model(path: Path, model: ForceModel, card: Mapping[str, Any]) -> str:

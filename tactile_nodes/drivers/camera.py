@@ -27,10 +27,6 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.health import Health
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.geometry import BinGrid
-
-if TYPE_CHECKING:
-    from tactile_nodes.simulation.scene import Truth
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.geometry import BinGrid
@@ -137,20 +133,6 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Let go of the device; a second call does nothing."""
-        ...
-
-
-@runtime_checkable
-class KnowsTruth(Protocol):
-    """A camera in a simulated world, which knows what really presses."""
-
-    @property
-    def bins(self) -> BinGrid:
-        """The bins that the truth is told in."""
-        ...
-
-    def truth(self, stamp_ns: int) -> Truth:
-        """The force on the gel at the time of a frame."""
         ...
 
 

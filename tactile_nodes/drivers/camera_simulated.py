@@ -23,6 +23,7 @@ from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth
 
 NAME = 'the simulated camera'
+REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
 
 
 class SimulatedCamera:
@@ -32,7 +33,6 @@ class SimulatedCamera:
         self._settings = settings
         self._clock = clock
         self._scene: Scene | None = None
-        self._bins = BinGrid()
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -54,15 +54,6 @@ class SimulatedCamera:
             return Health(Level.STALE, f'{NAME} is not open')
         return Health(Level.OK, f'rendering, {self._dropped} frames lost')
 
-    @property
-    def bins(self) -> BinGrid:
-        """As `KnowsTruth.bins`; of the gel once it is open."""
-        return self._bins
-
-    def truth(self, stamp_ns: int) -> Truth:
-        """As `KnowsTruth.truth`."""
-        return self._opened().truth(stamp_ns)
-
     def open(self) -> None:
         """Build the scene and render once, so that the first frame comes as fast as the others."""
         if self._settings.fps <= 0:
@@ -71,9 +62,8 @@ class SimulatedCamera:
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
-            start_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
-            scene = build_scene(dataclasses.replace(self._settings.scene, start_ns=start_ns), scene)
-        self._scene, self._bins = scene, scene.bins
+            scene.schedule = _schedule(self._settings.scene, self._start_ns + REST_BEFORE_FIRST_PRESS_NS)
+        self._scene = scene
         self._sequence, self._dropped = -1, 0
 
     @property
@@ -108,11 +98,6 @@ class SimulatedCamera:
             raise DeviceError(f'{NAME} is closed; open it before reading')
         return self._scene
 
-    def _opened(self) -> Scene:
-        if self._scene is None:
-            raise DeviceError(f'{NAME} is closed; open it before reading')
-        return self._scene
-
     def _due_ns(self, sequence: int) -> int:
         return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
 
@@ -123,15 +108,18 @@ def build_scene(settings: SceneSettings) -> Scene:
     Raises:
         ConfigurationError: a gel file that cannot be used.
     """
-    schedule = PressSchedule(
+    gel = _gel(settings)
+    return Scene(gel, _schedule(settings, settings.start_ns), table=_table(gel))
+
+
+def _schedule(settings: SceneSettings, start_ns: int) -> PressSchedule:
+    return PressSchedule(
         seed=settings.seed,
-        start_ns=settings.start_ns,
+        start_ns=start_ns,
         period_s=settings.period_s,
         shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
         deepest_mm=settings.deepest_mm,
     )
-    gel = _gel(settings)
-    return Scene(gel, schedule, table=_table(gel))
 
 
 @cache

@@ -1,0 +1,1 @@
+"""The nodes: one file each, a thin shell around what computes. They meet on the bus, never in an import."""

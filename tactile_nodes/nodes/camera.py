@@ -1,0 +1,126 @@
+"""Publishes a camera's frames, cropped and grey, with the stamp of their capture.
+
+Publishes ``image_raw``, ``camera_info`` and, when the camera is the simulated one, ``true_force_distribution``.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth, open_camera
+from tactile_nodes.errors import DeviceTimeoutError, TactileError
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.geometry import Crop, grey, largest_side
+from tactile_nodes.sensing.quality import require_picture
+
+READ_TIMEOUT_S = 0.25
+HEALTH_PERIOD_S = 0.5
+
+
+@dataclass(frozen=True)
+class CameraParams(CameraSettings, NodeParams):
+    """Parameters of the camera node."""
+
+    crop: int = parameter(440, 'side of the square cut from the middle [px]; smaller where the image is', minimum=40)
+    frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
+    surface_frame_id: str = parameter('gel_surface', 'frame of the true force of a simulated camera')
+
+
+class CameraNode(Node):
+    """Reads in a thread of its own, so that a camera that hangs keeps nobody from asking this node how it is."""
+
+    NAME = 'camera'
+    PARAMS = CameraParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._image = self.create_publisher(topics.IMAGE)
+        self._info = self.create_publisher(topics.CAMERA_INFO)
+        self._camera = open_camera(self.params, self.clock)
+        self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
+        self._running = True
+        self._frames = 0
+        self._reader = threading.Thread(target=self._read, name='camera reader', daemon=True)
+        self._reader.start()
+        self.create_timer(HEALTH_PERIOD_S, self._report_health)
+
+    def on_close(self) -> None:
+        self._running = False
+        self._reader.join(timeout=2 * READ_TIMEOUT_S)
+        self._camera.close()
+
+    def _read(self) -> None:
+        while self._running:
+            try:
+                frame = self._camera.read(READ_TIMEOUT_S)
+            except DeviceTimeoutError:
+                continue  # the camera's health says it, and goes on saying it
+            except TactileError as error:
+                self.report('camera', Level.ERROR, str(error))
+                self.stop()
+                return
+            if frame is None:
+                self.report('recording', Level.OK, f'{self.params.source} has ended after {self._frames} frames')
+                return
+            self._publish(frame)
+
+    def _publish(self, frame: Frame) -> None:
+        self._frames += 1
+        height, width = frame.image.shape[:2]
+        side = largest_side(width, height, self.params.crop)
+        crop = Crop.centred(width, height, side, side)
+        head = conversions.header(frame.stamp_ns, self.params.frame_id)
+        picture = grey(crop.apply(frame.image))
+        self._image.publish(conversions.image_message(picture, head))
+        self._info.publish(_camera_info(head, width, height, crop))
+        if self._truth is not None and isinstance(self._camera, KnowsTruth):
+            truth, bins = self._camera.truth(frame.stamp_ns), self._camera.bins
+            contact_mm = truth.position_mm if truth.in_contact else None
+            fields = conversions.force_fields(truth.normal_force_n, bins, contact_mm)
+            surface = conversions.header(frame.stamp_ns, self.params.surface_frame_id)
+            self._truth.publish(types.ForceDistribution(header=surface, **fields))
+        if self._frames % 60 == 1:
+            self._report_picture(picture, side)
+
+    def _report_picture(self, picture: np.ndarray, side: int) -> None:
+        try:
+            require_picture(picture)
+        except TactileError as error:
+            self.report('picture', Level.WARN, str(error))
+            return
+        if side < self.params.crop:
+            self.report('picture', Level.WARN, f'the image is too small for a crop of {self.params.crop}; took {side}')
+        else:
+            self.report('picture', Level.OK, f'{side}x{side}')
+
+    def _report_health(self) -> None:
+        health = self._camera.health
+        described = self._camera.description
+        self.report('camera', Level(health.level), health.message, frames=self._frames, **described)
+
+
+def _camera_info(head: types.Header, width: int, height: int, crop: Crop) -> types.CameraInfo:
+    roi = types.RegionOfInterest(x_offset=crop.x, y_offset=crop.y, width=crop.width, height=crop.height)
+    return types.CameraInfo(header=head, width=width, height=height, distortion_model='equidistant', roi=roi)
+
+
+def main() -> int:
+    """The program ``camera_node``."""
+    return run_node(CameraNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

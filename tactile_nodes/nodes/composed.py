@@ -1,0 +1,58 @@
+"""Several nodes in one process, where messages go from one to the next without a copy.
+
+``composed_node camera flow_features force_estimator --ros-args …``: each node reads its own block of the parameter files.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.runtime import NodeFactory, run_nodes
+from tactile_nodes.errors import ConfigurationError, TactileError
+
+KNOWN = ('camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge')
+
+
+def node_class(name: str) -> type[Node]:
+    """The class of the node ``<name>_node``.
+
+    Raises:
+        ConfigurationError: there is none.
+    """
+    short = name.removesuffix('_node')
+    if short not in KNOWN:
+        raise ConfigurationError(f'there is no node {name!r} to compose; known are: {", ".join(KNOWN)}')
+    module = importlib.import_module(f'tactile_nodes.nodes.{short}')
+    found = [
+        entry
+        for entry in vars(module).values()
+        if isinstance(entry, type) and issubclass(entry, Node) and entry.__module__ == module.__name__
+    ]
+    assert len(found) == 1, f'{module.__name__} must define one node'
+    return found[0]
+
+
+def run(argv: Sequence[str]) -> int:
+    """Compose the nodes that the command line names. Returns the exit status."""
+    try:
+        names = parse_arguments(argv).rest
+        if not names:
+            raise ConfigurationError(f'name the nodes to compose; known are: {", ".join(KNOWN)}')
+        factories: list[NodeFactory] = [node_class(name) for name in names]
+    except TactileError as error:
+        sys.stderr.write(f'{error}\n')
+        return 1
+    return run_nodes(factories, [word for word in argv if word not in names])
+
+
+def main() -> int:
+    """The program ``composed_node``."""
+    return run(sys.argv[1:])
+
+
+if __name__ == '__main__':
+    sys.exit(main())
