@@ -22,7 +22,7 @@ def test_frames_are_stamped_at_the_instants_of_the_rate(jumping: SteppedClock) -
 
 
 def test_a_frame_shows_the_scene_at_its_stamp(jumping: SteppedClock) -> None:
-    settings = CameraSettings(fps=2.0)
+    settings = CameraSettings(fps=2.0, scene=SceneSettings(start_ns=jumping.now_ns()))
     camera = open_camera(settings, jumping)
     scene = build_scene(settings.scene)
     for _ in range(3):
@@ -41,16 +41,14 @@ def test_a_late_reader_gets_the_newest_frame_and_the_lost_ones_are_counted(jumpi
 
 
 def test_the_camera_knows_the_truth_for_the_stamp_of_a_frame(jumping: SteppedClock) -> None:
-    settings = CameraSettings(fps=4.0)
+    settings = CameraSettings(fps=4.0, scene=SceneSettings(start_ns=jumping.now_ns()))
     camera = open_camera(settings, jumping)
     assert isinstance(camera, KnowsTruth)
     scene = build_scene(settings.scene)
-    forces = [camera.truth(camera.read(1.0).stamp_ns) for _ in range(8)]
-    assert [force.total_n for force in forces] == [
-        scene.truth(camera_ns).total_n
-        for camera_ns in range(jumping.now_ns() - 7 * 250_000_000, jumping.now_ns() + 1, 250_000_000)
-    ]
-    assert max(force.total_n for force in forces) > 0
+    stamps = [camera.read(1.0).stamp_ns for _ in range(8)]
+    forces = [camera.truth(stamp_ns).total_n for stamp_ns in stamps]
+    assert forces == [scene.truth(stamp_ns).total_n for stamp_ns in stamps]
+    assert max(forces) > 0
 
 
 def test_a_recording_knows_no_truth(folder: Path, jumping: SteppedClock) -> None:
@@ -62,6 +60,14 @@ def test_nothing_touches_the_gel_before_the_start_of_the_scene() -> None:
     scene = build_scene(SceneSettings(start_ns=start_ns))
     assert not scene.truth(start_ns - 1).in_contact
     assert scene.truth(start_ns + 1_000_000_000).in_contact  # the middle of the first press of two seconds
+
+
+def test_without_a_start_time_the_gel_rests_for_a_second_after_opening(jumping: SteppedClock) -> None:
+    camera = open_camera(CameraSettings(), jumping)
+    opened_ns = jumping.now_ns()
+    touched = [camera.truth(opened_ns + tenth * 100_000_000).in_contact for tenth in range(30)]
+    assert not any(touched[:11])
+    assert any(touched[11:])
 
 
 def test_the_same_settings_show_the_same_world_and_another_gel_another() -> None:
