@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
-import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -60,19 +59,21 @@ class _Block:
     config: TrainConfig
     number: int
     presses: int
+    file: Path
 
 
 def simulate(config: TrainConfig, progress: Progress) -> Dataset:
-    """The data set of a configuration, from disk if it was made before."""
+    """The data set of a configuration; blocks that were made before, also by a run that was cut short, are read."""
     folder = paths.cache_directory() / 'datasets' / recipe_id(config)
-    if not folder.is_dir():
-        _make(config, folder, progress)
-    return _load(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    blocks = _blocks(config, folder)
+    _render([block for block in blocks if not block.file.is_file()], config.data.processes, progress)
+    return _load([block.file for block in blocks])
 
 
 def recipe_id(config: TrainConfig) -> str:
-    """Sixteen hexadecimal digits over everything that the samples depend on."""
-    data = {name: value for name, value in asdict(config.data).items() if name != 'processes'}
+    """Sixteen hexadecimal digits over everything that a block of samples depends on."""
+    data = {name: value for name, value in asdict(config.data).items() if name not in ('presses', 'processes')}
     chosen = {
         'recipe': RECIPE,
         'opencv': cv2.__version__,
@@ -84,45 +85,39 @@ def recipe_id(config: TrainConfig) -> str:
     return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _make(config: TrainConfig, folder: Path, progress: Progress) -> None:
-    draft = folder.with_name(f'{folder.name}.part')
-    shutil.rmtree(draft, ignore_errors=True)
-    draft.mkdir(parents=True)
-    results = list(_rendered(config, progress))
-    names = ('features', 'presses', 'confidence')
-    features, presses, confidence = ([block[i] for block in results] for i in range(len(names)))
-    np.save(draft / 'features.npy', np.concatenate(features))
-    np.save(draft / 'presses.npy', np.concatenate(presses))
-    np.save(draft / 'confidence.npy', np.stack(confidence))
-    np.save(draft / 'rest.npy', np.repeat(np.arange(len(presses)), [len(each) for each in presses]))
-    draft.replace(folder)
+def _blocks(config: TrainConfig, folder: Path) -> list[_Block]:
+    size, total = config.data.presses_per_rest_image, config.data.presses
+    counts = [min(size, total - first) for first in range(0, total, size)]
+    return [_Block(config, number, count, folder / f'{number:05}-{count}.npz') for number, count in enumerate(counts)]
 
 
-def _load(folder: Path) -> Dataset:
-    arrays = {name: np.load(folder / f'{name}.npy') for name in ('features', 'presses', 'rest', 'confidence')}
+def _render(blocks: list[_Block], processes: int, progress: Progress) -> None:
+    if not blocks:
+        return
+    with (
+        multiprocessing.get_context('spawn').Pool(min(processes, len(blocks))) as pool,
+        progress.bar('rendering presses', sum(block.presses for block in blocks)) as bar,
+    ):
+        for presses in pool.imap_unordered(_render_block, blocks):
+            bar.advance(presses)
+
+
+def _load(files: list[Path]) -> Dataset:
+    blocks = []
+    for file in files:
+        with np.load(file) as arrays:
+            blocks.append({name: arrays[name] for name in ('features', 'presses', 'confidence')})
+    arrays = {name: np.concatenate([block[name] for block in blocks]) for name in ('features', 'presses')}
+    arrays['confidence'] = np.stack([block['confidence'] for block in blocks])
+    arrays['rest'] = np.repeat(np.arange(len(blocks)), [len(block['presses']) for block in blocks])
     digest = hashlib.sha256()
     for array in arrays.values():
         digest.update(np.ascontiguousarray(array).data)
     return Dataset(**arrays, fingerprint=digest.hexdigest()[:16])
 
 
-def _rendered(config: TrainConfig, progress: Progress) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    size = config.data.presses_per_rest_image
-    blocks = [
-        _Block(config, number, min(size, config.data.presses - first))
-        for number, first in enumerate(range(0, config.data.presses, size))
-    ]
-    with (
-        multiprocessing.get_context('spawn').Pool(config.data.processes) as pool,
-        progress.bar('rendering presses', config.data.presses) as bar,
-    ):
-        for result in pool.imap(_render_block, blocks):
-            bar.advance(len(result[1]))
-            yield result
-
-
-def _render_block(block: _Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Features, presses and confidence of one block (in a process of its own)."""
+def _render_block(block: _Block) -> int:
+    """Make one block and write it (in a process of its own); returns its number of presses."""
     config = block.config
     table = solve(config.gel)
     optics = Optics(config.gel, table)
@@ -136,7 +131,10 @@ def _render_block(block: _Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         encoded = encoding.encode(flow.displacement(_crop(config, optics.render((press,), next(seeds)))))
         features.append(encoded.values.astype(np.float16))
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
-    return np.stack(features), np.array(presses, np.float32), encoded.confidence
+    draft = block.file.with_suffix('.part.npz')
+    np.savez(draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=encoded.confidence)
+    draft.replace(block.file)
+    return block.presses
 
 
 def random_presses(config: TrainConfig, block: int, count: int) -> list[Press]:

@@ -17,7 +17,7 @@ class Gel:
     The elastic layer of the mechanics is the soft gel with its skin, 6 mm thick, bonded to the stiff layer,
     which counts as rigid. The modulus is chosen so that 2 mm of the paper's tip take about 1 N.
     `pupil_below_markers_mm` is the distance from the camera's entrance pupil to the lowest markers; refraction
-    at the lens is part of it. With `focal_px_per_rad` the gel fills 88 % of the 440x440 crop.
+    at the lens is part of it. With `focal_px_per_rad` 88 % of the 40x40 regions of the 440x440 crop hold markers.
     """
 
     seed: int = 1
@@ -30,7 +30,7 @@ class Gel:
     marker_diameter_mm: tuple[float, float] = (0.150, 0.180)
     tip_radius_mm: float = 0.6
     pupil_below_markers_mm: float = 17.0
-    focal_px_per_rad: float = 297.0
+    focal_px_per_rad: float = 290.0
     image_width: int = 640
     image_height: int = 480
     blur_px: float = 0.55
