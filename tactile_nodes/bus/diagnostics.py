@@ -36,10 +36,10 @@ class Diagnostics:
         self._lock = threading.Lock()
 
     def report(self, part: str, level: Level, text: str, **values: object) -> bool:
-        """Say how `part` is; true when its level or text is new."""
+        """Say how `part` is; true when that is better or worse than before, or the first time."""
         with self._lock:
             known = self._parts.setdefault(part, _Part(Level.STALE))
-            changed = (known.level, known.text) != (level, text)
+            changed = known.level != level
             self._parts[part] = _Part(level, text, dict(values))
             return changed
 

@@ -113,7 +113,7 @@ class Node:
         """Take over new parameters, or refuse them with a ConfigurationError; for subclasses that can change."""
 
     def report(self, part: str, level: Level, text: str, **values: object) -> None:
-        """Say how a part of this node is; what is new is also logged."""
+        """Say how a part of this node is; when that gets better or worse it is also logged."""
         if self.diagnostics.report(part, level, text, **values) and text:
             {Level.OK: self.log.info, Level.WARN: self.log.warn}.get(level, self.log.error)(f'{part}: {text}')
 

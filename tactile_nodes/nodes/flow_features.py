@@ -129,7 +129,7 @@ class FlowFeaturesNode(Node):
             predict=float('nan'),
             transport=max(0.0, (self.clock.now_ns() - received.source_ns - (features_ns - start_ns)) * 1e-9),
         )
-        level, dark, saturated = picture_faults(image)
+        faults = picture_faults(image)
         rows, cols, channels = features.values.shape
         self._features.publish(
             types.FlowFeatures(
@@ -144,9 +144,9 @@ class FlowFeaturesNode(Node):
                 image_height=image.shape[0],
                 method=self._method,
                 reference_id=self._tracker.reference_id,
-                image_level=level,
-                reasons=dark * types.ForceDistribution.REASON_DARK_IMAGE
-                + saturated * types.ForceDistribution.REASON_SATURATED_IMAGE,
+                image_level=faults.level,
+                reasons=faults.dark * types.ForceDistribution.REASON_DARK_IMAGE
+                + faults.saturated * types.ForceDistribution.REASON_SATURATED_IMAGE,
                 stages=stages,
             )
         )
@@ -167,6 +167,7 @@ class FlowFeaturesNode(Node):
     def _report_reference(self) -> None:
         assert self._tracker.reference is not None
         height, width = self._tracker.reference.shape
+        self.log.info(f'new rest image {self._tracker.reference_id}')
         self.report('rest image', Level.OK, f'{self._tracker.reference_id}, {width}x{height}')
 
     def _capture_again(self) -> str:

@@ -74,7 +74,7 @@ class ForceEstimatorNode(Node):
     def _message(
         self, features: types.FlowFeatures, found: ForceMap, predict_s: float, since_s: float
     ) -> types.ForceDistribution:
-        reasons = features.reasons | self._reasons(features, found)
+        reasons = int(features.reasons | self._reasons(features, found))
         touching = not reasons & _INVALID and self._contact.update(found.total_n)
         bins = self._estimator.model.bins
         stages: types.StageTimes = features.stages
@@ -94,12 +94,13 @@ class ForceEstimatorNode(Node):
         )
 
     def _reasons(self, features: types.FlowFeatures, found: ForceMap) -> int:
-        other_image = (features.image_width, features.image_height) != self._image_size
-        return (
-            (not math.isfinite(found.total_n)) * types.ForceDistribution.REASON_NOT_FINITE
-            | (found.confidence < self.params.least_confidence) * types.ForceDistribution.REASON_LOW_CONFIDENCE
-            | other_image * types.ForceDistribution.REASON_OTHER_IMAGE
-        )
+        kind = types.ForceDistribution
+        faults = {
+            kind.REASON_NOT_FINITE: not math.isfinite(found.total_n),
+            kind.REASON_LOW_CONFIDENCE: found.confidence < self.params.least_confidence,
+            kind.REASON_OTHER_IMAGE: (features.image_width, features.image_height) != self._image_size,
+        }
+        return sum(bit for bit, present in faults.items() if present)
 
 
 def _status(reasons: int) -> int:

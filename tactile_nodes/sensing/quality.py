@@ -16,16 +16,34 @@ SATURATED_SHARE = 0.25
 """A picture with a larger share of pixels at 255 has lost its markers in the light."""
 
 
+@dataclass(frozen=True)
+class PictureFaults:
+    """What is wrong with an image as a picture: its mean grey level, and whether it is black or burnt out."""
+
+    level: float
+    dark: bool
+    saturated: bool
+
+
+def picture_faults(image: UInt8[np.ndarray, 'h w']) -> PictureFaults:
+    """Judge an image by every fourth pixel of every fourth row."""
+    sample = image[::4, ::4]
+    # A percentile by counting: sorting would cost ten times as much, for each frame.
+    bright = np.count_nonzero(sample >= DARK_GREY) > 0.01 * sample.size
+    saturated = np.count_nonzero(sample == 255) > SATURATED_SHARE * sample.size
+    return PictureFaults(float(sample.mean()), not bright, bool(saturated))
+
+
 def require_picture(image: UInt8[np.ndarray, 'h w']) -> None:
     """Refuse an image without a picture in it.
 
     Raises:
         ImageError: it is black or overexposed.
     """
-    sample = image[::4, ::4]
-    if np.percentile(sample, 99) < DARK_GREY:
+    faults = picture_faults(image)
+    if faults.dark:
         raise ImageError('the camera image is black; switch on the light in the sensor or uncover the lens')
-    if (sample == 255).mean() > SATURATED_SHARE:
+    if faults.saturated:
         raise ImageError('the camera image is overexposed; lower the exposure, the gain or the light')
 
 
