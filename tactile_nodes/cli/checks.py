@@ -1,0 +1,311 @@
+"""What `tactile doctor` looks at: one small function a subject, each handed the paths and values it judges.
+
+A *problem* keeps the live view of the simulated sensor from running; everything that costs only speed, a device or
+comfort is a *warning*.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import grp
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TextIO
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
+
+Level = Literal['ok', 'warning', 'problem']
+GB = 1e9
+OLDEST_PYTHON = (3, 10)
+LEAST_CORES = 2
+LEAST_MEMORY = 1 * GB
+LEAST_DISK = 5 * GB
+LEAST_SHARED_MEMORY = 64e6
+SHARED_MEMORY = Path('/dev/shm')  # noqa: S108, the mount itself is what is judged
+LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108 with its end, see unix(7)
+SOCKET_NAME = 'd232/' + 'x' * 32 + '.999.sock'
+IMAGES_PER_S, IMAGE_BYTES = 60, 440 * 440
+NARROWEST_TERMINAL = 80
+
+# Module and distribution; OpenCV comes in several distributions.
+PACKAGES = {
+    'numpy': ('numpy',),
+    'cv2': (
+        'opencv-contrib-python-headless',
+        'opencv-contrib-python',
+        'opencv-python-headless',
+        'opencv-python',
+    ),
+    'zmq': ('pyzmq',),
+    'rosbags': ('rosbags',),
+    'mcap': ('mcap',),
+    'rich': ('rich',),
+    'yaml': ('pyyaml',),
+    'safetensors': ('safetensors',),
+    'jaxtyping': ('jaxtyping',),
+    'serial': ('pyserial',),
+    'psutil': ('psutil',),
+    'argcomplete': ('argcomplete',),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was looked at, how it is, and what to do about it (empty if nothing)."""
+
+    name: str
+    level: Level
+    found: str
+    remedy: str = ''
+
+
+def python(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
+    """The interpreter."""
+    text = '.'.join(map(str, version))
+    if version[:2] >= OLDEST_PYTHON:
+        return Finding('Python', 'ok', text)
+    return Finding('Python', 'problem', text, 'install Python 3.10 or newer and make the environment again')
+
+
+def cores(count: int | None = None) -> Finding:
+    """Cores that this process may use."""
+    count = count or len(os.sched_getaffinity(0))
+    if count >= LEAST_CORES:
+        return Finding('cores', 'ok', str(count))
+    return Finding('cores', 'warning', str(count), 'give it two: one takes and renders images, one computes forces')
+
+
+def memory(meminfo: Path = Path('/proc/meminfo')) -> Finding:
+    """Memory that is free or can be freed at once (MemAvailable of proc(5))."""
+    values = _meminfo(meminfo)
+    if 'MemAvailable' not in values:
+        return Finding('memory', 'ok', 'not readable')
+    text = f'{values["MemAvailable"] / GB:.1f} GB available of {values.get("MemTotal", 0) / GB:.1f}'
+    if values['MemAvailable'] >= LEAST_MEMORY:
+        return Finding('memory', 'ok', text)
+    return Finding('memory', 'warning', text, 'end other programs; the live view takes about 0.5 GB')
+
+
+def governor(cpu: Path = Path('/sys/devices/system/cpu/cpu0/cpufreq')) -> Finding:
+    """How the processor chooses its clock rate."""
+    try:
+        chosen = (cpu / 'scaling_governor').read_text(encoding='ascii').strip()
+        driver = (cpu / 'scaling_driver').read_text(encoding='ascii').strip()
+    except OSError:
+        return Finding('CPU governor', 'ok', 'not readable, as in most virtual machines')
+    text = f'{chosen} ({driver})'
+    if chosen != 'powersave' or driver in {'intel_pstate', 'amd-pstate-epp'}:  # theirs follows the load
+        return Finding('CPU governor', 'ok', text)
+    return Finding('CPU governor', 'warning', text, 'for even latencies: sudo cpupower frequency-set -g performance')
+
+
+def packages(known: Mapping[str, tuple[str, ...]] = PACKAGES) -> Finding:
+    """The packages that the live path needs, with their versions."""
+    missing = [names[0] for module, names in known.items() if not _importable(module)]
+    if missing:
+        return Finding(
+            'packages',
+            'problem',
+            f'missing: {", ".join(missing)}',
+            f'{sys.executable} -m pip install {" ".join(missing)}',
+        )
+    return Finding('packages', 'ok', ', '.join(f'{module} {_version(names)}' for module, names in known.items()))
+
+
+def torch() -> Finding:
+    """The training extra."""
+    if _importable('torch'):
+        return Finding('torch', 'ok', _version(('torch',)))
+    return Finding('torch', 'ok', 'not installed', "only training needs it: pip install 'tactile_nodes[train]'")
+
+
+def share(locate: Callable[[], Path] = paths.share_directory) -> Finding:
+    """The data that the package ships, and a model in it."""
+    try:
+        folder = locate()
+    except ConfigurationError as error:
+        return Finding('data files', 'problem', str(error), 'pip install --force-reinstall tactile_nodes')
+    models = sorted((folder / 'models').rglob('*.safetensors'))
+    if not models:
+        return Finding('data files', 'problem', f'{folder} holds no model', 'make one with: tactile train')
+    return Finding('data files', 'ok', f'{folder}, models: {", ".join(model.stem for model in models)}')
+
+
+def run_directory(locate: Callable[[], Path] = paths.run_directory) -> Finding:
+    """The folder of the bus's sockets."""
+    try:
+        folder = locate()
+    except ConfigurationError as error:
+        return Finding('run folder', 'problem', str(error), 'set TACTILE_RUN_DIR to a folder of your own, mode 700')
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return Finding('run folder', 'problem', f'{folder} is not writable', 'set TACTILE_RUN_DIR to one that is')
+    if len(os.fsencode(folder / SOCKET_NAME)) > LONGEST_SOCKET_PATH:
+        return Finding(
+            'run folder', 'problem', f'{folder} is too long for sockets', 'set TACTILE_RUN_DIR to a shorter path'
+        )
+    return Finding('run folder', 'ok', str(folder))
+
+
+def domain(environment: Mapping[str, str] = os.environ) -> Finding:
+    """The domain that keeps robots on one host apart."""
+    text = environment.get('ROS_DOMAIN_ID', '').strip()
+    if not text:
+        return Finding('domain', 'ok', '0 (ROS_DOMAIN_ID is not set)')
+    if text.isdecimal() and int(text) <= 232:
+        return Finding('domain', 'ok', f'{int(text)} (ROS_DOMAIN_ID)')
+    return Finding('domain', 'problem', f'ROS_DOMAIN_ID is {text!r}', 'set it to a number from 0 to 232, or unset it')
+
+
+def ros(environment: Mapping[str, str] = os.environ, rclpy: bool | None = None) -> Finding:
+    """ROS 2, which is not needed."""
+    distribution = environment.get('ROS_DISTRO', '')
+    found = _importable('rclpy') if rclpy is None else rclpy
+    if distribution and found:
+        return Finding('ROS 2', 'ok', f'{distribution}, with rclpy')
+    if distribution:
+        return Finding(
+            'ROS 2',
+            'warning',
+            f'{distribution} is sourced, but this Python has no rclpy',
+            "use ROS 2's own Python: python3 -m venv --system-site-packages",
+        )
+    return Finding('ROS 2', 'ok', 'not sourced', 'only a bridge needs it: source /opt/ros/<distribution>/setup.bash')
+
+
+def cameras(dev: Path = Path('/dev'), sysfs: Path = Path('/sys/class/video4linux')) -> Finding:
+    """Video devices, their names, and whether this user may open them."""
+    nodes = sorted(dev.glob('video[0-9]*'), key=lambda node: int(node.name[5:]))
+    if not nodes:
+        return Finding('cameras', 'warning', 'none', 'plug one in; without one the simulated camera runs')
+    text = ', '.join(f'{node.name} {_card(sysfs / node.name)}'.strip() for node in nodes)
+    if names := _links(dev / 'v4l' / 'by-id'):
+        text += f'; by id: {", ".join(names)}'
+    return _access('cameras', text, nodes, 'video')
+
+
+def serial_ports(dev: Path = Path('/dev')) -> Finding:
+    """Serial ports of CNC controllers and force sensors, and whether this user may open them."""
+    ports = sorted([*dev.glob('ttyUSB*'), *dev.glob('ttyACM*')])
+    if not ports:
+        return Finding('serial ports', 'ok', 'none', 'only data collection needs them')
+    text = ', '.join(port.name for port in ports)
+    if names := _links(dev / 'serial' / 'by-id'):
+        text += f'; by id: {", ".join(names)}'
+    return _access('serial ports', text, ports, 'dialout')
+
+
+def disk(folder: Path | None = None) -> Finding:
+    """Room for recordings, in minutes of 440x440 images at 60 a second."""
+    folder = folder or Path.cwd()
+    free = shutil.disk_usage(folder).free
+    minutes = free / (IMAGES_PER_S * IMAGE_BYTES) / 60
+    text = f'{free / GB:.1f} GB free in {folder}: {minutes:.0f} minutes of images'
+    if free >= LEAST_DISK:
+        return Finding('disk', 'ok', text)
+    return Finding('disk', 'warning', text, 'free some, or record elsewhere: tactile bag record -o FOLDER')
+
+
+def shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
+    """Shared memory, which OpenCV, torch and ROS 2's transports use."""
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        return Finding('shared memory', 'warning', f'{folder} is not there or not writable', 'mount a tmpfs on it')
+    free = shutil.disk_usage(folder).free
+    text = f'{free / GB:.2f} GB free in {folder}'
+    if free >= LEAST_SHARED_MEMORY:
+        return Finding('shared memory', 'ok', text)
+    return Finding('shared memory', 'warning', text, 'in a container, give it more: docker run --shm-size=1g')
+
+
+def terminal(stream: TextIO = sys.stdout, environment: Mapping[str, str] = os.environ) -> Finding:
+    """Whether the live view can be drawn here."""
+    encoding = (stream.encoding or 'ascii').lower().replace('-', '')
+    if encoding != 'utf8':
+        return Finding('terminal', 'warning', f'encoding {stream.encoding}', 'export LANG=C.UTF-8 to see the force map')
+    if not stream.isatty():
+        return Finding('terminal', 'ok', 'output goes to a file or pipe')
+    if environment.get('TERM', 'dumb') == 'dumb':
+        return Finding(
+            'terminal', 'warning', 'TERM is dumb or not set', 'use a terminal with colours for the live view'
+        )
+    width = shutil.get_terminal_size().columns
+    if width < NARROWEST_TERMINAL:
+        return Finding('terminal', 'warning', f'{width} columns', f'make it {NARROWEST_TERMINAL} wide or more')
+    return Finding('terminal', 'ok', f'{environment["TERM"]}, {width} columns, {stream.encoding}')
+
+
+CHECKS: tuple[Callable[[], Finding], ...] = (
+    python,
+    packages,
+    share,
+    run_directory,
+    domain,
+    cores,
+    memory,
+    governor,
+    shared_memory,
+    disk,
+    terminal,
+    cameras,
+    serial_ports,
+    torch,
+    ros,
+)
+
+
+def _access(name: str, text: str, nodes: Sequence[Path], group: str) -> Finding:
+    closed = [node for node in nodes if not os.access(node, os.R_OK | os.W_OK)]
+    if not closed:
+        return Finding(name, 'ok', text)
+    remedy = f'sudo usermod -aG {group} $USER, then log in again'
+    if _member(group):
+        remedy = f'you are in group {group} since after you logged in: log in again'
+    return Finding(name, 'warning', f'{text}; no permission for {", ".join(node.name for node in closed)}', remedy)
+
+
+def _member(group: str) -> bool:
+    """Whether the user database has this user in the group, also if this session does not know yet."""
+    try:
+        return os.environ.get('USER', '') in grp.getgrnam(group).gr_mem
+    except KeyError:
+        return False
+
+
+def _card(folder: Path) -> str:
+    try:
+        return f'({(folder / "name").read_text(encoding="utf-8", errors="replace").strip()})'
+    except OSError:
+        return ''
+
+
+def _links(folder: Path) -> list[str]:
+    return sorted(link.name for link in folder.iterdir()) if folder.is_dir() else []
+
+
+def _meminfo(file: Path) -> dict[str, float]:
+    try:
+        lines = file.read_text(encoding='ascii').splitlines()
+    except OSError:
+        return {}
+    pairs = (line.split() for line in lines)
+    return {words[0].rstrip(':'): int(words[1]) * 1024.0 for words in pairs if len(words) >= 2}
+
+
+def _importable(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+def _version(distributions: Sequence[str]) -> str:
+    for name in distributions:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            return importlib.metadata.version(name)
+    return 'of unknown version'
