@@ -193,7 +193,7 @@ def _model(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> F
 
 
 def _foreign(path: Path, data: bytes) -> str:
-    if data[:2] in (b'PK', b'\x80\x02', b'\x80\x04'):
+    if data[:2] == b'PK' or data[:1] == b'\x80':
         what = 'is a pickle or PyTorch archive, which may run code when loaded, so it is not opened'
     else:
         what = 'is no model of tactile_nodes, or its beginning is damaged'

@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import safetensors.numpy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel, InputScaling, Mlp
+
+CARD = {
+    'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},
+    'encoding': {'name': 'cartesian_mean', 'options': {'rows': 2, 'cols': 2}},
+    'command': 'tactile train small.yaml',
+}
+
+
+def small_model() -> ForceModel:
+    random = np.random.default_rng(0)
+    shape = (2, 2, 2)
+    sizes = (8, 5, 9)
+    # Multiples of 1/64 are exact as 16 bit floats.
+    weights = tuple(
+        random.integers(-64, 64, pair).astype(np.float32) / 64 for pair in zip(sizes[1:], sizes[:-1], strict=True)
+    )
+    biases = tuple(random.normal(size=n).astype(np.float32) for n in sizes[1:])
+    scaling = InputScaling(
+        random.normal(size=shape).astype(np.float32), np.full(shape, 2, np.float32), np.ones((2, 2), np.float32), 0.4
+    )
+    layout = FeatureLayout('cartesian_mean', 2, 2, 2)
+    return ForceModel(layout, BinGrid(3, 3, 30.0, 30.0), scaling, Mlp(weights, biases), 0.1, 0.02)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / 'small.safetensors'
+    save_model(path, small_model(), CARD)
+    return path
+
+
+@pytest.fixture(scope='module')
+def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp('model') / 'small.safetensors'
+    save_model(path, small_model(), CARD)
+    return path.read_bytes()
+
+
+def test_a_model_comes_back_with_the_same_predictions(file: Path):
+    random = np.random.default_rng(1)
+    features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
+    before = ForceEstimator(small_model()).predict(features)
+    after = ForceEstimator(load_model(file).model).predict(features)
+    np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
+    assert after.contact_mm == before.contact_mm
+
+
+def test_a_model_comes_back_with_all_that_its_numbers_mean(file: Path):
+    loaded, made = load_model(file), small_model()
+    assert (loaded.model.layout, loaded.model.bins) == (made.layout, made.bins)
+    assert loaded.model.scaling.confidence_floor == 0.4
+    assert (loaded.model.output_scale_n, loaded.model.contact_threshold_n) == (0.1, 0.02)
+    assert loaded.flow == ('dis', {'preset': 'ultrafast'})
+    assert loaded.encoding == ('cartesian_mean', {'rows': 2, 'cols': 2})
+    assert loaded.card['units']['normal_force'].startswith('N')
+
+
+def test_the_id_is_the_same_at_saving_and_at_loading(tmp_path: Path):
+    saved = save_model(tmp_path / 'model.safetensors', small_model(), CARD)
+    assert load_model(tmp_path / 'model.safetensors').model_id == saved
+    assert len(saved) == 12
+
+
+def test_another_card_makes_another_id(tmp_path: Path):
+    ids = {save_model(tmp_path / 'model.safetensors', small_model(), {**CARD, 'command': each}) for each in 'ab'}
+    assert len(ids) == 2
+
+
+def test_any_reader_of_safetensors_can_open_the_file(file: Path):
+    assert safetensors.numpy.load_file(file)['layer0.weight'].shape == (5, 8)
+
+
+def test_nothing_is_left_beside_the_file(file: Path):
+    assert [each.name for each in file.parent.iterdir()] == ['small.safetensors']
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_any_altered_byte_is_noticed(content: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject):
+    place = data.draw(st.integers(0, len(content) - 1))
+    flip = data.draw(st.integers(1, 255))
+    path = tmp_path_factory.getbasetemp() / 'altered.safetensors'
+    path.write_bytes(content[:place] + bytes([content[place] ^ flip]) + content[place + 1 :])
+    with pytest.raises(ModelError):
+        load_model(path)
+
+
+@pytest.mark.parametrize('kept', [0, 4, 8, 100, -1])
+def test_a_file_cut_short_is_noticed(content: bytes, tmp_path: Path, kept: int):
+    (tmp_path / 'cut.safetensors').write_bytes(content[:kept])
+    with pytest.raises(ModelError):
+        load_model(tmp_path / 'cut.safetensors')
+
+
+def test_a_damaged_weight_is_called_damage(content: bytes, tmp_path: Path):
+    (tmp_path / 'bad.safetensors').write_bytes(content[:-3] + b'abc')
+    with pytest.raises(ModelError, match=r'bad\.safetensors is damaged: .* fetch it again'):
+        load_model(tmp_path / 'bad.safetensors')
+
+
+def test_a_missing_file_says_how_to_make_one(tmp_path: Path):
+    with pytest.raises(ModelError, match=r'there is no model file .* tactile train'):
+        load_model(tmp_path / 'none.safetensors')
+
+
+def test_a_folder_is_no_model(tmp_path: Path):
+    with pytest.raises(ModelError, match='cannot read'):
+        load_model(tmp_path)
+
+
+def test_somebody_elses_safetensors_are_refused(tmp_path: Path):
+    safetensors.numpy.save_file({'x': np.zeros(3)}, tmp_path / 'other.safetensors')
+    with pytest.raises(ModelError, match='no model of tactile_nodes'):
+        load_model(tmp_path / 'other.safetensors')
+
+
+class Bomb:
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return exec, ('raise SystemExit("it ran")',)
+
+
+def test_a_pickle_is_refused_without_being_run(tmp_path: Path):
+    (tmp_path / 'bomb.pt').write_bytes(pickle.dumps(Bomb()))
+    with pytest.raises(ModelError, match='may run code when loaded'):
+        load_model(tmp_path / 'bomb.pt')
+
+
+def test_a_newer_format_says_to_update(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr('tactile_nodes.model_file.FORMAT_VERSION', 2)
+    save_model(tmp_path / 'new.safetensors', small_model(), CARD)
+    monkeypatch.undo()
+    with pytest.raises(ModelError, match='format version 2, and this release reads version 1; update'):
+        load_model(tmp_path / 'new.safetensors')
+
+
+def test_the_card_is_plain_json(file: Path):
+    json.dumps(dict(load_model(file).card))
