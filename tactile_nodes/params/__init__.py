@@ -1,0 +1,38 @@
+"""Configuration enters here, once: a block of YAML becomes a frozen dataclass, or an error naming file, line and key.
+
+Parameter files are ROS 2's (``ros__parameters``), read by rcl's rules, so that one file serves both worlds. The rules
+that differ from plain YAML: ``010`` is eight, ``1e-3`` is a number, ``yes`` is true, a list holds one type, and which
+of several matching blocks wins follows from the order of first appearance, not from how specific a block is.
+
+A block is declared as a frozen dataclass of `parameter()` fields::
+
+    @dataclass(frozen=True)
+    class FlowParams:
+        '''Parameters of the flow node.'''
+        threads: int = parameter(1, 'threads of the flow method', minimum=1)
+
+An integer given for a `float` is refused, as rclpy refuses it: write ``7.0``.
+"""
+
+from tactile_nodes.params.blocks import ParameterDescription, describe, from_mapping, parameter, to_values
+from tactile_nodes.params.files import (
+    Located,
+    NodeParameters,
+    Scalar,
+    Value,
+    compose,
+    exact_names,
+    load_mapping,
+    load_parameter_file,
+    matches,
+    normal_pattern,
+    parse_parameters,
+    parse_scalar,
+    resolve_parameters,
+)
+
+__all__ = [
+    'Located', 'NodeParameters', 'ParameterDescription', 'Scalar', 'Value', 'compose', 'describe', 'exact_names',
+    'from_mapping', 'load_mapping', 'load_parameter_file', 'matches', 'normal_pattern', 'parameter', 'parse_parameters',
+    'parse_scalar', 'resolve_parameters', 'to_values',
+]  # fmt: skip

@@ -1,0 +1,88 @@
+"""The rules of the house that a linter does not know."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes import errors
+from tactile_nodes.bus.topics import TOPICS
+from tactile_nodes.paths import share_directory
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'tactile_nodes'
+SOURCES = sorted(PACKAGE.rglob('*.py'))
+NODES = sorted(file for file in (PACKAGE / 'nodes').glob('*.py') if file.stem not in {'__init__', 'composed'})
+LIVE_PATH = ['nodes.camera', 'nodes.flow_features', 'nodes.force_estimator', 'nodes.composed', 'cli.main', 'cli.view']
+
+
+def _name(file: Path) -> str:
+    return str(file.relative_to(PACKAGE))
+
+
+@pytest.mark.parametrize('forbidden', ['torch', 'rclpy', 'matplotlib', 'scipy', 'tactile_nodes.learning'])
+def test_live_sensing_imports_nothing_it_does_not_need(forbidden: str) -> None:
+    imports = '; '.join(f'import tactile_nodes.{module}' for module in LIVE_PATH)
+    code = f'import sys; {imports}; sys.exit({forbidden!r} in sys.modules)'
+    assert subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=False).returncode == 0
+
+
+@pytest.mark.parametrize('file', SOURCES, ids=_name)
+def test_files_have_one_subject_and_a_docstring(file: Path) -> None:
+    tree = ast.parse(file.read_text(encoding='utf-8'))
+    assert ast.get_docstring(tree), f'{file} does not say what it is for'
+    assert len(file.read_text(encoding='utf-8').splitlines()) <= 400
+
+
+@pytest.mark.parametrize('file', SOURCES, ids=_name)
+def test_no_topic_is_spelt_outside_the_table(file: Path) -> None:
+    if file == PACKAGE / 'bus' / 'topics.py':
+        return
+    strings = {
+        node.value
+        for node in ast.walk(ast.parse(file.read_text(encoding='utf-8')))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    # A node may have the name of the topic that it publishes.
+    assert strings & TOPICS.keys() <= ({'flow_features'} if 'nodes' in file.parts else set())
+
+
+@pytest.mark.parametrize('file', NODES, ids=_name)
+def test_nodes_hold_no_arithmetic_on_arrays(file: Path) -> None:
+    text = file.read_text(encoding='utf-8')
+    called = set(re.findall(r'\bnp\.(\w+)\(', text))
+    assert called <= {'array', 'asarray', 'zeros'}
+
+
+def test_tree_of_errors_in_the_docstring_is_the_tree_of_classes() -> None:
+    def names(cls: type) -> set[str]:
+        return {cls.__name__}.union(*(names(child) for child in cls.__subclasses__()))
+
+    assert errors.__doc__ is not None
+    assert set(re.findall(r'\b(\w+Error)\b', errors.__doc__)) - {'DeviceLostError(...'} == names(errors.TactileError)
+
+
+def test_every_node_has_its_program() -> None:
+    programs = re.search(r'NODES = \[(.*?)\]', (ROOT / 'setup.py').read_text(encoding='utf-8'), re.DOTALL)
+    cmake = re.search(r'foreach\(node (.*?)\)', (ROOT / 'CMakeLists.txt').read_text(encoding='utf-8'))
+    assert programs is not None
+    assert cmake is not None
+    expected = {file.stem for file in NODES} | {'composed'}
+    assert set(re.findall(r"'(\w+)'", programs.group(1))) == expected
+    assert set(cmake.group(1).split()) == expected
+
+
+def test_share_folder_of_a_source_tree_is_its_root() -> None:
+    assert share_directory() == ROOT
+
+
+def test_versions_agree() -> None:
+    version = re.search(r"__version__ = '(.*)'", (PACKAGE / '__init__.py').read_text(encoding='utf-8'))
+    assert version is not None
+    assert f"version='{version.group(1)}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert f'<version>{version.group(1)}</version>' in (ROOT / 'package.xml').read_text(encoding='utf-8')
