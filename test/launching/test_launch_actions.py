@@ -1,0 +1,221 @@
+"""What the actions of a launch file do, in order and in scope."""
+
+import pytest
+
+from tactile_nodes.errors import LaunchFileError
+
+
+def refusal(interpret, actions, *arguments, **options):
+    with pytest.raises(LaunchFileError) as caught:
+        interpret(actions, *arguments, **options)
+    return str(caught.value)
+
+
+# --- arguments ------------------------------------------------------------------------------------------------------
+
+
+def test_an_argument_takes_its_default(interpret):
+    assert interpret("- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n").texts == ['1']
+
+
+def test_a_given_argument_wins_over_the_default(interpret):
+    assert interpret("- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n", a='2').texts == ['2']
+
+
+def test_an_argument_does_not_change_what_let_set_before(interpret):
+    actions = "- let: {name: a, value: '0'}\n- arg: {name: a, default: '1'}\n- log: {message: $(var a)}\n"
+    assert interpret(actions).texts == ['0']
+
+
+def test_let_changes_a_given_argument(interpret):
+    assert interpret("- let: {name: a, value: '0'}\n- log: {message: $(var a)}\n", a='2').texts == ['0']
+
+
+def test_a_default_may_refer_to_another_argument(interpret):
+    actions = '- arg: {name: a, default: x}\n- arg: {name: b, default: $(var a)y}\n- log: {message: $(var b)}\n'
+    assert interpret(actions).texts == ['xy']
+
+
+def test_a_missing_argument_is_an_error_with_its_line(interpret, tmp_path):
+    assert refusal(interpret, '- arg: {name: a, description: what it is}\n') == (
+        f"{tmp_path}/test.launch.yaml:2: included launch description missing required argument 'a' "
+        "(description: 'what it is'), given: []"
+    )
+
+
+def test_an_argument_behind_a_condition_is_missing_only_when_reached(interpret):
+    actions = "- arg: {name: a, if: '$(var need)'}\n"
+    assert interpret(actions, need='false').texts == []
+    assert "required launch argument 'a' was not provided" in refusal(interpret, actions, need='true')
+
+
+def test_a_value_that_is_no_choice_is_an_error(interpret):
+    actions = '- arg: {name: a, default: x, choice: [{value: x}, {value: y}]}\n'
+    assert interpret(actions, a='y')
+    assert "provided value 'z' is not valid; valid options are: ['x', 'y']" in refusal(interpret, actions, a='z')
+
+
+# --- conditions -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'), [('true', True), ('TRUE', True), ('1', True), ('False', False), ('0', False)]
+)
+def test_if_and_unless_take_true_1_false_and_0(interpret, text, said):
+    assert bool(interpret(f"- log: {{message: x, if: '{text}'}}\n").texts) is said
+    assert bool(interpret(f"- log: {{message: x, unless: '{text}'}}\n").texts) is not said
+
+
+@pytest.mark.parametrize('text', ['yes', 'on', '2', ''])
+def test_any_other_condition_is_an_error(interpret, text):
+    assert f"a condition is 'true', '1', 'false' or '0', got '{text}'" in refusal(
+        interpret, f"- log: {{message: x, if: '{text}'}}\n"
+    )
+
+
+# --- scopes ---------------------------------------------------------------------------------------------------------
+
+
+def test_what_an_include_sets_leaks_into_the_includer(interpret, launch_file):
+    inner = launch_file('- arg: {name: a, default: x}\n- let: {name: b, value: y}\n', 'inner.launch.yaml')
+    actions = f'- include: {{file: {inner}, arg: [{{name: a, value: given}}]}}\n- log: {{message: $(var a) $(var b)}}\n'
+    assert interpret(actions).texts == ['given y']
+
+
+def test_an_include_without_a_required_argument_is_an_error(interpret, launch_file):
+    inner = launch_file('- arg: {name: a}\n', 'inner.launch.yaml')
+    text = refusal(interpret, f"- let: {{name: a, value: '1'}}\n- include: {{file: {inner}}}\n")
+    assert text.startswith(f'{inner}:2: included launch description missing required argument')
+
+
+def test_an_include_of_no_file_is_an_error_at_the_include(interpret, tmp_path):
+    text = refusal(interpret, '- include: {file: $(dirname)/none.launch.yaml}\n')
+    assert text == f'{tmp_path}/test.launch.yaml:2: the included launch file {tmp_path}/none.launch.yaml does not exist'
+
+
+def test_a_file_that_includes_itself_is_an_error(interpret):
+    assert 'nested too deeply' in refusal(interpret, '- include: {file: $(filename)}\n')
+
+
+SCOPED = """\
+- set_env: {name: E, value: outer}
+- let: {name: a, value: outer}
+- push_ros_namespace: {namespace: outer}
+- set_remap: {from: x, to: outer}
+- set_parameter: {name: p, value: outer}
+- group:
+    scoped: %s
+    children:
+    - set_env: {name: E, value: inner}
+    - let: {name: a, value: inner}
+    - push_ros_namespace: {namespace: inner}
+    - set_remap: {from: y, to: inner}
+    - set_parameter: {name: q, value: inner}
+- log: {message: $(var a) $(env E)}
+- node: {exec: /n}
+"""
+
+
+def test_a_group_is_scoped(interpret):
+    notes = interpret(SCOPED % 'true')
+    assert notes.texts == ['outer outer']
+    assert notes.commands == [['/n', '--ros-args', '-r', '__ns:=/outer', '-p', 'p:=outer', '-r', 'x:=outer']]
+
+
+def test_a_group_that_is_not_scoped_leaks(interpret):
+    notes = interpret(SCOPED % 'false')
+    assert notes.texts == ['inner inner']
+    assert notes.commands == [
+        ['/n', '--ros-args', '-r', '__ns:=/outer/inner', '-p', 'p:=outer', '-p', 'q:=inner']
+        + ['-r', 'x:=outer', '-r', 'y:=inner']
+    ]
+
+
+def test_a_group_may_be_a_list(interpret):
+    actions = "- let: {name: a, value: '1'}\n- group:\n  - let: {name: a, value: '2'}\n- log: {message: $(var a)}\n"
+    assert interpret(actions).texts == ['1']
+
+
+def test_a_group_without_forwarding_keeps_only_what_it_names(interpret):
+    actions = """\
+        - let: {name: a, value: '1'}
+        - let: {name: b, value: '2'}
+        - group:
+            forwarding: false
+            keep: [{name: a, value: $(var a)}]
+            children:
+            - log: {message: $(var a) $(var b none)}
+        """
+    assert interpret(actions).texts == ['1 none']
+
+
+def test_reset_forgets_all_but_what_it_keeps(interpret):
+    actions = """\
+        - let: {name: a, value: '1'}
+        - let: {name: b, value: '2'}
+        - push_ros_namespace: {namespace: skin}
+        - reset: {keep: [{name: a, value: $(var a)}]}
+        - log: {message: $(var a) $(var b none)}
+        - node: {exec: /n}
+        """
+    notes = interpret(actions)
+    assert notes.texts == ['1 none']
+    assert notes.commands == [['/n', '--ros-args']]
+
+
+# --- environment ----------------------------------------------------------------------------------------------------
+
+
+def test_the_environment_of_a_process_is_that_at_its_action(interpret):
+    actions = """\
+        - set_env: {name: A, value: '1'}
+        - unset_env: {name: B}
+        - executable: {cmd: first}
+        - set_env: {name: A, value: '2'}
+        - executable: {cmd: second, env: [{name: C, value: '3'}]}
+        - reset_env: {}
+        - executable: {cmd: third}
+        """
+    plans = interpret(actions, {'B': 'b'}).plans
+    assert [dict(plan.environment) for plan in plans] == [{'A': '1'}, {'A': '2', 'C': '3'}, {'B': 'b'}]
+
+
+def test_append_env_appends_prepends_or_sets(interpret):
+    actions = """\
+        - append_env: {name: A, value: x}
+        - append_env: {name: A, value: y}
+        - append_env: {name: A, value: z, prepend: true, separator: ' '}
+        - log: {message: $(env A)}
+        """
+    assert interpret(actions).texts == ['z x:y']
+
+
+# --- the rest ---------------------------------------------------------------------------------------------------------
+
+
+def test_log_speaks_as_launch_user(interpret):
+    [line] = interpret('- log: {message: hello}\n').lines
+    assert str(line) == '[INFO] [launch.user]: hello'
+
+
+def test_a_timer_runs_its_children_later_in_the_scope_then_in_force(interpret):
+    notes = interpret("""\
+        - let: {name: a, value: before}
+        - timer: {period: 0.5, children: [{log: {message: $(var a)}}]}
+        - let: {name: a, value: after}
+        """)
+    [(seconds, actions, file, cancel)] = notes.timers
+    assert (seconds, cancel) == (0.5, True)
+    notes.interpreter.perform(actions)
+    assert notes.texts == ['after']
+
+
+def test_the_period_of_a_timer_may_be_a_substitution(interpret):
+    actions = "- timer: {period: '$(var t)', cancel_on_shutdown: false, children: []}\n"
+    assert [timer[0::3] for timer in interpret(actions, t='2').timers] == [(2.0, False)]
+    assert "'soon' is no number" in refusal(interpret, actions, t='soon')
+
+
+def test_shutdown_gives_its_reason(interpret):
+    assert interpret('- shutdown: {reason: done with $(dirname)}\n').shutdowns[0].startswith('done with /')
+    assert interpret('- shutdown: {}\n').shutdowns == ['reason not given']
