@@ -109,6 +109,10 @@ class Node:
 
         self.create_service(name, services.TRIGGER, answer)
 
+    def age_s(self, received: Received) -> float:
+        """Seconds since a message was published, on the time base of the bus (also while time is simulated)."""
+        return (self.bus.clock.now_ns() - received.source_ns) / NS_PER_S
+
     def on_parameters(self, changed: Any) -> None:
         """Take over new parameters, or refuse them with a ConfigurationError; for subclasses that can change."""
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol
 
 from tactile_nodes import messages
 from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import Clock
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,9 @@ ServiceHandler = Callable[[Any, Reply], None]
 
 
 class Bus(Protocol):
-    """One process's connection to all others of its domain."""
+    """One process's connection to all others of its domain; `clock` gives the stamps of its messages."""
+
+    clock: Clock
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> Publisher:
         """Offer `topic` (a full name, '/skin/force'); several publishers of a topic are welcome."""

@@ -7,6 +7,7 @@ Subscribes ``image_raw`` (and ``reference_image`` when told to take the rest ima
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -123,11 +124,11 @@ class FlowFeaturesNode(Node):
         features_ns = perf_ns()
         head = received.message.header
         stages = types.StageTimes(
-            acquire=(received.source_ns - stamp_ns(head.stamp)) * 1e-9,
+            acquire=math.nan if self.params.use_sim_time else (received.source_ns - stamp_ns(head.stamp)) * 1e-9,
             flow=(flow_ns - start_ns) * 1e-9,
             features=(features_ns - flow_ns) * 1e-9,
-            predict=float('nan'),
-            transport=max(0.0, (self.clock.now_ns() - received.source_ns - (features_ns - start_ns)) * 1e-9),
+            predict=math.nan,
+            transport=max(0.0, self.age_s(received) - (features_ns - start_ns) * 1e-9),
         )
         faults = picture_faults(image)
         rows, cols, channels = features.values.shape

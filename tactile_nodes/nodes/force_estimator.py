@@ -67,7 +67,7 @@ class ForceEstimatorNode(Node):
         start_ns = perf_ns()
         found = self._estimator.predict(conversions.features_array(message))
         predict_s = (perf_ns() - start_ns) * 1e-9
-        force = self._message(message, found, predict_s, (self.clock.now_ns() - received.source_ns) * 1e-9)
+        force = self._message(message, found, predict_s, self.age_s(received))
         self._force.publish(force)
         self._wrench.publish(conversions.wrench_message(force))
 
