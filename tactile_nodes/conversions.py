@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -70,9 +71,22 @@ def features_array(message: types.FlowFeatures) -> Features:
     return Features(message.encoding, values, message.confidence.reshape(rows, cols))
 
 
+def feature_fields(features: Features) -> dict[str, Any]:
+    """The fields of a FlowFeatures that hold the features themselves."""
+    rows, cols, channels = features.values.shape
+    return {
+        'rows': rows,
+        'cols': cols,
+        'channels': channels,
+        'encoding': features.encoding,
+        'values': features.values.reshape(-1).copy(),
+        'confidence': features.confidence.reshape(-1).copy(),
+    }
+
+
 def force_fields(
     forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid, contact_mm: tuple[float, float] | None
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
     width_mm, height_mm = bins.bin_size_mm
     x_mm, y_mm = contact_mm or _NOWHERE

@@ -1,6 +1,6 @@
 """Several nodes in one process, where messages go from one to the next without a copy.
 
-``composed_node camera flow_features force_estimator --ros-args …``: each node reads its own block of the parameter files.
+``composed_node camera flow_features force_estimator --ros-args …``; each node reads its own block of the files.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from tactile_nodes import conversions
@@ -23,6 +22,7 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock, perf_ns
+from tactile_nodes.drivers.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
@@ -30,6 +30,9 @@ from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.quality import picture_faults
 from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+
+_DARK = types.ForceDistribution.REASON_DARK_IMAGE
+_SATURATED = types.ForceDistribution.REASON_SATURATED_IMAGE
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ class FlowFeaturesNode(Node):
             return
         self._reference = self.create_publisher(topics.REFERENCE_IMAGE)
         if chosen.reference == 'file':
-            self._tracker.use_reference(_read_picture(chosen.reference_file))
+            self._tracker.use_reference(read_grey(chosen.reference_file))
             self._announce_reference(conversions.header(self.clock.now_ns(), ''))
         else:
             self._tracker.begin_capture(skip=chosen.skip_frames)
@@ -131,24 +134,17 @@ class FlowFeaturesNode(Node):
             transport=max(0.0, self.age_s(received) - (features_ns - start_ns) * 1e-9),
         )
         faults = picture_faults(image)
-        rows, cols, channels = features.values.shape
         self._features.publish(
             types.FlowFeatures(
                 header=head,
-                rows=rows,
-                cols=cols,
-                channels=channels,
-                encoding=features.encoding,
-                values=features.values.reshape(-1),
-                confidence=features.confidence.reshape(-1).copy(),
                 image_width=image.shape[1],
                 image_height=image.shape[0],
                 method=self._method,
                 reference_id=self._tracker.reference_id,
                 image_level=faults.level,
-                reasons=faults.dark * types.ForceDistribution.REASON_DARK_IMAGE
-                + faults.saturated * types.ForceDistribution.REASON_SATURATED_IMAGE,
+                reasons=faults.dark * _DARK | faults.saturated * _SATURATED,
                 stages=stages,
+                **conversions.feature_fields(features),
             )
         )
         self._last = (image, field_px)
@@ -180,34 +176,15 @@ class FlowFeaturesNode(Node):
     def _save_reference(self) -> str:
         if self._tracker.reference is None:
             raise ImageError('there is no rest image yet; capture one first')
-        return _write_picture(Path(self.params.reference_file or 'reference.png'), self._tracker.reference)
+        file = Path(self.params.reference_file or 'reference.png')
+        return f'saved {write_png(file, self._tracker.reference)}'
 
     def _save_overlay(self) -> str:
         if self._last is None:
             raise ImageError('no frame has been measured yet; is the camera running?')
         image, field_px = self._last
         file = Path(self.params.overlay_folder or '.') / f'flow_{self._frames:06d}.png'
-        return _write_picture(file, overlay(np.array(image), field_px.displacement_px))
-
-
-def _read_picture(file: str) -> np.ndarray:
-    if not file:
-        raise ConfigurationError('reference is "file", but reference_file names none')
-    picture = cv2.imread(file, cv2.IMREAD_GRAYSCALE)
-    if picture is None:
-        raise ConfigurationError(f'cannot read the rest image {file}; it must be a picture such as a PNG')
-    return np.asarray(picture, np.uint8)
-
-
-def _write_picture(file: Path, picture: np.ndarray) -> str:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        done, data = cv2.imencode('.png', picture)
-        assert done
-        file.write_bytes(data.tobytes())
-    except OSError as error:
-        raise ConfigurationError(f'cannot write {file}: {error.strerror}; choose another place') from error
-    return f'saved {file.resolve()}'
+        return f'saved {write_png(file, overlay(np.array(image), field_px.displacement_px))}'
 
 
 def main() -> int:

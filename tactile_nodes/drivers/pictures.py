@@ -1,0 +1,43 @@
+"""Single pictures on disk: rest images and drawings of the motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.errors import ConfigurationError
+
+Picture = npt.NDArray[np.uint8]
+
+
+def read_grey(file: str | Path) -> Picture:
+    """A picture as (h, w) grey levels.
+
+    Raises:
+        ConfigurationError: no file is named, or it is no picture.
+    """
+    if not str(file):
+        raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
+    picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    if picture is None:
+        raise ConfigurationError(f'cannot read the picture {file}; check the path, and that it is a PNG or the like')
+    return np.asarray(picture, np.uint8)
+
+
+def write_png(file: Path, picture: Picture) -> Path:
+    """Write a picture, making its folder; returns its full path.
+
+    Raises:
+        ConfigurationError: the place cannot be written to.
+    """
+    encoded, data = cv2.imencode('.png', picture)
+    assert encoded
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data.tobytes())
+    except OSError as error:
+        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another place') from error
+    return file.resolve()
