@@ -19,6 +19,7 @@ from tactile_nodes.drivers.camera_v4l2 import V4l2Camera, fourcc_text
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.drivers.v4l2_devices import check_device, device_path
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.params import from_mapping, load_parameter_file
 
 
 @pytest.fixture
@@ -250,3 +251,10 @@ def test_the_real_camera_takes_its_controls() -> None:
     read_past(camera, 1.2)
     assert camera.description['auto_exposure'] in {'1 (asked 1)', 'not there'}
     camera.close()
+
+
+def test_the_settings_of_the_shipped_camera_are_settings_of_a_camera() -> None:
+    (block,) = load_parameter_file(Path(__file__).parents[2] / 'config' / 'camera_elp.yaml')
+    settings = from_mapping(CameraSettings, block.values)
+    assert (settings.width, settings.height, settings.fps, settings.fourcc) == (640, 480, 60.0, 'MJPG')
+    assert not settings.keep_auto
