@@ -1,7 +1,7 @@
 """Trained models as files: weights and a card in one safetensors file, never anything that could run.
 
-The file is a plain safetensors file (any reader of that format opens it). Its metadata hold the card, a JSON
-text that says what the numbers mean and how they came about, and the SHA-256 of the whole file with the
+The file is a plain safetensors file (any reader of that format opens it). Its metadata hold one JSON text with
+the card, which says what the numbers mean and how they came about, and the SHA-256 of the whole file with the
 checksum's own digits as zeros, so that no altered byte goes unnoticed. The model id is its first 12 digits.
 """
 
@@ -84,7 +84,8 @@ def save_model(path: Path, model: ForceModel, card: Mapping[str, Any]) -> str:
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
     """
     described = {**card, **_description(model)}
-    metadata = {'format': FORMAT, 'card': json.dumps(described, sort_keys=True), 'sha256': NO_CHECKSUM}
+    # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
+    metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(_tensors(model), metadata)
     checksum = hashlib.sha256(blank).hexdigest()
     draft = path.with_name(f'.{path.name}.part')
@@ -102,9 +103,9 @@ def load_model(path: Path | str) -> LoadedModel:
     """
     path = Path(path)
     data = _read(path)
-    metadata = _metadata(path, data)
-    checksum = _verified(path, data, metadata)
-    card = json.loads(metadata['card'])
+    entry = _entry(path, data)
+    checksum = _verified(path, data, entry)
+    card = entry['card']
     if card.get('format_version') != FORMAT_VERSION:
         raise ModelError(
             f'{path} has format version {card.get("format_version")}, and this release reads version {FORMAT_VERSION}; '
@@ -146,24 +147,22 @@ def _read(path: Path) -> bytes:
         raise ModelError(f'cannot read the model file {path} ({error.strerror}); check its permissions') from error
 
 
-def _metadata(path: Path, data: bytes) -> dict[str, str]:
-    """The metadata of a safetensors file: 8 bytes with the length of a JSON header, then that header."""
+def _entry(path: Path, data: bytes) -> dict[str, Any]:
+    """Our entry in a safetensors file, which begins with 8 bytes of length and a JSON header of that length."""
     length = int.from_bytes(data[:8], 'little')
     try:
         if not 2 <= length <= len(data) - 8:
             raise ValueError('the header is longer than the file')
-        metadata = json.loads(data[8 : 8 + length]).get('__metadata__', {})
-    except (ValueError, AttributeError, RecursionError) as error:
+        entry = json.loads(json.loads(data[8 : 8 + length])['__metadata__'][FORMAT])
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ModelError(_foreign(path, data)) from error
-    if not isinstance(metadata, dict) or metadata.get('format') != FORMAT:
-        raise ModelError(_foreign(path, data))
-    if not all(isinstance(metadata.get(name), str) for name in ('card', 'sha256')):
+    if not isinstance(entry, dict) or not isinstance(entry.get('card'), dict):
         raise ModelError(_damaged(path))
-    return metadata
+    return entry
 
 
-def _verified(path: Path, data: bytes, metadata: Mapping[str, str]) -> str:
-    checksum = metadata['sha256']
+def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
+    checksum = str(entry.get('sha256'))
     blank = data.replace(checksum.encode(), NO_CHECKSUM.encode(), 1)
     if len(checksum) != len(NO_CHECKSUM) or hashlib.sha256(blank).hexdigest() != checksum:
         raise ModelError(_damaged(path))

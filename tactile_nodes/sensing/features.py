@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -26,6 +26,7 @@ class Features:
     confidence: Float32[np.ndarray, 'rows cols']
 
 
+@runtime_checkable
 class FeatureEncoding(Protocol):
     """Turns a displacement field into features per region."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol, get_args, get_type_hints
+from typing import Protocol, get_args, get_type_hints, runtime_checkable
 
 import cv2
 import numpy as np
@@ -28,6 +28,7 @@ class DisplacementField:
     confidence: Float32[np.ndarray, 'h w'] | None = None
 
 
+@runtime_checkable
 class FlowMethod(Protocol):
     """Measures displacement against a rest image.
 
@@ -94,11 +95,11 @@ class DisFlow:
     def options(self) -> dict[str, object]:
         return asdict(self._options)
 
-    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+    def set_reference(self, image: np.ndarray) -> None:
         _require_grey(image)
         self._reference = np.ascontiguousarray(image).copy()
 
-    def displacement(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
+    def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = _require_like(self._reference, image)
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)

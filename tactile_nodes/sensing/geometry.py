@@ -135,7 +135,22 @@ class Crop:
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 
 
-def grey(image: UInt8[np.ndarray, 'h w *channels'], order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
+def largest_side(width: int, height: int, wanted: int, step: int = 40) -> int:
+    """The side in pixels of the square to cut: `wanted` where it fits, else the largest that `step` regions divide.
+
+    With 440 wanted, 640x480 gives 440, 320x240 gives 240 and 300x230 gives 200.
+
+    Raises:
+        ImageError: not even `step` pixels fit.
+    """
+    if (room := min(width, height)) >= wanted:
+        return wanted
+    if room < step:
+        raise ImageError(f'an image of {width}x{height} pixels is too small; set the camera to a larger size')
+    return room // step * step
+
+
+def grey(image: np.ndarray, order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
     """Luma 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) of a colour image; a grey one returns unchanged.
 
     A pure green pixel of 255 becomes 150. `order` is 'bgr' or 'rgb'.

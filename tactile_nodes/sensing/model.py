@@ -41,8 +41,8 @@ class Mlp:
     but that vector and the weights: each output is one dot product, whatever the number of threads.
     """
 
-    weights: tuple[Float32[np.ndarray, 'outputs inputs'], ...]
-    biases: tuple[Float32[np.ndarray, ' outputs'], ...]
+    weights: tuple[Float32[np.ndarray, '_ _'], ...]
+    biases: tuple[Float32[np.ndarray, ' _'], ...]
 
     @property
     def sizes(self) -> tuple[int, ...]:

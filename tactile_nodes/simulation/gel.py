@@ -69,8 +69,14 @@ class Gel:
                 raise ConfigurationError(f'{source}: a gel has no property {name!r}; it has: {", ".join(known)}')
             if not _same_kind(value, known[name]):
                 raise ConfigurationError(f'{source}: {name!r} must be like {known[name]!r}, got {value!r}')
-        given = {name: tuple(value) if isinstance(value, list) else value for name, value in mapping.items()}
+        given = {name: _like(known[name], value) for name, value in mapping.items()}
         return cls(**given)  # type: ignore[arg-type]
+
+
+def _like(default: object, value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return tuple(float(each) for each in value)
+    return float(value) if isinstance(default, float) else value  # type: ignore[arg-type]
 
 
 def _same_kind(value: object, default: object) -> bool:

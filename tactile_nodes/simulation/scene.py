@@ -7,7 +7,7 @@ one renders what the camera sees, the other says what the truth is.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -37,6 +37,7 @@ class Truth:
         return self.depth_mm > 0
 
 
+@runtime_checkable
 class Schedule(Protocol):
     """Where the tip is at a time."""
 

@@ -54,9 +54,7 @@ def test_what_was_seen_before_does_not_change_the_result(speckle: np.ndarray):
     for flow in (fresh, used):
         flow.set_reference(speckle)
     used.displacement(shifted(speckle, -3.0, 2.0))
-    np.testing.assert_array_equal(
-        used.displacement(image).displacement_px, fresh.displacement(image).displacement_px
-    )
+    np.testing.assert_array_equal(used.displacement(image).displacement_px, fresh.displacement(image).displacement_px)
 
 
 def test_later_calls_leave_earlier_results_alone(speckle: np.ndarray):
@@ -117,7 +115,9 @@ def test_an_unknown_method_is_refused_with_those_there_are():
         make_flow('magic')
 
 
-@pytest.mark.parametrize('options', [{'speed': 1}, {'preset': 3}, {'threads': True}, {'preset': 'slow'}, {'threads': None}])
+@pytest.mark.parametrize(
+    'options', [{'speed': 1}, {'preset': 3}, {'threads': True}, {'preset': 'slow'}, {'threads': None}]
+)
 def test_wrong_options_are_refused(options: dict[str, object]):
     with pytest.raises(ConfigurationError):
         make_flow('dis', options)

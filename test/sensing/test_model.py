@@ -55,7 +55,9 @@ def test_hidden_units_are_logistic_and_outputs_plain():
 def test_the_sizes_of_the_papers_network_are_told():
     sizes = (3200, 800, 400, 400, 81)
     pairs = list(zip(sizes[1:], sizes[:-1], strict=True))
-    network = Mlp(tuple(np.zeros(pair, np.float32) for pair in pairs), tuple(np.zeros(n, np.float32) for n in sizes[1:]))
+    network = Mlp(
+        tuple(np.zeros(pair, np.float32) for pair in pairs), tuple(np.zeros(n, np.float32) for n in sizes[1:])
+    )
     assert network.sizes == sizes
 
 
@@ -101,14 +103,16 @@ def test_confidence_is_the_share_of_learned_regions_that_hold_markers():
 
 
 def test_inputs_are_centred_and_scaled():
-    inputs = dataclasses.replace(scaling(), mean=np.full((2, 2, 1), 1, np.float32), gain=np.full((2, 2, 1), 3, np.float32))
+    inputs = dataclasses.replace(
+        scaling(), mean=np.full((2, 2, 1), 1, np.float32), gain=np.full((2, 2, 1), 3, np.float32)
+    )
     scaled = inputs(np.full((2, 2, 1), 5, np.float32), np.ones((2, 2), np.float32))
     np.testing.assert_array_equal(scaled, 12)
 
 
 def test_features_of_another_grid_are_refused_with_both_layouts():
     other = Features('cartesian_mean', np.zeros((3, 2, 1), np.float32), np.ones((3, 2), np.float32))
-    with pytest.raises(ModelError, match='2x2 regions of cartesian_mean .* but the features are 3x2 regions'):
+    with pytest.raises(ModelError, match=r'2x2 regions of cartesian_mean .* but the features are 3x2 regions'):
         ForceEstimator(one_layer()).predict(other)
 
 
@@ -139,6 +143,8 @@ def test_the_papers_network_gives_the_same_bits_in_any_process_and_number_of_thr
     answers = set()
     for threads in ('1', '2', '2'):
         environment = {**os.environ, 'OPENBLAS_NUM_THREADS': threads}
-        run = subprocess.run([sys.executable, '-c', PROGRAM], env=environment, check=True, capture_output=True, text=True)
+        run = subprocess.run(
+            [sys.executable, '-c', PROGRAM], env=environment, check=True, capture_output=True, text=True
+        )
         answers.add(run.stdout)
     assert len(answers) == 1

@@ -66,11 +66,11 @@ def test_another_seed_makes_another_gel(table: ContactTable, gel: Gel):
 
 
 def test_a_tip_above_the_gel_changes_nothing(scene: Scene):
-    np.testing.assert_array_equal(scene.optics.radiance((Press(0, 0, -0.1),)), scene.optics.radiance(()))
+    np.testing.assert_array_equal(scene.optics.radiance((Press(0.0, 0.0, -0.1),)), scene.optics.radiance(()))
 
 
 def test_a_first_touch_changes_almost_nothing(scene: Scene):
-    rest, touched = scene.optics.radiance(()), scene.optics.radiance((Press(0, 0, 0.001),))
+    rest, touched = scene.optics.radiance(()), scene.optics.radiance((Press(0.0, 0.0, 0.001),))
     assert np.abs(rest - touched).max() < 0.5
 
 
@@ -91,7 +91,7 @@ def test_two_presses_add_up(scene: Scene):
 def test_markers_move_by_pixels_at_two_millimetres_and_by_a_tenth_at_a_quarter(scene: Scene):
     """The published scale of the sensor: up to a few pixels when deep, far below one when light."""
     rest = scene.optics.project(())
-    deep, light = (np.hypot(*(scene.optics.project((Press(0, 0, depth),)) - rest).T).max() for depth in (2.0, 0.25))
+    deep, light = (np.hypot(*(scene.optics.project((Press(0.0, 0.0, depth),)) - rest).T).max() for depth in (2.0, 0.25))
     assert 1.5 < deep < 5
     assert 0.1 < light < 0.4
 

@@ -79,6 +79,6 @@ def test_a_time_of_day_in_nanoseconds_is_as_good_as_any():
     assert schedule.press_at(1_700_000_000_123_456_789 + DWELL) == PressSchedule().press_at(DWELL)
 
 
-@pytest.mark.parametrize(('share', 'value'), [(-1, 0), (0, 0), (0.5, 0.5), (1, 1), (2, 1)])
+@pytest.mark.parametrize(('share', 'value'), [(-1.0, 0), (0.0, 0), (0.5, 0.5), (1.0, 1), (2.0, 1)])
 def test_the_smooth_step_starts_at_zero_and_ends_at_one(share: float, value: float):
     assert smooth(share) == value
