@@ -74,6 +74,10 @@ class InProcessBus:
             if subscription.type_name == received.type_name:
                 subscription.put(received)
 
+    def count_listeners(self, topic: str, type_name: str) -> int:
+        """This process's subscriptions of a topic and type."""
+        return sum(entry.type_name == type_name for entry in self._subscriptions.get(topic, ()))
+
     # --- services -------------------------------------------------------------------------------------------
 
     def serve(self, service: str, type_name: str, handler: ServiceHandler, node: str = '') -> _LocalService:
@@ -201,6 +205,11 @@ class LocalPublisher:
 
     def close(self) -> None:
         self._bus._forget_publisher(self)
+
+    @property
+    def listeners(self) -> int:
+        """How many subscriptions would get what is published now."""
+        return self._bus.count_listeners(self.topic, self.type_name)
 
     def _send(self, message: Any, data: bytes | None) -> None:
         with self._lock:  # so that messages leave in the order of their numbers

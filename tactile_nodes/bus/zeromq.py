@@ -156,6 +156,12 @@ class ZmqPublisher(LocalPublisher):
             self._socket.close()
         super().close()
 
+    @property
+    def listeners(self) -> int:
+        """How many would get what is published now: subscriptions of this process, and other processes."""
+        self.greet()  # whom we count here, a later look would not take for a newcomer
+        return self._listeners + super().listeners
+
     def greet(self) -> None:
         """Give a latched message to listeners that have come since; the others recognise its number."""
         with self._lock:
