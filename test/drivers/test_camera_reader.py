@@ -50,7 +50,7 @@ def test_the_last_frame_comes_before_the_reason_why_it_is_the_last() -> None:
     slot.fail(DeviceLostError('a later reason'))
     assert slot.take(0).stamp_ns == 1
     for _ in range(2):
-        with pytest.raises(DeviceLostError, match='^gone$'):
+        with pytest.raises(DeviceLostError, match=r'^gone$'):
             slot.take(0)
 
 

@@ -4,6 +4,7 @@ contract test runs on a real one with ``-m hardware``."""
 from __future__ import annotations
 
 import contextlib
+import os
 import itertools
 import time
 from collections.abc import Iterator
@@ -243,7 +244,7 @@ def test_a_pixel_format_is_read_from_its_code() -> None:
 @pytest.mark.hardware
 def test_the_real_camera_takes_its_controls() -> None:
     """Auto-exposure off is what keeps the rest image valid."""
-    path = '/dev/video0'
+    path = os.environ.get('TACTILE_CAMERA', '/dev/video0')
     if not Path(path).exists():
         pytest.skip(f'no camera {path}')
     camera = V4l2Camera(CameraSettings(path, fps=0.0), SystemClock())
