@@ -1,0 +1,180 @@
+"""Images in, features out: stamps, rest images, faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from feeding import PATTERN, START_NS, image, run
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import services, stamp_ns, types
+from tactile_nodes.nodes.flow_features import FlowFeaturesNode
+
+Listen = Callable[[Topic], Subscription]
+Advertise = Callable[[Topic], Publisher]
+SMALL = ['encoding:=cartesian_mean', 'rows:=4', 'cols:=4', 'reference_frames:=1']
+
+
+def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> FlowFeaturesNode:
+    words = [word for each in (*SMALL, *parameters) for word in ('-p', each)]
+    return FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words]), clock)
+
+
+def test_features_carry_the_stamp_of_their_image(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(PATTERN))
+    run(tested)
+    assert features.take() is None  # the first frame became the rest image
+    camera.publish(image(np.roll(PATTERN, 2, axis=1), START_NS + 7))
+    run(tested)
+    received = features.take()
+    assert received is not None
+    message = received.message
+    assert stamp_ns(message.header.stamp) == START_NS + 7
+    assert (message.rows, message.cols, message.channels, message.image_width) == (4, 4, 2, 160)
+    # The picture went 2 px to the right; DIS reads whole motions of this size to a tenth.
+    assert np.median(message.values.reshape(4, 4, 2)[..., 0]) == pytest.approx(2.0, abs=0.1)
+    assert len(message.reference_id) == 12
+
+
+def test_rest_image_is_announced_to_those_who_come_later(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    camera, tested = publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(PATTERN))
+    run(tested)
+    received = listen(topics.REFERENCE_IMAGE).take()
+    assert received is not None
+    assert (received.message.data == PATTERN.reshape(-1)).all()
+
+
+def test_dark_frames_at_the_start_do_not_become_the_rest_image(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    reference, camera, tested = listen(topics.REFERENCE_IMAGE), publisher(topics.IMAGE), node(bus, clock)
+    for _ in range(3):
+        camera.publish(image(np.zeros_like(PATTERN)))
+        run(tested)
+    assert reference.take() is None
+    status = tested.diagnostics.message(0).status[0]
+    assert status.name == 'flow_features: rest image'
+    assert 'black' in status.message
+    camera.publish(image(PATTERN))
+    run(tested)
+    assert reference.take() is not None
+
+
+def test_rest_image_is_captured_again_on_request(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    reference, camera, tested = listen(topics.REFERENCE_IMAGE), publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(PATTERN))
+    run(tested)
+    tested._capture_again()
+    camera.publish(image(PATTERN[::-1].copy()))
+    run(tested)
+    first, second = reference.take(), reference.take()
+    assert first is not None
+    assert second is not None
+    assert (second.message.data == PATTERN[::-1].reshape(-1)).all()
+
+
+def test_rest_image_comes_from_a_file(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path
+) -> None:
+    file = tmp_path / 'rest.png'
+    cv2.imwrite(str(file), PATTERN)
+    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
+    tested = node(bus, clock, 'reference:=file', f'reference_file:={file}')
+    camera.publish(image(PATTERN))
+    run(tested)
+    assert features.take() is not None
+
+
+@pytest.mark.parametrize('content', [None, b'no picture'])
+def test_rest_image_file_that_is_none_is_one_sentence(
+    bus: InProcessBus, clock: SteppedClock, tmp_path: Path, content: bytes | None
+) -> None:
+    file = tmp_path / 'rest.png'
+    if content:
+        file.write_bytes(content)
+    with pytest.raises(ConfigurationError, match='cannot read the picture'):
+        node(bus, clock, 'reference:=file', f'reference_file:={file}')
+
+
+def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, reference = (
+        listen(topics.FLOW_FEATURES),
+        publisher(topics.IMAGE),
+        publisher(topics.REFERENCE_IMAGE),
+    )
+    tested = node(bus, clock, 'reference:=topic')
+    camera.publish(image(PATTERN))
+    run(tested)
+    assert features.take() is None
+    reference.publish(image(PATTERN))
+    run(tested)
+    camera.publish(image(PATTERN, START_NS + 1))
+    run(tested)
+    assert features.take() is not None
+
+
+def test_image_of_another_size_is_said_and_does_not_end_the_node(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(PATTERN))
+    run(tested)
+    camera.publish(image(PATTERN[:120, :120].copy()))
+    run(tested)
+    assert features.take() is None
+    assert any('120x120' in status.message for status in tested.diagnostics.message(0).status)
+    camera.publish(image(PATTERN))
+    run(tested)
+    assert features.take() is not None
+
+
+def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise) -> None:
+    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    for pixels in (PATTERN, np.zeros_like(PATTERN)):
+        camera.publish(image(pixels))
+        run(tested)
+    received = features.take()
+    assert received is not None
+    assert received.message.reasons == types.ForceDistribution.REASON_DARK_IMAGE
+    assert received.message.image_level == 0.0
+
+
+def test_overlay_is_saved_on_request(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
+) -> None:
+    camera, tested = publisher(topics.IMAGE), node(bus, clock, f'overlay_folder:={tmp_path}')
+    for pixels in (PATTERN, np.roll(PATTERN, 3, axis=0)):
+        camera.publish(image(pixels))
+        run(tested)
+    answer = types.Trigger_Response()
+
+    def keep(response: types.Trigger_Response) -> None:
+        nonlocal answer
+        answer = response
+
+    bus._services['/flow_features/save_overlay'].handler(types.Trigger_Request(), keep)
+    run(tested)
+    assert answer.success
+    assert cv2.imread(str(tmp_path / 'flow_000001.png')).shape == (160, 160, 3)
+    assert bus._services['/flow_features/save_overlay'].type_name == services.TRIGGER

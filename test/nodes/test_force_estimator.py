@@ -1,0 +1,149 @@
+"""Features in, force out: stamps, provenance, status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from feeding import START_NS, run
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+
+Listen = Callable[[Topic], Subscription]
+Advertise = Callable[[Topic], Publisher]
+FORCE = types.ForceDistribution
+
+
+def node(bus: InProcessBus, clock: SteppedClock, model: Path | str, *parameters: str) -> ForceEstimatorNode:
+    words = [word for each in (f'model:={model}', *parameters) for word in ('-p', each)]
+    return ForceEstimatorNode(bus, parse_arguments(['--ros-args', *words]), clock)
+
+
+def features(rows: int = 4, side: int = 160, confidence: float = 1.0, reasons: int = 0) -> types.FlowFeatures:
+    return types.FlowFeatures(
+        header=conversions.header(START_NS, 'camera'),
+        rows=rows,
+        cols=4,
+        channels=2,
+        encoding='cartesian_mean',
+        values=np.zeros(rows * 8, np.float32),
+        confidence=np.full(rows * 4, confidence, np.float32),
+        image_width=side,
+        image_height=side,
+        reference_id='0123456789ab',
+        reasons=reasons,
+    )
+
+
+@pytest.fixture
+def chain(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
+) -> Callable[[types.FlowFeatures], types.ForceDistribution]:
+    forces, source, tested = (
+        listen(topics.FORCE_DISTRIBUTION),
+        publisher(topics.FLOW_FEATURES),
+        node(bus, clock, small_model),
+    )
+
+    def answer(message: types.FlowFeatures) -> types.ForceDistribution:
+        source.publish(message)
+        run(tested)
+        received = forces.take()
+        assert received is not None
+        found: types.ForceDistribution = received.message
+        return found
+
+    return answer
+
+
+def test_force_says_when_where_and_with_what(chain: Callable[[types.FlowFeatures], types.ForceDistribution]) -> None:
+    force = chain(features())
+    assert stamp_ns(force.header.stamp) == START_NS
+    assert force.header.frame_id == 'gel_surface'
+    assert force.total == pytest.approx(0.5)
+    assert force.normal_force[5] == np.float32(0.5)
+    assert force.in_contact
+    # All of the force is in the bin whose centre is (10, 0) mm.
+    assert (force.contact.x, force.contact.y) == pytest.approx((0.010, 0.0))
+    assert force.status == FORCE.STATUS_OK
+    provenance = force.provenance
+    assert (provenance.model, provenance.gel, provenance.reference_id) == ('small', 'gel of the test', '0123456789ab')
+    assert len(provenance.model_id) == 12
+
+
+@pytest.mark.parametrize(
+    ('message', 'status', 'reason'),
+    [
+        (features(reasons=FORCE.REASON_DARK_IMAGE), FORCE.STATUS_INVALID, FORCE.REASON_DARK_IMAGE),
+        (features(side=240), FORCE.STATUS_INVALID, FORCE.REASON_OTHER_IMAGE),
+        (features(confidence=0.1), FORCE.STATUS_DEGRADED, FORCE.REASON_LOW_CONFIDENCE),
+    ],
+)
+def test_status_says_why_the_numbers_are_not_to_be_trusted(
+    chain: Callable[[types.FlowFeatures], types.ForceDistribution],
+    message: types.FlowFeatures,
+    status: int,
+    reason: int,
+) -> None:
+    force = chain(message)
+    assert (force.status, force.reasons) == (status, reason)
+    assert force.in_contact == (status != FORCE.STATUS_INVALID)
+
+
+def test_wrench_goes_with_every_force(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
+) -> None:
+    wrenches, source, tested = listen(topics.WRENCH), publisher(topics.FLOW_FEATURES), node(bus, clock, small_model)
+    source.publish(features())
+    run(tested)
+    received = wrenches.take()
+    assert received is not None
+    assert received.message.wrench.force.z == pytest.approx(-0.5)
+    assert stamp_ns(received.message.header.stamp) == START_NS
+
+
+def test_features_for_another_model_are_said_and_do_not_end_the_node(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
+) -> None:
+    forces, source, tested = (
+        listen(topics.FORCE_DISTRIBUTION),
+        publisher(topics.FLOW_FEATURES),
+        node(bus, clock, small_model),
+    )
+    source.publish(features(rows=5))
+    run(tested)
+    assert forces.take() is None
+    told = [status.message for status in tested.diagnostics.message(0).status if status.level == 2]
+    assert len(told) == 1
+    assert '4x4 regions' in told[0]
+    assert '5x4 regions' in told[0]
+    source.publish(features())
+    run(tested)
+    assert forces.take() is not None
+
+
+def test_missing_model_names_those_that_ship(bus: InProcessBus, clock: SteppedClock) -> None:
+    with pytest.raises(ModelError, match=r"no model 'none'.*that ship"):
+        node(bus, clock, 'none')
+
+
+def test_model_cannot_be_changed_while_running_and_a_typo_in_its_own_block_is_an_error(
+    bus: InProcessBus, clock: SteppedClock, small_model: Path
+) -> None:
+    tested = node(bus, clock, small_model)
+    with pytest.raises(ConfigurationError, match='only be set when the node starts'):
+        tested._parameters.change({'model': 'other'})
+    with pytest.raises(ConfigurationError, match="unknown parameter 'modell'"):
+        ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', 'force_estimator:modell:=x']), clock)

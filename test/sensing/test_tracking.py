@@ -1,0 +1,89 @@
+"""The rest image: taken when told, from pictures that show something, and kept until a better one is there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+
+RNG = np.random.default_rng(5)
+PATTERN = np.repeat(np.repeat(RNG.integers(0, 200, (40, 40), dtype=np.uint8), 4, 0), 4, 1)
+
+
+def tracker(**options: int) -> FeatureTracker:
+    flow, encoding = make_flow('dis'), make_encoding('cartesian_mean', {'rows': 10, 'cols': 10})
+    return FeatureTracker(flow, encoding, **options)  # type: ignore[arg-type]
+
+
+def test_rest_image_is_the_mean_of_as_many_frames_as_asked() -> None:
+    found = tracker(rest_frames=2)
+    found.begin_capture()
+    assert not found.offer_rest(PATTERN)
+    assert found.offer_rest(PATTERN + 10)
+    assert found.reference is not None
+    assert (found.reference == PATTERN + 5).all()
+    assert not found.capturing
+
+
+def test_frames_to_skip_are_left_out_whatever_they_show() -> None:
+    found = tracker(rest_frames=1)
+    found.begin_capture(skip=2)
+    black = np.zeros_like(PATTERN)
+    assert not found.offer_rest(black)
+    assert not found.offer_rest(black)
+    assert found.offer_rest(PATTERN)
+
+
+def test_black_frames_do_not_go_into_a_rest_image() -> None:
+    found = tracker(rest_frames=2)
+    found.begin_capture()
+    found.offer_rest(PATTERN)
+    with pytest.raises(ImageError, match='black'):
+        found.offer_rest(np.zeros_like(PATTERN))
+    assert found.offer_rest(PATTERN)
+    assert (found.reference == PATTERN).all()
+
+
+def test_blank_rest_image_is_refused_and_the_one_before_stays() -> None:
+    found = tracker(rest_frames=1)
+    found.use_reference(PATTERN)
+    kept = found.reference_id
+    found.begin_capture()
+    with pytest.raises(ImageError, match='markers'):
+        found.offer_rest(np.full_like(PATTERN, 90))
+    assert found.reference_id == kept
+    assert found.capturing
+
+
+def test_rest_images_of_other_content_have_other_ids() -> None:
+    found = tracker()
+    found.use_reference(PATTERN)
+    first = found.reference_id
+    found.use_reference(PATTERN[::-1].copy())
+    assert found.reference_id != first
+    assert len(first) == 12
+
+
+def test_the_rest_image_itself_has_not_moved() -> None:
+    found = tracker()
+    found.use_reference(PATTERN)
+    features = found.features(found.field(PATTERN))
+    assert np.abs(features.values).max() < 1e-3
+
+
+def test_without_a_rest_image_there_is_no_field() -> None:
+    with pytest.raises(ImageError, match='no rest image yet'):
+        tracker().field(PATTERN)
+
+
+def test_overlay_draws_arrows_only_where_something_moves() -> None:
+    field = np.zeros((160, 160, 2), np.float32)
+    field[80:, 80:] = (3.0, 0.0)
+    picture = overlay(np.zeros((160, 160), np.uint8), field)
+    assert picture.shape == (160, 160, 3)
+    assert picture[:70, :70].max() == 0
+    assert picture[90:150, 90:150].max() > 0
