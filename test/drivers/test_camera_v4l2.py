@@ -4,8 +4,8 @@ contract test runs on a real one with ``-m hardware``."""
 from __future__ import annotations
 
 import contextlib
-import os
 import itertools
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
