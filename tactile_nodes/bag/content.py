@@ -1,0 +1,52 @@
+"""What every kind of storage file gives a reader."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from tactile_nodes.bag.metadata import BagTopic, Extent
+
+ALWAYS_NS = (-(2**63), 2**63)
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """One message of a bag: `log_ns` is when it was received, `publish_ns` its capture stamp or when it was sent."""
+
+    topic: str
+    type_name: str
+    log_ns: int
+    publish_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which messages to read: topics (None: all) and a half-open interval of receive times."""
+
+    topics: frozenset[str] | None = None
+    start_ns: int = ALWAYS_NS[0]
+    end_ns: int = ALWAYS_NS[1]
+
+    def wants(self, topic: str, log_ns: int) -> bool:
+        return self.start_ns <= log_ns < self.end_ns and (self.topics is None or topic in self.topics)
+
+
+Complain = Callable[[str], None]
+"""Takes a sentence about something in a file that could not be read."""
+
+
+class Storage(Protocol):
+    """One opened storage file. What it holds is counted from the messages themselves."""
+
+    topics: dict[str, BagTopic]
+    counts: dict[str, int]
+    extent: Extent
+
+    def messages(self, selection: Selection) -> Iterator[BagMessage]:
+        """The selected messages in order of their receive times."""
+        ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,94 @@
+"""One MCAP file of a bag being recorded."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.writer import CompressionType, Writer
+
+from tactile_nodes.bag.growing_file import GrowingFile
+from tactile_nodes.bag.metadata import BagTopic, Extent
+from tactile_nodes.paths import PACKAGE
+
+COMPRESSIONS = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4, 'zstd': CompressionType.ZSTD}
+_CHUNK_BYTES = 4 << 20
+
+
+class Entry(NamedTuple):
+    """One message on its way into a file. `publish_ns`: capture stamp, or when it was published."""
+
+    log_ns: int
+    publish_ns: int
+    topic: str
+    sequence: int
+    data: bytes
+
+
+class McapFile:
+    """Writes entries into `path`, chunked and indexed.
+
+    Raises:
+        OSError: it exists or cannot be written; nothing is left behind then.
+    """
+
+    def __init__(self, path: Path, compression: str = 'none') -> None:
+        self.path = path
+        self.extent = Extent()
+        self._stream = GrowingFile(path)
+        self._writer: Any = Writer(self._stream, _CHUNK_BYTES, COMPRESSIONS[compression])  # type: ignore[arg-type]
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        try:
+            self._writer.start('ros2', f'{PACKAGE} (mcap {version("mcap")})')
+            self._stream.flush()
+        except OSError:
+            self.abandon()
+            path.unlink()
+            raise
+
+    @property
+    def size(self) -> int:
+        """Bytes written, those that wait for a flush included."""
+        return self._stream.tell()
+
+    def add_topic(self, topic: BagTopic) -> None:
+        """Describe a topic, before its first entry."""
+        if topic.type_name not in self._schemas:
+            schema = self._writer.register_schema(topic.type_name, topic.definition_format, topic.definition.encode())
+            self._schemas[topic.type_name] = schema
+        facts = {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash}
+        schema = self._schemas[topic.type_name]
+        self._channels[topic.name] = self._writer.register_channel(topic.name, topic.encoding, schema, facts)
+
+    def add(self, entry: Entry) -> None:
+        """Take in one message; it is in the file after the next `flush`."""
+        self._writer.add_message(
+            self._channels[entry.topic], entry.log_ns, entry.data, entry.publish_ns, entry.sequence & 0xFFFFFFFF
+        )
+        self.extent.include(entry.log_ns)
+
+    def flush(self) -> None:
+        """Put everything taken in so far into the file, which then is a legal MCAP file.
+
+        Raises:
+            OSError: it cannot be written; the file holds what it held before, and should be abandoned.
+        """
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Against a power cut. Raises OSError when the disk fails."""
+        self._stream.sync()
+
+    def close(self, metadata_yaml: str) -> None:
+        """Write the rest, the indexes and the summary. Raises as `flush` does."""
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata_yaml})
+        self._writer.finish()
+        self._stream.finish()
+        self._stream.sync()
+        self._stream.close()
+
+    def abandon(self) -> None:
+        """Leave the file as the last flush left it."""
+        self._stream.close()

@@ -1,0 +1,204 @@
+"""``metadata.yaml`` of a rosbag2 folder, and the text that describes a topic's quality of service in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+import yaml
+
+from tactile_nodes.errors import BagError
+from tactile_nodes.messages import definition, type_hash
+
+VERSION = 8  # the newest that ROS 2 Humble can read: from 9 on the quality of service is a list instead of a text
+NEWEST = 9
+FILE_NAME = 'metadata.yaml'
+_ROOT = 'rosbag2_bagfile_information'
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """A topic as a bag describes it. `definition` is empty where the bag holds none."""
+
+    name: str
+    type_name: str
+    definition: str = ''
+    type_hash: str = ''
+    qos: str = ''
+    encoding: str = 'cdr'
+    definition_format: str = 'ros2msg'
+
+    @classmethod
+    def of_type(cls, name: str, type_name: str, *, depth: int = 10, latched: bool = False) -> BagTopic:
+        """A topic of a type that `messages` knows.
+
+        Raises:
+            MessageError: it does not.
+        """
+        return cls(name, type_name, definition(type_name), type_hash(type_name), qos_text(depth, latched))
+
+    @property
+    def latched(self) -> bool:
+        """Whether its publisher kept the last message for those who came later (transient local)."""
+        try:
+            profiles = yaml.safe_load(self.qos) or []
+            return any(str(profile['durability']).lower() in {'1', 'transient_local'} for profile in profiles)
+        except (yaml.YAMLError, TypeError, KeyError):
+            return False
+
+
+def qos_text(depth: int, latched: bool) -> str:
+    """The offered quality of service as Humble to Jazzy write it: reliable, keep last `depth`."""
+    for_ever = {'sec': 9223372036, 'nsec': 854775807}
+    profile = {
+        'history': 1,
+        'depth': depth,
+        'reliability': 1,
+        'durability': 1 if latched else 2,
+        'deadline': for_ever,
+        'lifespan': dict(for_ever),
+        'liveliness': 1,
+        'liveliness_lease_duration': dict(for_ever),
+        'avoid_ros_namespace_conventions': False,
+    }
+    profile['deadline'] = dict(for_ever)  # an object of its own: else the dumper writes an alias
+    return yaml.safe_dump([profile], sort_keys=False).rstrip()
+
+
+@dataclass
+class Extent:
+    """How many messages there are, and when (receive times in ns); both times are 0 while there are none."""
+
+    messages: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+
+    def include(self, log_ns: int) -> None:
+        """One more message."""
+        self.start_ns = min(self.start_ns, log_ns) if self.messages else log_ns
+        self.end_ns = max(self.end_ns, log_ns) if self.messages else log_ns
+        self.messages += 1
+
+    @classmethod
+    def union(cls, parts: Iterable[Extent]) -> Extent:
+        """All parts together."""
+        filled = [part for part in parts if part.messages]
+        if not filled:
+            return cls()
+        count = sum(part.messages for part in filled)
+        return cls(count, min(part.start_ns for part in filled), max(part.end_ns for part in filled))
+
+    @property
+    def duration_ns(self) -> int:
+        return self.end_ns - self.start_ns
+
+
+@dataclass
+class BagMetadata:
+    """What ``metadata.yaml`` says."""
+
+    files: dict[str, Extent] = field(default_factory=dict)
+    topics: dict[str, BagTopic] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    message_count: int = 0
+    storage_id: str = 'mcap'
+    ros_distro: str = ''
+    compression_format: str = ''
+    compression_mode: str = ''
+
+    def to_yaml(self) -> str:
+        """The file's text."""
+        extent = Extent.union(self.files.values())
+        content = {
+            'version': VERSION,
+            'storage_identifier': self.storage_id,
+            **_times(extent),
+            'message_count': extent.messages,
+            'topics_with_message_count': [self._topic(topic) for topic in self.topics.values()],
+            'compression_format': _Quoted(self.compression_format),
+            'compression_mode': _Quoted(self.compression_mode),
+            'relative_file_paths': list(self.files),
+            'files': [
+                {'path': path, **_times(part), 'message_count': part.messages} for path, part in self.files.items()
+            ],
+            'custom_data': None,
+            'ros_distro': _Quoted(self.ros_distro),
+        }
+        return yaml.dump({_ROOT: content}, Dumper=_Dumper, sort_keys=False, width=10_000)
+
+    def _topic(self, topic: BagTopic) -> dict[str, Any]:
+        described = {
+            'name': topic.name,
+            'type': topic.type_name,
+            'serialization_format': topic.encoding,
+            'offered_qos_profiles': _Quoted(topic.qos),
+            'type_description_hash': topic.type_hash,
+        }
+        return {'topic_metadata': described, 'message_count': self.counts.get(topic.name, 0)}
+
+    @classmethod
+    def from_yaml(cls, text: str, source: str) -> BagMetadata:
+        """Read what any version up to 9 says.
+
+        Raises:
+            BagError: it is damaged, or newer than we know.
+        """
+        try:
+            content = yaml.safe_load(text)[_ROOT]
+            version = int(content['version'])
+            if version > NEWEST:
+                raise BagError(f'{source} has version {version}; versions up to {NEWEST} can be read')
+            return cls._from_content(content)
+        except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError, RecursionError) as error:
+            raise BagError(
+                f'{source} is damaged and says nothing of the bag; give the .mcap or .db3 file beside it instead'
+            ) from error
+
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> BagMetadata:
+        entries = content['topics_with_message_count'] or []
+        topics = [_read_topic(entry['topic_metadata']) for entry in entries]
+        return cls(
+            # Older versions wrote the way from wherever the recorder stood; the files lie beside metadata.yaml.
+            files={PurePath(str(path)).name: Extent() for path in content['relative_file_paths']},
+            topics={topic.name: topic for topic in topics},
+            counts={str(entry['topic_metadata']['name']): int(entry['message_count']) for entry in entries},
+            message_count=int(content['message_count']),
+            storage_id=str(content['storage_identifier']),
+            ros_distro=str(content.get('ros_distro') or ''),
+            compression_format=str(content.get('compression_format') or ''),
+            compression_mode=str(content.get('compression_mode') or '').lower(),
+        )
+
+
+def _read_topic(described: dict[str, Any]) -> BagTopic:
+    qos = described.get('offered_qos_profiles') or ''
+    return BagTopic(
+        str(described['name']),
+        str(described['type']),
+        type_hash=str(described.get('type_description_hash') or ''),
+        qos=qos if isinstance(qos, str) else yaml.safe_dump(qos),
+        encoding=str(described.get('serialization_format') or 'cdr'),
+    )
+
+
+def _times(extent: Extent) -> dict[str, dict[str, int]]:
+    return {
+        'duration': {'nanoseconds': extent.duration_ns},
+        'starting_time': {'nanoseconds_since_epoch': extent.start_ns},
+    }
+
+
+class _Quoted(str):
+    """Written in double quotes, on one line, as ROS 2 writes it."""
+
+    __slots__ = ()
+
+
+class _Dumper(yaml.SafeDumper):
+    """Knows `_Quoted`."""
+
+
+_Dumper.add_representer(_Quoted, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', text, style='"'))

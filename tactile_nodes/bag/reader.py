@@ -1,0 +1,176 @@
+"""Reads bags: rosbag2 folders, single .mcap and .db3 files; whole, cut off, or never closed."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator
+from operator import attrgetter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import zstandard
+
+from tactile_nodes.bag import growing_file, sqlite_storage
+from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection, Storage
+from tactile_nodes.bag.mcap_storage import McapStorage
+from tactile_nodes.bag.metadata import FILE_NAME, BagMetadata, BagTopic, Extent
+from tactile_nodes.bag.sqlite_storage import SqliteStorage
+from tactile_nodes.bag.types import BagTypes
+from tactile_nodes.errors import BagError
+
+_SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+
+
+class BagReader:
+    """A bag opened for reading.
+
+    The storage files themselves say what there is; ``metadata.yaml`` is compared with them, because it may be older
+    than they are, or speak of files that were cut off. `problems` holds a sentence for each thing that is not as it
+    should be; more may come while messages are read.
+
+    Raises:
+        BagError: there is no bag, or nothing of it can be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.problems: list[str] = []
+        self.types = BagTypes()
+        self._storages: list[Storage] = []
+        try:
+            self._open_all()
+        except OSError as error:
+            self.close()
+            raise BagError(f'cannot read {error.filename or self.path}: {error.strerror}') from error
+        except BagError:
+            self.close()
+            raise
+        self.storage_id = 'mcap' if isinstance(self._storages[0], McapStorage) else 'sqlite3'
+        self._take_stock()
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files; closing twice is harmless."""
+        for storage in self._storages:
+            storage.close()
+
+    def messages(
+        self, topics: Iterable[str] | None = None, start_ns: int = ALWAYS_NS[0], end_ns: int = ALWAYS_NS[1]
+    ) -> Iterator[BagMessage]:
+        """The messages in order of their receive times, read as they are asked for.
+
+        Args:
+            topics: only these; None: all.
+            start_ns: only those received from then on,
+            end_ns: and before then.
+        """
+        selection = Selection(None if topics is None else frozenset(topics), start_ns, end_ns)
+        parts = [storage.messages(selection) for storage in self._storages]
+        merged = parts[0] if len(parts) == 1 else heapq.merge(*parts, key=attrgetter('log_ns'))
+        return self._decompressed(merged) if self.metadata.compression_mode == 'message' else merged
+
+    def decode(self, message: BagMessage) -> Any:
+        """The message as an object, by the definition in the bag.
+
+        Raises:
+            MessageError: the bytes are no such message, or nobody knows its type.
+        """
+        return self.types.decode(message.data, message.type_name)
+
+    # --- opening --------------------------------------------------------------------------------------------
+
+    def _open_all(self) -> None:
+        self.metadata, self.files = self._find()
+        for file in self.files:
+            self._storages.append(_open(file, self._complain))
+        self.size = sum(file.stat().st_size for file in self.files)
+
+    def _find(self) -> tuple[BagMetadata, list[Path]]:
+        if self.path.name == FILE_NAME:
+            self.path = self.path.parent
+        if not self.path.is_dir():
+            if not self.path.exists():
+                raise BagError(f'there is no bag {self.path}; give a folder, a .mcap file or a .db3 file')
+            return BagMetadata(storage_id=''), [self.path]
+        if (self.path / FILE_NAME).exists():
+            return self._from_metadata()
+        files = self._storage_files()
+        if not files:
+            raise BagError(f'{self.path} is no bag: it holds neither {FILE_NAME} nor .mcap or .db3 files')
+        self._complain(f'{self.path} has no {FILE_NAME}; read the files it holds')
+        return BagMetadata(storage_id=''), files
+
+    def _from_metadata(self) -> tuple[BagMetadata, list[Path]]:
+        source = self.path / FILE_NAME
+        text = source.read_bytes().decode(errors='replace')
+        if not text.strip('\0 \n') and self._storage_files():
+            self._complain(f'{source} is empty; read the files beside it')
+            return BagMetadata(storage_id=''), self._storage_files()
+        metadata = BagMetadata.from_yaml(text, str(source))
+        if metadata.storage_id not in _SUFFIXES.values():
+            raise BagError(f'{source} names the storage {metadata.storage_id!r}; mcap and sqlite3 can be read')
+        if metadata.compression_mode == 'file':
+            raise BagError(
+                f'the files of {self.path} are compressed as a whole; unpack them first: zstd -d {self.path}/*'
+            )
+        files = [self.path / name for name in metadata.files]
+        if missing := [file.name for file in files if not file.exists()]:
+            raise BagError(f'{source} names {", ".join(missing)}, which is not in the folder; give another file of it')
+        if not files:
+            raise BagError(f'{source} names no storage file')
+        return metadata, files
+
+    def _storage_files(self) -> list[Path]:
+        found = [file for file in self.path.iterdir() if file.suffix in _SUFFIXES]
+        return sorted(found, key=lambda file: (len(file.name), file.name))  # bag_10 after bag_9
+
+    def _take_stock(self) -> None:
+        self.topics: dict[str, BagTopic] = dict(self.metadata.topics)
+        self.counts: dict[str, int] = dict.fromkeys(self.topics, 0)
+        for storage in self._storages:
+            self.topics.update(storage.topics)
+            for name, count in storage.counts.items():
+                self.counts[name] = self.counts.get(name, 0) + count
+        for topic in self.topics.values():
+            self.types.learn(topic)
+            if topic.encoding != 'cdr':
+                self._complain(f'{topic.name} is encoded as {topic.encoding!r} and is left out; cdr can be read')
+        self.extent = Extent.union(storage.extent for storage in self._storages)
+        announced = self.metadata.message_count
+        if self.metadata.topics and announced != self.extent.messages:
+            self._complain(
+                f'{self.path / FILE_NAME} announces {announced} messages, the files hold {self.extent.messages}'
+            )
+
+    def _complain(self, sentence: str) -> None:
+        if sentence not in self.problems:
+            self.problems.append(sentence)
+
+    def _decompressed(self, parts: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        for message in parts:
+            try:
+                data = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
+            except zstandard.ZstdError:
+                self._complain(f'{self.path}: messages on {message.topic} cannot be unpacked and are left out')
+                continue
+            yield BagMessage(message.topic, message.type_name, message.log_ns, message.publish_ns, data)
+
+
+def _open(file: Path, complain: Callable[[str], None]) -> Storage:
+    with file.open('rb') as opened:
+        head = opened.read(16)
+    if not head:
+        raise BagError(f'{file} is empty')
+    if head.startswith(growing_file.MAGIC):
+        return McapStorage(file, complain)
+    if head.startswith(sqlite_storage.MAGIC):
+        return SqliteStorage(file, complain)
+    if growing_file.MAGIC.startswith(head) or sqlite_storage.MAGIC.startswith(head):
+        raise BagError(f'{file} is cut off within its first bytes; there is nothing to read')
+    raise BagError(f'{file} is no bag: neither MCAP nor SQLite')

@@ -1,0 +1,33 @@
+"""The capture stamp of a message, read from its bytes without decoding it."""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+
+from rosbags.interfaces import Nodetype
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.messages.store import store
+
+_HEADER = (Nodetype.NAME, 'std_msgs/msg/Header')
+
+
+@cache
+def starts_with_header(type_name: str) -> bool:
+    """Whether the first field of a type is a std_msgs/Header."""
+    known = store().fielddefs
+    return type_name in known and known[type_name][1][:1] == [('header', _HEADER)]
+
+
+def header_stamp_ns(data: bytes, type_name: str) -> int | None:
+    """The stamp of the message's header in ns; None when its type has none or nobody set it.
+
+    >>> header_stamp_ns(bytes.fromhex('00010000 02000000 05000000 01000000 00'), 'std_msgs/msg/Header') is None
+    True
+    """
+    if len(data) < 12 or not starts_with_header(type_name):
+        return None
+    # Four bytes say how the rest is encoded; the second is 1 for little endian. Then int32 sec, uint32 nanosec.
+    sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
+    return sec * NS_PER_S + nanosec if sec > 0 or nanosec > 0 else None

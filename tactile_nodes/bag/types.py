@@ -1,0 +1,69 @@
+"""The message types of a bag as the bag itself defines them: perhaps unknown here, perhaps an older version of ours."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from rosbags.typesys import TypesysError, get_types_from_msg
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.errors import MessageError
+from tactile_nodes.messages.store import MessageStore, store
+
+_TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*(/[a-z]+)?/[A-Za-z][A-Za-z0-9_]*', re.ASCII)
+_FIELD_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*', re.ASCII)
+
+
+class BagTypes:
+    """Decodes by the definitions that a bag carries; falls back on ours where it carries none.
+
+    What is learnt stays here: two bags may carry two versions of one type.
+    """
+
+    def __init__(self) -> None:
+        self._local: MessageStore | None = None
+        self._foreign: set[str] = set()
+
+    def learn(self, topic: BagTopic) -> None:
+        """Take in a topic's type. A definition that cannot be read is passed over."""
+        if topic.definition_format != 'ros2msg' or not topic.definition or not _TYPE_NAME.fullmatch(topic.type_name):
+            return
+        try:
+            parsed = get_types_from_msg(topic.definition, topic.type_name)
+        except (TypesysError, RecursionError):
+            return
+        if all(_is_plain(name, content) for name, content in parsed.items()) and _differs(parsed):
+            self._local = self._local or MessageStore()
+            # Not `register`, which would run code made from names that a stranger wrote.
+            self._local.fielddefs.update(parsed)
+            self._foreign.add(topic.type_name)
+
+    def is_ours(self, type_name: str) -> bool:
+        """Whether the bag's messages of this type are what this process understands by it."""
+        return type_name not in self._foreign and type_name in store().fielddefs
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message that `data` holds.
+
+        Raises:
+            MessageError: a type that neither the bag nor we define, or bytes that are none of it.
+        """
+        if self._local is None or type_name not in self._foreign:
+            return messages.decode(data, type_name)
+        try:
+            return self._local.deserialize_cdr(data, type_name)
+        except Exception as error:  # a stranger's definition can fail in any way
+            raise MessageError(f'{len(data)} bytes that are no {type_name} as this bag defines it: {error}') from error
+
+
+def _is_plain(name: str, content: Any) -> bool:
+    constants, fields = content
+    names = [entry[0] for entry in (*constants, *fields)]
+    return bool(_TYPE_NAME.fullmatch(name)) and all(_FIELD_NAME.fullmatch(entry) for entry in names)
+
+
+def _differs(parsed: Any) -> bool:
+    known = store().fielddefs
+    return any(name not in known or known[name][1] != fields for name, (_, fields) in parsed.items())
