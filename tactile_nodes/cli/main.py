@@ -1,0 +1,118 @@
+"""``tactile``: the one command. Each verb is a module of its own, imported only when it is the one chosen.
+
+A verb's module has `add_arguments(parser)` and `run(arguments) -> int`, and may have `DESCRIPTION` and `EPILOG`. Its
+line in the table below is all that ``tactile --help`` and the completion of verbs need, so both answer at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from tactile_nodes import __version__
+from tactile_nodes.errors import TactileError
+
+VERBS = {
+    'launch': 'run a launch file: start its nodes, watch them, end them',
+    'run': 'run one node',
+    'view': 'watch force, latency and the state of the nodes in this terminal',
+    'topic': 'list, print, measure and publish topics',
+    'node': 'list nodes; what one offers, and whether it answers',
+    'param': "list, read, change, save and load the nodes' parameters",
+    'service': 'list and call services',
+    'bag': 'record topics, play recordings, say what is in them',
+    'train': 'make a force model from simulated presses',
+    'evaluate': 'score a force model on presses that it never saw',
+    'doctor': 'say what this machine lacks, and what to do about it',
+    'completion': 'print what a shell needs to complete this command',
+}
+INTERRUPTED = 130  # what a shell reports of a program that Ctrl-C ended: 128 + SIGINT
+PIPE_CLOSED = 141  # the same for SIGPIPE
+
+EPILOG = """\
+first steps:
+  tactile launch live                    a simulated sensor, its force estimate, and nothing to plug in
+  tactile view                           see it, from another terminal
+  tactile topic echo /force_distribution --field total
+  tactile <verb> --help                  more of each, with examples
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run ``tactile`` with these words; the result is the exit status."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        status = _run(words)
+        sys.stdout.flush()
+    except TactileError as error:
+        print(error, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has gone, say `head`; what is still buffered has nowhere to go either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    return status
+
+
+def _run(words: Sequence[str]) -> int:
+    parser = make_parser(chosen_verb(words))
+    _complete(parser)
+    arguments = parser.parse_args(words)
+    if arguments.verb is None:
+        parser.print_help()
+        return 0
+    status: int = _module(arguments.verb).run(arguments)
+    return status
+
+
+def make_parser(verb: str | None) -> argparse.ArgumentParser:
+    """The parser; only `verb` brings its own arguments, the others stand there by name."""
+    parser = argparse.ArgumentParser(
+        prog='tactile',
+        description='Vision-based touch sensing: nodes, topics, recordings and models.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'tactile_nodes {__version__}')
+    verbs = parser.add_subparsers(dest='verb', metavar='verb', title='verbs')
+    for name, line in VERBS.items():
+        module = _module(name) if name == verb else None
+        made = verbs.add_parser(
+            name,
+            help=line,
+            description=getattr(module, 'DESCRIPTION', None) or f'{line[0].upper()}{line[1:]}.',
+            epilog=getattr(module, 'EPILOG', None),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if module is not None:
+            module.add_arguments(made)
+    return parser
+
+
+def chosen_verb(words: Sequence[str]) -> str | None:
+    """The verb among `words`, or the one on the line that a shell asks us to complete."""
+    if '_ARGCOMPLETE' in os.environ:
+        words = os.environ.get('COMP_LINE', '').split()[1:]
+    return next((word for word in words if word in VERBS), None)
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """If it is a shell that asks, answer and end here."""
+    if '_ARGCOMPLETE' in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser, always_complete_options=False)
+
+
+def _module(verb: str) -> Any:
+    return importlib.import_module(f'tactile_nodes.cli.{verb}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""``tactile node``: who is there, what each offers, and whether it answers."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tactile_nodes.cli import completers
+from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joined, positive_float
+from tactile_nodes.errors import BusError, ServiceError
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Endpoint, Participant
+    from tactile_nodes.bus.zeromq import ZmqBus
+
+DESCRIPTION = 'Who is there, what each node offers and receives, and whether it answers.'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    verbs = Verbs(parser)
+    made = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
+    made.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
+    made.add_argument('-c', '--count-nodes', action='store_true', help='only say how many there are')
+    made = verbs.add('info', show_info, 'say what a node offers, receives and serves', '  tactile node info /camera\n')
+    completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
+    made.add_argument('--include-hidden', action='store_true', help='show hidden topics and services as well')
+    made.add_argument('--timeout', type=positive_float, default=1.0, metavar='S', help='wait S seconds for its answer')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the chosen command."""
+    status: int = arguments.action(arguments)
+    return status
+
+
+def list_nodes(arguments: argparse.Namespace) -> int:
+    """``node list``"""
+    with joined() as bus:
+        found = bus.graph().nodes()
+    shown = [name for name in found if arguments.all or not is_hidden(name)]
+    if arguments.count_nodes:
+        print(len(shown))
+        return 0
+    if len(set(shown)) < len(shown):
+        print('WARNING: several nodes share a name; give each its own with -r __node:=NAME', file=sys.stderr)
+    for name in shown:
+        print(name)
+    return 0
+
+
+def show_info(arguments: argparse.Namespace) -> int:
+    """``node info``"""
+    node = absolute(arguments.node)
+    with joined() as bus:
+        owners = [peer for peer in bus.graph().participants if node in peer.nodes]
+        if not owners:
+            raise BusError(f'there is no node {node}; see tactile node list')
+        if len(owners) > 1:
+            print(f'WARNING: {len(owners)} processes have a node {node}; all of them are shown', file=sys.stderr)
+        for owner in owners:
+            print(_info_text(node, owner, arguments.include_hidden))
+            print(f'  Answers: {_answer(bus, node, owner, arguments.timeout)}')
+    return 0
+
+
+def _info_text(node: str, owner: Participant, hidden_too: bool) -> str:
+    lines = [node]
+    for title, ends in (
+        ('Subscribers', owner.subscriptions),
+        ('Publishers', owner.publishers),
+        ('Service Servers', owner.services),
+    ):
+        lines += [f'  {title}:', *_lines(ends, node, hidden_too)]
+    lines.append(f'  Process: {owner.pid} on {owner.host}')
+    return '\n'.join(lines)
+
+
+def _lines(ends: Sequence[Endpoint], node: str, hidden_too: bool) -> list[str]:
+    mine = [end for end in ends if end.node == node and (hidden_too or not is_hidden(end.name))]
+    return [f'    {end.name}: {end.type_name}' for end in sorted(mine, key=lambda end: end.name)]
+
+
+def _answer(bus: ZmqBus, node: str, owner: Participant, timeout_s: float) -> str:
+    from tactile_nodes.messages import types
+    from tactile_nodes.messages.services import LIST_PARAMETERS
+
+    took_s = bus.ping(owner.uid, timeout_s)
+    if took_s is None:
+        return f'no; its process is alive, but did not answer within {timeout_s:g} s'
+    process = f'its process in {took_s * 1000:.1f} ms'
+    if not any(end.name == f'{node}/list_parameters' for end in owner.services):
+        return process
+    try:  # its process answers pings whatever the node's own thread does
+        bus.call(f'{node}/list_parameters', LIST_PARAMETERS, types.ListParameters_Request(), timeout_s)
+    except ServiceError:
+        return f'{process}, but the node itself not within {timeout_s:g} s: it is busy or stuck'
+    return f'{process}, and the node itself'

@@ -1,0 +1,249 @@
+"""``tactile param``: the nodes' parameters, with the words and output of ``ros2 param``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+from tactile_nodes.cli import completers
+from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joined
+from tactile_nodes.errors import ConfigurationError, ServiceError
+
+if TYPE_CHECKING:
+    from tactile_nodes.cli.parameter_client import ParameterClient
+    from tactile_nodes.messages import types
+    from tactile_nodes.params import Located, Value
+
+DESCRIPTION = "List, read, change, describe, save and load the nodes' parameters."
+
+_KINDS = ('not set', 'boolean', 'integer', 'double', 'string')
+_TYPE_TEXTS = (*_KINDS, 'byte array', *(f'{kind} array' for kind in _KINDS[1:]))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    verbs = Verbs(parser)
+    _add_list(verbs)
+    made = _add_with_node(verbs, 'get', get, "print a parameter's value", '  tactile param get /camera rate\n')
+    _add_name(made, 'name')
+    made.add_argument('--hide-type', action='store_true', help='print the value alone')
+    made = _add_with_node(verbs, 'set', set_value, 'change a parameter', _SET_EXAMPLES)
+    _add_name(made, 'name')
+    made.add_argument('value', help='the new value, written as in a parameter file: 7.0 and 7 differ')
+    made = _add_with_node(verbs, 'describe', describe, 'say what parameters are for', _DESCRIBE_EXAMPLES)
+    _add_name(made, 'names', nargs='*')
+    _add_with_node(verbs, 'dump', dump, "print a node's parameters as a parameter file", _DUMP_EXAMPLES)
+    made = _add_with_node(
+        verbs, 'load', load, 'set what a parameter file says', '  tactile param load /camera a.yaml\n'
+    )
+    made.add_argument('file', help='a parameter file')
+    made.add_argument('--no-use-wildcard', action='store_true', help="leave out what is written for '/**'")
+
+
+_SET_EXAMPLES = """\
+  tactile param set /camera rate 30.0
+  tactile param set /camera label "'7'"            a text, though it looks like a number
+"""
+_DESCRIBE_EXAMPLES = '  tactile param describe /camera rate\n  tactile param describe /camera            all of them\n'
+_DUMP_EXAMPLES = '  tactile param dump /camera > camera.yaml\n'
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the chosen command."""
+    status: int = arguments.action(arguments)
+    return status
+
+
+def _add_list(verbs: Verbs) -> None:
+    made = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
+    completed(made.add_argument('node', nargs='?', help='a node; all nodes when not given'), completers.nodes)
+    made.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
+    made.add_argument('--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those below PREFIX')
+    made.add_argument('--param-type', action='store_true', help='say the type of each')
+
+
+def _add_with_node(verbs: Verbs, name: str, action: Any, line: str, examples: str) -> argparse.ArgumentParser:
+    made = verbs.add(name, action, line, examples)
+    completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
+    return made
+
+
+def _add_name(parser: argparse.ArgumentParser, name: str, nargs: str | None = None) -> None:
+    completed(parser.add_argument(name, nargs=nargs, help='name of a parameter'), completers.parameters)
+
+
+def list_all(arguments: argparse.Namespace) -> int:
+    """``param list``"""
+    status = 0
+    with joined() as bus:
+        nodes = [absolute(arguments.node)] if arguments.node else sorted(set(bus.graph().nodes()))
+        for node in nodes:
+            if arguments.node is None and is_hidden(node) and not arguments.all:
+                continue
+            try:
+                lines = _listed(_client(bus, node), arguments)
+            except ServiceError as error:
+                print(error, file=sys.stderr)
+                status = 1
+                continue
+            print('\n'.join(lines if arguments.node else [f'{node}:', *lines]))
+    return status
+
+
+def _listed(client: ParameterClient, arguments: argparse.Namespace) -> list[str]:
+    names = client.names(arguments.param_prefixes)
+    if not arguments.param_type:
+        return [f'  {name}' for name in names]
+    return [f'  {found.name} (type: {_TYPE_TEXTS[found.type]})' for found in client.descriptors(names)]
+
+
+def get(arguments: argparse.Namespace) -> int:
+    """``param get``"""
+    with joined() as bus:
+        value = _client(bus, absolute(arguments.node)).values([arguments.name])[arguments.name]
+    if value is None:
+        raise ConfigurationError(
+            f'{absolute(arguments.node)} has no parameter {arguments.name!r}; see tactile param list'
+        )
+    print(value if arguments.hide_type else f'{_label(value)} {value}')
+    return 0
+
+
+def _label(value: Value) -> str:
+    if isinstance(value, list):
+        return f'{_KINDS[_kind(value[0])].capitalize() if value else "String"} values are:'
+    return f'{_KINDS[_kind(value)].capitalize()} value is:'
+
+
+def _kind(value: object) -> int:
+    return {bool: 1, int: 2, float: 3}.get(type(value), 4)
+
+
+def set_value(arguments: argparse.Namespace) -> int:
+    """``param set``"""
+    with joined() as bus:
+        client = _client(bus, absolute(arguments.node))
+        try:
+            client.set(arguments.name, typed(arguments.value))
+        except ConfigurationError as error:
+            print(f'Setting parameter failed: {error}', file=sys.stderr)
+            return 1
+    print('Set parameter successful')
+    return 0
+
+
+def typed(text: str) -> Value:
+    """A value as a parameter file would have it; what is no such value is a text.
+
+    >>> typed('7'), typed('7.0'), typed('1e-3'), typed("'7'"), typed('[1, 2]'), typed('a: b')
+    (7, 7.0, 0.001, '7', [1, 2], 'a: b')
+    """
+    from tactile_nodes.params import parse_parameters
+
+    try:
+        blocks = parse_parameters(f'_: {{ros__parameters: {{v: {text}}}}}', text)
+    except ConfigurationError:
+        return text
+    values = blocks[0].values if len(blocks) == 1 else {}
+    return values['v'].value if values.keys() == {'v'} else text
+
+
+def describe(arguments: argparse.Namespace) -> int:
+    """``param describe``"""
+    with joined() as bus:
+        client = _client(bus, absolute(arguments.node))
+        known = client.names()
+        for name in arguments.names:
+            if name not in known:
+                raise ConfigurationError(
+                    f'{absolute(arguments.node)} has no parameter {name!r}; see tactile param list'
+                )
+        for found in client.descriptors(arguments.names or known):
+            print('\n'.join(_description(found)))
+    return 0
+
+
+def _description(found: types.ParameterDescriptor) -> list[str]:
+    lines = [f'Parameter name: {found.name}', f'  Type: {_TYPE_TEXTS[found.type]}']
+    if found.description:
+        lines.append(f'  Description: {found.description}')
+    lines.append('  Constraints:')
+    if found.read_only:
+        lines.append('    Read only: true')
+    ranges: list[Any] = [*found.floating_point_range, *found.integer_range]
+    for bounds in ranges:
+        lines += [f'    Min value: {bounds.from_value}', f'    Max value: {bounds.to_value}']
+    if found.additional_constraints:
+        lines.append(f'    Additional constraints: {found.additional_constraints}')
+    return lines
+
+
+def dump(arguments: argparse.Namespace) -> int:
+    """``param dump``"""
+    node = absolute(arguments.node)
+    with joined() as bus:
+        client = _client(bus, node)
+        values = client.values(client.names())
+    print(parameter_file(node, values), end='')
+    return 0
+
+
+def parameter_file(node: str, values: dict[str, Value | None]) -> str:
+    """These values as a parameter file that reads back as just them; a text that rcl would type gets quotes."""
+    import yaml
+
+    from tactile_nodes.params import parse_scalar
+
+    class Dumper(yaml.SafeDumper):
+        pass
+
+    def text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
+        plain = isinstance(parse_scalar(value), str)
+        return dumper.represent_scalar('tag:yaml.org,2002:str', value, style=None if plain and value else "'")
+
+    Dumper.add_representer(str, text)
+    parameters: dict[str, Any] = {}
+    for name, value in values.items():
+        *path, last = name.split('.')
+        place = parameters
+        for step in path:
+            place = place.setdefault(step, {})
+        place[last] = value
+    written: str = yaml.dump({node: {'ros__parameters': parameters}}, Dumper=Dumper, default_flow_style=False)
+    return written
+
+
+def load(arguments: argparse.Namespace) -> int:
+    """``param load``"""
+    from tactile_nodes.params import exact_names, load_parameter_file, resolve_parameters
+
+    node = absolute(arguments.node)
+    blocks = [
+        block
+        for block in load_parameter_file(arguments.file)
+        if not (arguments.no_use_wildcard and '*' in block.pattern)
+    ]
+    values = resolve_parameters(node, blocks)
+    if not values:
+        raise ConfigurationError(f'{arguments.file} holds nothing for {node}')
+    with joined() as bus:
+        client = _client(bus, node)
+        wanted = exact_names(node, blocks) | set(client.names())  # what a wildcard sets for others is not for it
+        return max([0, *(_load_one(client, name, value) for name, value in values.items() if name in wanted)])
+
+
+def _load_one(client: ParameterClient, name: str, written: Located) -> int:
+    try:
+        client.set(name, written.value)
+    except ConfigurationError as error:
+        print(f'Set parameter {name} failed: {error}', file=sys.stderr)
+        return 1
+    print(f'Set parameter {name} successful')
+    return 0
+
+
+def _client(bus: Any, node: str) -> ParameterClient:
+    from tactile_nodes.cli.parameter_client import ParameterClient
+
+    return ParameterClient(bus, node)

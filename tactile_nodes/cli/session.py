@@ -1,0 +1,164 @@
+"""What the verbs that look at a running system share: joining the bus, names as a person types them, types."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tactile_nodes.errors import BusError, MessageError
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Graph
+    from tactile_nodes.bus.zeromq import ZmqBus
+
+Number = TypeVar('Number', int, float)
+Action = Callable[[argparse.Namespace], int]
+
+
+class Verbs:
+    """The second words of a verb (``topic list``, ``topic echo``), each with its arguments and its function."""
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        self._commands = parser.add_subparsers(dest='command', metavar='command', title='commands')
+        parser.set_defaults(action=_show_help(parser))
+
+    def add(self, name: str, action: Action, line: str, examples: str = '') -> argparse.ArgumentParser:
+        """A command; `line` says what it does, `examples` are shown below its help."""
+        made = self._commands.add_parser(
+            name,
+            help=line,
+            description=f'{line[0].upper()}{line[1:]}.',
+            epilog=f'examples:\n{examples}' if examples else None,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        made.set_defaults(action=action)
+        return made
+
+
+def _show_help(parser: argparse.ArgumentParser) -> Action:
+    def show(_: argparse.Namespace) -> int:
+        parser.print_help()
+        return 0
+
+    return show
+
+
+@contextmanager
+def joined() -> Iterator[ZmqBus]:
+    """This process on the bus.
+
+    Raises:
+        BusError, ConfigurationError: it cannot be joined.
+    """
+    from tactile_nodes.bus.runtime import open_bus
+
+    bus = open_bus()
+    try:
+        yield bus
+    finally:
+        bus.close()
+
+
+def own_name() -> str:
+    """What our ends are called in the graph; hidden, because it begins with an underscore, as that of ros2 does."""
+    return f'/_tactile_cli_{os.getpid()}'
+
+
+def absolute(name: str) -> str:
+    """A name as the graph knows it.
+
+    >>> absolute('image_raw'), absolute('/skin/image_raw')
+    ('/image_raw', '/skin/image_raw')
+    """
+    return f'/{name.strip("/")}'
+
+
+def is_hidden(name: str) -> bool:
+    """Whether a name is not meant for people: one of its words begins with an underscore."""
+    return any(word.startswith('_') for word in name.split('/'))
+
+
+def full_type(name: str, kind: str = 'msg') -> str:
+    """A type's full name, from that or from the short form that ros2 takes as well.
+
+    >>> full_type('std_msgs/String'), full_type('std_srvs/Trigger', 'srv')
+    ('std_msgs/msg/String', 'std_srvs/srv/Trigger')
+    """
+    package, _, short = name.partition('/')
+    return f'{package}/{kind}/{short}' if short and '/' not in short else name
+
+
+def type_of_topic(graph: Graph, topic: str) -> str:
+    """The one type that `topic` is published or subscribed as.
+
+    Raises:
+        BusError: nobody publishes or subscribes it, or the types differ.
+    """
+    found = graph.topics().get(topic)
+    if not found:
+        raise BusError(f'there is no topic {topic}: nobody publishes or subscribes it; see tactile topic list')
+    if len(found) > 1:
+        raise BusError(f'{topic} is used with several types: {", ".join(found)}; name the one that you mean')
+    return found[0]
+
+
+def type_of_service(graph: Graph, service: str) -> str:
+    """The type that `service` is served as.
+
+    Raises:
+        BusError: nobody serves it.
+    """
+    found = graph.services(service)
+    if not found:
+        raise BusError(f'there is no service {service}: nobody serves it; see tactile service list')
+    return found[0].type_name
+
+
+def read_values(text: str) -> dict[str, Any]:
+    """The fields of a message, written as a YAML mapping on the command line.
+
+    Raises:
+        MessageError: no mapping.
+    """
+    import yaml
+
+    try:
+        found = yaml.safe_load(text) or {}
+    except yaml.YAMLError as error:
+        raise MessageError(f'{text!r} is no YAML: {getattr(error, "problem", None) or error}') from error
+    if not isinstance(found, dict):
+        raise MessageError(f'{text!r} names no fields; write them as YAML, for example "{{data: hello}}"')
+    return found
+
+
+def completed(argument: argparse.Action, completer: Any) -> None:
+    """Have the shell complete `argument` with what `completer` gives."""
+    argument.completer = completer  # type: ignore[attr-defined]
+
+
+def positive_float(text: str) -> float:
+    """An argument that must be above zero."""
+    return _checked(text, float, lambda value: value > 0, 'a number above 0')
+
+
+def positive_int(text: str) -> int:
+    """A count of at least one."""
+    return _checked(text, int, lambda value: value > 0, 'a whole number above 0')
+
+
+def count(text: str) -> int:
+    """A count, or zero."""
+    return _checked(text, int, lambda value: value >= 0, 'a whole number, 0 or more')
+
+
+def _checked(text: str, kind: Callable[[str], Number], fits: Callable[[Number], bool], wish: str) -> Number:
+    try:
+        value = kind(text)
+    except ValueError:
+        value = None
+    if value is None or not fits(value):
+        raise argparse.ArgumentTypeError(f'{text!r} is not {wish}')
+    return value
