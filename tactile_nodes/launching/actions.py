@@ -154,7 +154,9 @@ class Timer:
     children: tuple[Action, ...]
 
     def perform(self, run: Interpreter) -> None:
-        period = self.period if isinstance(self.period, float) else values.number(self.period.evaluate(run.context))
+        period = values.number(
+            str(self.period) if isinstance(self.period, float) else self.period.evaluate(run.context)
+        )
         run.after(period, self.children, _boolean(self.cancel_on_shutdown, run))
 
 

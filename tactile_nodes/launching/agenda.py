@@ -11,6 +11,8 @@ from tactile_nodes import clock
 
 Task = Callable[[], None]
 
+_LONGEST_S = 3600.0  # a wait of years is more than the operating system takes at once
+
 
 class Appointment:
     """A task at a later time; may be cancelled."""
@@ -42,17 +44,23 @@ class Agenda:
         return appointment
 
     def do_next(self) -> None:
-        """Wait for the next task, and do it."""
+        """Wait for the next task, and do it; after a very long wait, return without."""
         while self._later and self._later[0][2].task is None:
             heapq.heappop(self._later)
         try:
             task = self._now.get(timeout=self._patience_s())
         except queue.Empty:
-            due = heapq.heappop(self._later)[2].task
-            if due is not None:
-                due()
-            return
+            task = self._due()
         task()
 
+    def _due(self) -> Task:
+        if self._later and self._later[0][0] <= clock.monotonic_s():
+            return heapq.heappop(self._later)[2].task or _nothing
+        return _nothing
+
     def _patience_s(self) -> float | None:
-        return max(0.0, self._later[0][0] - clock.monotonic_s()) if self._later else None
+        return min(max(0.0, self._later[0][0] - clock.monotonic_s()), _LONGEST_S) if self._later else None
+
+
+def _nothing() -> None:
+    """What is left of a cancelled task."""

@@ -7,6 +7,7 @@ strict, so that a file that passes here does not fail on a robot, and in additio
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,7 +72,7 @@ class Entity:
         return bool(self._typed(key, bool).value) if self._has(key) else default
 
     def number_or_none(self, key: str) -> float | None:
-        return float(self._typed(key, float).value) if self._has(key) else None
+        return self._optional(key, self._finite)
 
     def integer(self, key: str, default: int) -> int:
         return int(self._typed(key, int).value) if self._has(key) else default
@@ -122,6 +123,12 @@ class Entity:
             hint = f'; {_HINTS[kind]}' if kind in _HINTS and not isinstance(item.value, (list, dict)) else ''
             raise item.place.error(f"{self.kind}: '{key}' expected {_NAMES[kind]}, got {type_name(item.value)}{hint}")
         return item
+
+    def _finite(self, key: str) -> float:
+        item = self._typed(key, float)
+        if not math.isfinite(item.value):
+            raise item.place.error(f"{self.kind}: '{key}' must be finite, got {item.value}")
+        return float(item.value)
 
     def _optional(self, key: str, read: Callable[[str], Read]) -> Read | None:
         return read(key) if self._has(key) else None

@@ -17,19 +17,28 @@ from tactile_nodes.launching.template import SubstitutionError
 _MAX_LENGTH = 2000
 _MAX_SIZE = 10_000  # characters of a repeated text, bits of a power
 
-# Not among them: functions that take long or fill the memory (factorial, comb, perm).
+# Not among them: functions that take long or fill the memory (factorial, comb, perm, prod).
 _MATH_NAMES = """
     acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh degrees dist e erf erfc exp expm1 fabs floor fmod
     frexp fsum gamma gcd hypot inf isclose isfinite isinf isnan lcm ldexp lgamma log log10 log1p log2 modf nan pi pow
-    prod radians remainder sin sinh sqrt tan tanh tau trunc
+    radians remainder sin sinh sqrt tan tanh tau trunc
 """
 _MATH: dict[str, Any] = {name: getattr(math, name) for name in _MATH_NAMES.split()}
+
+
+def _round(number: Any, digits: int | None = None) -> Any:
+    # Of an integer, Python's own would first compute 10 ** -digits.
+    _bound(abs(digits or 0))
+    return round(number, digits)
+
+
 # As in ROS 2, where the names of math are in reach with and without 'math.'; a builtin of the same name gives way.
 _NAMES: dict[str, Any] = {
-    **{f.__name__: f for f in (abs, bool, float, int, len, max, min, round, str, sum)},
+    **{f.__name__: f for f in (abs, bool, float, int, len, max, min, str, sum)},
+    'round': _round,
     **_MATH,
 }
-_METHODS = {'endswith', 'lower', 'lstrip', 'replace', 'rstrip', 'startswith', 'strip', 'upper'}
+_METHODS = {'endswith', 'lower', 'lstrip', 'rstrip', 'startswith', 'strip', 'upper'}
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -110,8 +119,6 @@ def _call(node: ast.Call) -> Any:
     if node.keywords or not callable(function):
         raise SubstitutionError(f'{_shown(node)} is not allowed in an expression of a launch file')
     arguments = [_value(argument) for argument in node.args]
-    if isinstance(node.func, ast.Attribute) and node.func.attr == 'replace':
-        _bound(sum(len(str(each)) for each in arguments) ** 2)
     return function(*arguments)
 
 

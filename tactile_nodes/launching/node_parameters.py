@@ -52,8 +52,8 @@ class ParameterFile:
         # ROS 2 makes substitutions in the file as YAML writes it again, comments gone and keys sorted.
         try:
             text = yaml.safe_dump(yaml.safe_load(path.read_text(encoding='utf-8')))
-        except (yaml.YAMLError, ValueError, LookupError, AttributeError) as error:
-            raise self.place.error(f'the parameter file {path} is no YAML: {error}') from error
+        except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError) as error:
+            raise self.place.error(f'the parameter file {path} cannot be read as YAML: {error}') from error
         return parse_template(text, Place(path, 1)).evaluate(context)
 
 

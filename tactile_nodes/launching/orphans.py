@@ -76,7 +76,10 @@ def gone(find: Callable[[], set[int]], patience_s: float) -> bool:
 
 
 def _processes() -> list[int]:
-    return [int(entry.name) for entry in os.scandir('/proc') if entry.name.isdigit()]
+    try:
+        return [int(entry.name) for entry in os.scandir('/proc') if entry.name.isdigit()]
+    except FileNotFoundError:
+        return []  # no Linux: only process groups are signalled, and a killed launcher leaves its children
 
 
 def _group_of(pid: int) -> int | None:

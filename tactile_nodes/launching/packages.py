@@ -23,7 +23,7 @@ _MARKERS = Path('share/ament_index/resource_index/packages')
 
 def find_prefix(package: str, environment: Mapping[str, str]) -> Path | None:
     """The first prefix of ``AMENT_PREFIX_PATH`` in which a package is installed."""
-    for prefix in _prefixes(environment):
+    for prefix in _prefixes(environment) if '/' not in package else []:
         if (prefix / _MARKERS / package).is_file():
             return prefix
     return None

@@ -63,11 +63,10 @@ class ProcessOptions:
 
     def _prefix(self, context: Context, program: str) -> list[str]:
         if self.prefix is not None:
-            return shlex.split(self.prefix.evaluate(context))
-        wanted = context.configurations.get('launch-prefix-filter', '')
-        if not re.match(wanted, Path(program).name):
+            return _prefix_words(self.prefix.evaluate(context))
+        if not _matches(context.configurations.get('launch-prefix-filter', ''), Path(program).name):
             return []
-        return shlex.split(context.configurations.get('launch-prefix', ''))
+        return _prefix_words(context.configurations.get('launch-prefix', ''))
 
     def _environment(self, context: Context) -> dict[str, str]:
         return {name.evaluate(context): value.evaluate(context) for name, value in self.environment}
@@ -241,6 +240,20 @@ def _read_options(entity: Entity) -> ProcessOptions:
         sigterm_timeout_s=entity.number_or_none('sigterm_timeout'),
         sigkill_timeout_s=entity.number_or_none('sigkill_timeout'),
     )
+
+
+def _prefix_words(text: str) -> list[str]:
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise SubstitutionError(f"the launch prefix '{text}' is no command: {error}") from error
+
+
+def _matches(pattern: str, program: str) -> bool:
+    try:
+        return re.match(pattern, program) is not None
+    except re.error as error:
+        raise SubstitutionError(f"launch-prefix-filter: '{pattern}' is no regular expression: {error}") from error
 
 
 def _timeout(context: Context, name: str, given_s: float | None) -> str:

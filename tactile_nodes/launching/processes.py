@@ -16,7 +16,7 @@ from tactile_nodes.launching.plan import ProcessPlan
 
 _LONGEST_LINE = 1 << 16
 _GROUP_PATIENCE_S = 0.5
-_OUTPUT_PATIENCE_S = 0.5
+_OUTPUT_PATIENCE_S = 0.2
 _ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
 
 

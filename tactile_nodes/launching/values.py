@@ -6,6 +6,7 @@ parameter file without quotes, and rcl reads it by its own rules: ``1e5`` and ``
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import yaml
@@ -37,9 +38,12 @@ def boolean(text: str) -> bool:
 def number(text: str) -> float:
     """A number of seconds, say."""
     try:
-        return float(text)
+        value = float(text)
     except ValueError as error:
         raise SubstitutionError(f"'{text}' is no number") from error
+    if not math.isfinite(value):
+        raise SubstitutionError(f"'{text}' is no finite number")
+    return value
 
 
 def guessed(text: str) -> Any:

@@ -11,7 +11,7 @@ def refusal(interpret, actions, *arguments, **options):
     return str(caught.value)
 
 
-# --- arguments ------------------------------------------------------------------------------------------------------
+# --- arguments -------------------------------------------------------------------------------------------------------
 
 
 def test_an_argument_takes_its_default(interpret):
@@ -55,7 +55,7 @@ def test_a_value_that_is_no_choice_is_an_error(interpret):
     assert "provided value 'z' is not valid; valid options are: ['x', 'y']" in refusal(interpret, actions, a='z')
 
 
-# --- conditions -----------------------------------------------------------------------------------------------------
+# --- conditions ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_any_other_condition_is_an_error(interpret, text):
     )
 
 
-# --- scopes ---------------------------------------------------------------------------------------------------------
+# --- scopes ----------------------------------------------------------------------------------------------------------
 
 
 def test_what_an_include_sets_leaks_into_the_includer(interpret, launch_file):
@@ -126,8 +126,20 @@ def test_a_group_that_is_not_scoped_leaks(interpret):
     notes = interpret(SCOPED % 'false')
     assert notes.texts == ['inner inner']
     assert notes.commands == [
-        ['/n', '--ros-args', '-r', '__ns:=/outer/inner', '-p', 'p:=outer', '-p', 'q:=inner']
-        + ['-r', 'x:=outer', '-r', 'y:=inner']
+        [
+            '/n',
+            '--ros-args',
+            '-r',
+            '__ns:=/outer/inner',
+            '-p',
+            'p:=outer',
+            '-p',
+            'q:=inner',
+            '-r',
+            'x:=outer',
+            '-r',
+            'y:=inner',
+        ]
     ]
 
 
@@ -163,7 +175,7 @@ def test_reset_forgets_all_but_what_it_keeps(interpret):
     assert notes.commands == [['/n', '--ros-args']]
 
 
-# --- environment ----------------------------------------------------------------------------------------------------
+# --- environment -----------------------------------------------------------------------------------------------------
 
 
 def test_the_environment_of_a_process_is_that_at_its_action(interpret):
@@ -190,7 +202,7 @@ def test_append_env_appends_prepends_or_sets(interpret):
     assert interpret(actions).texts == ['z x:y']
 
 
-# --- the rest ---------------------------------------------------------------------------------------------------------
+# --- the rest --------------------------------------------------------------------------------------------------------
 
 
 def test_log_speaks_as_launch_user(interpret):
@@ -204,7 +216,7 @@ def test_a_timer_runs_its_children_later_in_the_scope_then_in_force(interpret):
         - timer: {period: 0.5, children: [{log: {message: $(var a)}}]}
         - let: {name: a, value: after}
         """)
-    [(seconds, actions, file, cancel)] = notes.timers
+    [(seconds, actions, _, cancel)] = notes.timers
     assert (seconds, cancel) == (0.5, True)
     notes.interpreter.perform(actions)
     assert notes.texts == ['after']
@@ -214,6 +226,7 @@ def test_the_period_of_a_timer_may_be_a_substitution(interpret):
     actions = "- timer: {period: '$(var t)', cancel_on_shutdown: false, children: []}\n"
     assert [timer[0::3] for timer in interpret(actions, t='2').timers] == [(2.0, False)]
     assert "'soon' is no number" in refusal(interpret, actions, t='soon')
+    assert "'inf' is no finite number" in refusal(interpret, actions, t='inf')
 
 
 def test_shutdown_gives_its_reason(interpret):

@@ -114,6 +114,7 @@ def test_the_number_of_respawns_is_an_integer(launch_file):
 @pytest.mark.parametrize(
     ('action', 'reason'),
     [
+        ('executable: {cmd: a, respawn_delay: .inf}', 'must be finite'),
         ('node: {pkg: a}', "the key 'exec' is missing"),
         ('executable: {name: a}', "the key 'cmd' is missing"),
         ('arg: {default: a}', "the key 'name' is missing"),
@@ -214,3 +215,33 @@ def test_any_text_is_read_or_refused(tmp_path, text):
         read_file(file)
     except LaunchFileError as error:
         assert str(file) in str(error)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
+@given(st.lists(st.dictionaries(st.sampled_from(sorted(READERS)), contents, min_size=1, max_size=1), max_size=3))
+def test_any_actions_run_or_are_refused(interpret, actions):
+    text = yaml.dump(actions, allow_unicode=True) if actions else '[]'
+    try:
+        interpret(text, {'A': 'a'})
+    except LaunchFileError as error:
+        assert '.launch.yaml:' in str(error)
+
+
+TEXTS = st.text(alphabet='$()varevl \'"ab01.\\[]{}:-/*', max_size=12)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@given(TEXTS, TEXTS, TEXTS)
+def test_any_texts_in_a_node_run_or_are_refused(interpret, one, two, three):
+    node = {
+        'exec': one,
+        'args': two,
+        'launch-prefix': three,
+        'param': [{'name': two, 'value': '$(var x)' + one}, {'name': 'b', 'value': three, 'type': 'str'}],
+        'remap': [{'from': one, 'to': two}],
+    }
+    actions = [{'let': {'name': 'x', 'value': three}}, {'node': node}, {'executable': {'cmd': three}}]
+    try:
+        interpret(yaml.dump(actions, allow_unicode=True))
+    except LaunchFileError as error:
+        assert '.launch.yaml:' in str(error)

@@ -65,7 +65,16 @@ def test_what_could_run_code_is_refused_by_name(expression, named):
 
 @pytest.mark.parametrize(
     'expression',
-    ['9 ** 9 ** 9', "'a' * 10 ** 9", '[0] * 10 ** 9', "'%999999999d' % 1", '(' * 300, '-' * 1900 + '1', '1' * 3000],
+    [
+        '9 ** 9 ** 9',
+        "'a' * 10 ** 9",
+        '[0] * 10 ** 9',
+        "'%999999999d' % 1",
+        '(' * 300,
+        '-' * 1900 + '1',
+        '1' * 3000,
+        'round(5, -10 ** 9)',
+    ],
 )
 def test_an_expression_cannot_fill_memory_or_stack(expression):
     with pytest.raises(SubstitutionError):

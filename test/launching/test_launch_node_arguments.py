@@ -45,10 +45,12 @@ def test_every_part_of_a_nodes_command_is_in_its_place(interpret, prefix, tmp_pa
         x='1 2',
     )
     assert notes.commands == [
-        [f'{prefix}/lib/demo/talker', '--flag', '1 2', '--ros-args', '--log-level', 'debug', '--ros-args']
-        + ['-r', '__node:=n', '-r', '__ns:=/skin', '-p', 'g:=1.5', '-p', 'use_sim_time:=True']
-        + ['--params-file', str(file), '--params-file', str(file)]
-        + ['--params-file', f'{tmp_path}/log/launch_params_1.yaml', '-r', 'a:=b', '-r', 'c:=d']
+        [
+            *(f'{prefix}/lib/demo/talker', '--flag', '1 2', '--ros-args', '--log-level', 'debug', '--ros-args'),
+            *('-r', '__node:=n', '-r', '__ns:=/skin', '-p', 'g:=1.5', '-p', 'use_sim_time:=True'),
+            *('--params-file', str(file), '--params-file', str(file)),
+            *('--params-file', f'{tmp_path}/log/launch_params_1.yaml', '-r', 'a:=b', '-r', 'c:=d'),
+        ]
     ]
 
 
@@ -61,7 +63,7 @@ def test_an_executable_that_its_package_lacks_is_an_error(interpret, prefix, tmp
     assert text == (f"{tmp_path}/test.launch.yaml:2: node: package 'demo' has no executable 'listener'; known: talker")
 
 
-# --- namespaces -----------------------------------------------------------------------------------------------------
+# --- namespaces ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -92,7 +94,7 @@ def test_an_invalid_name_is_an_error(interpret, action):
     assert 'is no valid' in refusal(interpret, f'- node: {{exec: /n, {action}}}\n')
 
 
-# --- splitting ------------------------------------------------------------------------------------------------------
+# --- splitting -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -126,7 +128,7 @@ def test_an_empty_substitution_is_an_empty_argument(interpret):
     assert command(interpret, 'node: {exec: /n, args: $(var x)}', x='') == ['/n', '', '--ros-args']
 
 
-# --- labels ---------------------------------------------------------------------------------------------------------
+# --- labels ----------------------------------------------------------------------------------------------------------
 
 
 def test_processes_are_labelled_by_program_or_name_and_numbered(interpret):
@@ -149,7 +151,7 @@ def test_the_launch_prefix_configuration_applies_where_its_filter_matches(interp
     assert found == [['nice', '/bin/ls'], ['/bin/cat']]
 
 
-# --- options --------------------------------------------------------------------------------------------------------
+# --- options ---------------------------------------------------------------------------------------------------------
 
 
 def test_the_options_of_a_process_have_the_defaults_of_ros(interpret):
@@ -173,7 +175,7 @@ def test_an_unknown_output_is_an_error(interpret):
     assert "got 'loud'" in refusal(interpret, '- executable: {cmd: ls, output: loud}\n')
 
 
-# --- nodes of this package --------------------------------------------------------------------------------------------
+# --- nodes of this package -------------------------------------------------------------------------------------------
 
 
 def test_a_colcon_build_of_this_package_comes_first(prefix):
