@@ -31,6 +31,11 @@ class Publisher(Protocol):
     topic: str
     type_name: str
 
+    @property
+    def listeners(self) -> int:
+        """How many would get what is published now."""
+        ...
+
     def publish(self, message: Any) -> None:
         """Hand `message` to every subscriber; its arrays become read-only, because nodes of this process share it."""
         ...
@@ -83,6 +88,14 @@ class Bus(Protocol):
         """
         ...
 
+    def add_node(self, name: str) -> None:
+        """Tell the others of a node of this process."""
+        ...
+
+    def remove_node(self, name: str) -> None:
+        """Take back `add_node`."""
+        ...
+
     def graph(self) -> Graph:
         """Who is alive, and what they offer and receive, as far as this process knows."""
         ...
@@ -110,7 +123,7 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class Participant:
-    """One process on the bus. A participant that is listed is alive: the kernel says so."""
+    """One process on the bus. One that is listed is alive: the kernel says so, or, of another machine's, a bridge."""
 
     uid: str
     pid: int

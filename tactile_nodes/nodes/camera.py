@@ -18,7 +18,7 @@ from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import run_node
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth, open_camera
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
@@ -35,6 +35,9 @@ class CameraParams(CameraSettings, NodeParams):
     """Parameters of the camera node."""
 
     crop: int = parameter(440, 'side of the square cut from the middle [px]; smaller where the image is', minimum=40)
+    wait_s: float = parameter(
+        0.0, 'wait so long at most for somebody to listen before starting the source', minimum=0.0, maximum=10.0
+    )
     frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
     surface_frame_id: str = parameter('gel_surface', 'frame of the true force of a simulated camera')
 
@@ -49,6 +52,7 @@ class CameraNode(Node):
         super().__init__(bus, arguments, clock)
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
+        self._wait_for_listener()
         self._camera = open_camera(self.params, self.clock)
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
         self._running = True
@@ -61,6 +65,11 @@ class CameraNode(Node):
         self._running = False
         self._reader.join(timeout=2 * READ_TIMEOUT_S)
         self._camera.close()
+
+    def _wait_for_listener(self) -> None:
+        deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
+        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._image.listeners:
+            self.clock.sleep_until(now_ns + NS_PER_S // 100)
 
     def _read(self) -> None:
         while self._running:
