@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
 
 NS_PER_S = 1_000_000_000
 
@@ -97,19 +98,38 @@ def anchor_ns() -> int:
     The first process after a boot measures it and leaves it in the run folder; the others read it there.
     """
     measured_ns = time.time_ns() - time.monotonic_ns()
-    return _first_said(paths.run_directory() / f'clock-{_boot_id()}', measured_ns)
+    return _first_said(_anchor_file(), measured_ns)
+
+
+def keep_anchor() -> None:
+    """Leave the anchor in the run folder once more, in case somebody has emptied it."""
+    _first_said(_anchor_file(), anchor_ns())
+
+
+def _anchor_file() -> Path:
+    return paths.run_directory() / f'clock-{_boot_id()}'
 
 
 def _first_said(file: Path, value: int) -> int:
     draft = file.with_name(f'{file.name}.{os.getpid()}.{threading.get_ident()}')
-    draft.write_text(str(value), encoding='ascii')
     try:
+        draft.write_text(str(value), encoding='ascii')
         os.link(draft, file)  # atomic: whoever comes second gets an error, never half a file
     except FileExistsError:
-        return int(file.read_text(encoding='ascii'))
+        return _said(file, draft, value)
+    except OSError as error:
+        raise ConfigurationError(f'cannot write to {file.parent} ({error.strerror}); is the disk full?') from error
     finally:
-        draft.unlink()
+        draft.unlink(missing_ok=True)
     return value
+
+
+def _said(file: Path, draft: Path, value: int) -> int:
+    try:
+        return int(file.read_text(encoding='ascii'))
+    except (OSError, ValueError):  # damaged, or gone again: ours is as good as any
+        draft.replace(file)
+        return value
 
 
 def _boot_id() -> str:

@@ -44,8 +44,8 @@ def run_directory() -> Path:
         ConfigurationError: the folder belongs to somebody else, or others may enter it.
     """
     if chosen := os.environ.get('TACTILE_RUN_DIR'):
-        return _private(Path(chosen))
-    if (base := os.environ.get('XDG_RUNTIME_DIR')) and os.access(base, os.W_OK):
+        return _private(Path(chosen).expanduser().absolute())
+    if (base := os.environ.get('XDG_RUNTIME_DIR')) and _is_own(Path(base)):
         return _private(Path(base) / 'tactile')
     return _private(Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}')
 
@@ -62,6 +62,14 @@ def cache_directory() -> Path:
     folder = Path(os.environ.get('XDG_CACHE_HOME', Path.home() / '.cache')) / PACKAGE
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def _is_own(folder: Path) -> bool:
+    """Whether it is this user's: after ``su`` or ``sudo`` the variable may still name another user's folder."""
+    try:
+        return folder.stat().st_uid == os.getuid() and os.access(folder, os.W_OK)
+    except OSError:
+        return False
 
 
 def _private(folder: Path) -> Path:

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zmq
 
 from tactile_nodes import messages
 from tactile_nodes.bus import wire
+from tactile_nodes.bus.loop import Loop
 from tactile_nodes.bus.protocol import ServiceHandler
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.errors import MessageError, ServiceError, ServiceTimeoutError, ServiceUnavailableError
+from tactile_nodes.errors import (
+    BusError,
+    MessageError,
+    ServiceError,
+    ServiceTimeoutError,
+    ServiceUnavailableError,
+    TactileError,
+)
 from tactile_nodes.messages.services import request_type, response_type
 
-if TYPE_CHECKING:
-    from tactile_nodes.bus.receiving import Hub
-
 _LOOK_EVERY_MS = 100
+_AT_ONCE = 100  # calls taken in before messages get their turn again
 
 FindService = Callable[[str, str], ServiceHandler | None]
 """The handler of a service of this name and type."""
@@ -27,22 +33,30 @@ FindService = Callable[[str, str], ServiceHandler | None]
 class CallServer:
     """Answers the calls and pings of other processes. Its socket is used by the hub's thread alone."""
 
-    def __init__(self, context: zmq.Context[Any], address: str, find: FindService, hub: Hub) -> None:
+    def __init__(self, context: zmq.Context[Any], address: str, find: FindService, hub: Loop) -> None:
         self.address = address
         self.malformed = 0
         self._find = find
         self._hub = hub
         self._socket = context.socket(zmq.ROUTER)
         self._socket.set(zmq.LINGER, 200)
-        self._socket.bind(address)
+        try:
+            self._socket.bind(address)
+        except zmq.ZMQError as error:
+            raise BusError(f'cannot answer calls at {address}: {error.strerror}') from error
         hub.watch(self._socket, self._take_in)
 
+    def bind_again(self, address: str) -> None:
+        """Be reachable once more after the folder of the sockets was removed."""
+        bind_again(self._socket, self.address, address)
+        self.address = address
+
     def close(self) -> None:
-        """Answer no more; after the hub's thread has ended."""
+        """Answer no more."""
         self._socket.close()
 
     def _take_in(self) -> None:
-        while True:
+        for _ in range(_AT_ONCE):
             try:
                 caller, *frames = self._socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
@@ -59,24 +73,42 @@ class CallServer:
         if len(frames) != 5 or frames[0] != wire.CALL:
             raise MessageError(f'a call of {len(frames)} frames')
         _, call_id, name, type_name, data = frames
-        handler = self._find(name.decode(), type_name.decode())
+        kind = type_name.decode()
+        handler = self._find(name.decode(), kind)
         if handler is None:
-            self._send([caller, wire.ANSWER, call_id, b'error', b'it is not served here as this type'])
+            self._refuse(caller, call_id, 'it is not served here as this type')
             return
-        request = messages.decode(data, request_type(type_name.decode()))
-        handler(request, lambda response: self._hub.post(lambda: self._answer(caller, call_id, response)))
+        request = messages.decode(data, request_type(kind))
+        try:
+            handler(request, lambda response: self._hub.post(lambda: self._answer(caller, call_id, kind, response)))
+        except TactileError as error:
+            self._refuse(caller, call_id, str(error))
 
-    def _answer(self, caller: bytes, call_id: bytes, response: Any) -> None:
+    def _answer(self, caller: bytes, call_id: bytes, kind: str, response: Any) -> None:
         if isinstance(response, Exception):
-            self._send([caller, wire.ANSWER, call_id, b'error', str(response).encode()])
-        else:
-            self._send([caller, wire.ANSWER, call_id, b'ok', messages.encode(response)])
+            self._refuse(caller, call_id, str(response))
+            return
+        try:
+            data = _encoded(response, response_type(kind))
+        except MessageError as error:
+            self._refuse(caller, call_id, str(error))
+            return
+        self._send([caller, wire.ANSWER, call_id, b'ok', data])
+
+    def _refuse(self, caller: bytes, call_id: bytes, text: str) -> None:
+        self._send([caller, wire.ANSWER, call_id, b'error', text.encode()])
 
     def _send(self, frames: list[bytes]) -> None:
         try:
             self._socket.send_multipart(frames, zmq.NOBLOCK)
         except zmq.ZMQError:  # the caller is gone, and nobody else wants the answer
             self.malformed += 1
+
+
+def bind_again(socket: Any, old: str, new: str) -> None:
+    """Bind a socket whose file was removed; those who are connected stay so."""
+    socket.unbind(old)
+    socket.bind(new)
 
 
 def call_remote(
@@ -89,7 +121,7 @@ def call_remote(
     is_alive: Callable[[], bool],
 ) -> Any:
     """The response of a service of another process. Raises what `Bus.call` raises."""
-    frames = [service.encode(), type_name.encode(), messages.encode(request)]
+    frames = [service.encode(), type_name.encode(), _encoded(request, request_type(type_name))]
     answer = _ask(context, address, wire.CALL, frames, timeout_s, is_alive)
     if answer is None:
         if not is_alive():
@@ -100,7 +132,10 @@ def call_remote(
     outcome, data = answer
     if outcome != b'ok':
         raise ServiceError(f'{service}: {data.decode(errors="replace")}')
-    return messages.decode(data, response_type(type_name))
+    try:
+        return messages.decode(data, response_type(type_name))
+    except MessageError as error:
+        raise ServiceError(f'{service} answered with {error}') from error
 
 
 def ping_remote(context: zmq.Context[Any], address: str, timeout_s: float) -> float | None:
@@ -108,6 +143,13 @@ def ping_remote(context: zmq.Context[Any], address: str, timeout_s: float) -> fl
     start_s = monotonic_s()
     answer = _ask(context, address, wire.PING, [], timeout_s, lambda: True)
     return monotonic_s() - start_s if answer is not None else None
+
+
+def _encoded(message: Any, type_name: str) -> bytes:
+    found = getattr(message, '__msgtype__', type(message).__name__)
+    if found != type_name:
+        raise MessageError(f'a {type_name} is expected, not a {found}')
+    return messages.encode(message)
 
 
 def _ask(
@@ -121,16 +163,19 @@ def _ask(
     """Outcome and data of the answer; None when there is none in time or nobody left to give it."""
     deadline_s = monotonic_s() + timeout_s
     call_id = secrets.token_bytes(8)
-    with context.socket(zmq.DEALER) as socket:
-        socket.set(zmq.LINGER, 0)
-        socket.connect(address)
-        socket.send_multipart([kind, call_id, *frames])
-        while (left_s := deadline_s - monotonic_s()) > 0:
-            if not socket.poll(min(_LOOK_EVERY_MS, max(1, int(left_s * 1000)))):
-                if not is_alive():
-                    return None
-                continue
-            answer = socket.recv_multipart()
-            if len(answer) == 4 and answer[0] == wire.ANSWER and answer[1] == call_id:
-                return answer[2], answer[3]
+    try:
+        with context.socket(zmq.DEALER) as socket:
+            socket.set(zmq.LINGER, 0)
+            socket.connect(address)
+            socket.send_multipart([kind, call_id, *frames])
+            while (left_s := deadline_s - monotonic_s()) > 0:
+                if not socket.poll(min(_LOOK_EVERY_MS, max(1, int(left_s * 1000)))):
+                    if not is_alive():
+                        return None
+                    continue
+                answer = socket.recv_multipart()
+                if len(answer) == 4 and answer[0] == wire.ANSWER and answer[1] == call_id:
+                    return answer[2], answer[3]
+    except zmq.ZMQError as error:
+        raise BusError('the bus was closed during the call') from error
     return None

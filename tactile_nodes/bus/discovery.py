@@ -8,22 +8,24 @@ there are no heartbeats to miss and no broker to lose. Whoever meets the files o
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
-import json
 import os
+import re
+import stat
 import threading
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+import weakref
 from pathlib import Path
-from typing import Any
 
-from tactile_nodes.bus.protocol import Endpoint, Participant
+from tactile_nodes import clock
+from tactile_nodes.bus.records import LONGEST_TEXT, Record
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.paths import run_directory
 
 LOOK_EVERY_S = 0.05
-FORMAT = 1
 _LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes, the last one a NUL
+_LONGEST_NAME = 'd232/01234567.99999.sock'
+_OWN_FILE = re.compile(r'\.?(?P<uid>[0-9a-f]{8})\.(lock|json|\d+\.sock)')
 
 
 def domain_from_environment() -> int:
@@ -38,76 +40,70 @@ def domain_from_environment() -> int:
     return int(text)
 
 
-@dataclass(frozen=True)
-class Record:
-    """What one participant says of itself, with the addresses that only the transport needs.
-
-    `addresses` maps 'publisher gid' to its address; `service_address` is where its services answer.
-    """
-
-    participant: Participant
-    addresses: Mapping[str, str]
-    gids: tuple[str, ...]
-    service_address: str
-
-    def to_json(self) -> str:
-        return json.dumps(
-            {
-                'format': FORMAT,
-                'participant': asdict(self.participant),
-                'addresses': dict(self.addresses),
-                'gids': self.gids,
-                'service_address': self.service_address,
-            }
-        )
-
-    @classmethod
-    def from_json(cls, text: str) -> Record:
-        """Raises ValueError, KeyError or TypeError when `text` is no record."""
-        fields = json.loads(text)
-        if fields['format'] != FORMAT:
-            raise ValueError(f'format {fields["format"]}')
-        peer: dict[str, Any] = fields['participant']
-        for role in ('publishers', 'subscriptions', 'services'):
-            peer[role] = tuple(Endpoint(**end) for end in peer[role])
-        peer['nodes'] = tuple(str(node) for node in peer['nodes'])
-        addresses = {str(gid): str(address) for gid, address in fields['addresses'].items()}
-        return cls(Participant(**peer), addresses, tuple(map(str, fields['gids'])), str(fields['service_address']))
-
-
 class Meeting:
-    """This participant's place in the folder of its domain, and its view of the others."""
+    """This participant's place in the folder of its domain, and its view of the others.
+
+    Raises:
+        BusError, ConfigurationError: the folder cannot be used.
+    """
 
     def __init__(self, uid: str, domain_id: int, folder: Path | None = None) -> None:
         self.uid = uid
-        self.folder = (folder or run_directory()) / f'd{domain_id}'
         self.malformed = 0
+        self._base = folder
+        self._domain_id = domain_id
         self._records: dict[str, tuple[int, Record | None]] = {}
         self._writing = threading.Lock()
         self._reading = threading.Lock()
-        try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._lock = self._take_lock()
-        except OSError as error:
-            raise BusError(f'cannot join the bus in {self.folder}: {error.strerror}; is the disk full?') from error
+        self._written_ns = 0
+        self._lock = -1
+        self.enter()
+        _at_fork(self)
 
-    def socket_address(self, number: int) -> str:
-        """An ipc:// address of our own.
+    def enter(self) -> None:
+        """Take our place in the folder; once more after somebody has removed it.
 
         Raises:
-            BusError: the folder's name is too long for a socket.
+            BusError, ConfigurationError: the folder cannot be used.
         """
-        path = self.folder / f'{self.uid}.{number}.sock'
-        if len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
-            raise BusError(f'{path} is too long for a socket; set TACTILE_RUN_DIR to a folder with a shorter name')
-        return f'ipc://{path}'
+        base = (self._base or run_directory()).absolute()
+        self.folder = base / f'd{self._domain_id}'
+        if len(os.fsencode(base / _LONGEST_NAME)) > _LONGEST_SOCKET_PATH:
+            raise BusError(f'{base} is too long a name for sockets; set TACTILE_RUN_DIR to a folder with a shorter one')
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            taken = self._take_lock()
+        except OSError as error:
+            raise BusError(f'cannot join the bus in {self.folder}: {error.strerror}; is the disk full?') from error
+        self.let_go()
+        self._lock = taken
+        clock.keep_anchor()
+        self._sweep()
+
+    def is_present(self) -> bool:
+        """Whether the others still see us; false when our files were removed."""
+        try:
+            return (self.folder / f'{self.uid}.lock').stat().st_ino == os.fstat(self._lock).st_ino
+        except OSError:
+            return False
+
+    def socket_address(self, number: int) -> str:
+        """An ipc:// address of our own."""
+        return f'ipc://{self.folder}/{self.uid}.{number}.sock'
 
     def announce(self, record: Record) -> None:
-        """Say what we offer and receive; the others notice within `LOOK_EVERY_S`."""
+        """Say what we offer and receive; the others notice within `LOOK_EVERY_S`.
+
+        Raises:
+            BusError: the disk is full, or the folder is gone.
+        """
         draft = self.folder / f'.{self.uid}.json'
         with self._writing:
+            # File stamps are as coarse as 4 ms; readers tell a new text by its stamp, so each gets one of its own.
+            self._written_ns = max(self._written_ns + 1, clock.wall_ns())
             try:
                 draft.write_text(record.to_json(), encoding='utf-8')
+                os.utime(draft, ns=(self._written_ns, self._written_ns))
                 draft.rename(self.folder / f'{self.uid}.json')
             except OSError as error:
                 raise BusError(f'cannot tell the others on the bus in {self.folder}: {error.strerror}') from error
@@ -120,13 +116,22 @@ class Meeting:
 
     def changed_ns(self) -> int:
         """A number that changes whenever somebody comes, goes or says something new."""
-        return self.folder.stat().st_mtime_ns
+        try:
+            return self.folder.stat().st_mtime_ns
+        except OSError:
+            return -1
 
     def leave(self) -> None:
         """Remove our files and let go of the lock."""
         with self._writing:
             self._clear(self.uid)
+            self.let_go()
+
+    def let_go(self) -> None:
+        """Close the lock's descriptor; a forked child does it too, lest it keep its dead parent alive."""
+        if self._lock >= 0:
             os.close(self._lock)
+            self._lock = -1
 
     def _meet(self, uid: str) -> Record | None:
         if self._is_alive(uid):
@@ -138,21 +143,31 @@ class Meeting:
     def _take_lock(self) -> int:
         draft = self.folder / f'.{self.uid}.lock'
         descriptor = os.open(draft, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        draft.rename(self.folder / f'{self.uid}.lock')  # in sight only once it is locked
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            draft.rename(self.folder / f'{self.uid}.lock')  # in sight only once it is locked
+        except OSError:
+            os.close(descriptor)
+            raise
         return descriptor
 
-    def _listed(self) -> set[str]:
-        return {file.stem for file in self.folder.glob('[!.]*.lock')}
+    def _listed(self, ending: str = '.lock') -> set[str]:
+        try:
+            names = [file.name for file in self.folder.iterdir()]
+        except OSError:
+            return set()
+        found = (_OWN_FILE.fullmatch(name) for name in names if name.endswith(ending) and name[0] != '.')
+        return {match['uid'] for match in found if match}
 
     def _is_alive(self, uid: str) -> bool:
         try:
-            descriptor = os.open(self.folder / f'{uid}.lock', os.O_RDONLY | os.O_CLOEXEC)
+            # Without O_NONBLOCK, somebody's named pipe would hold us up for ever.
+            descriptor = os.open(self.folder / f'{uid}.lock', os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         except OSError:
             return False
         try:
             fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
+        except OSError:
             return True
         finally:
             os.close(descriptor)
@@ -161,18 +176,45 @@ class Meeting:
     def _read(self, uid: str) -> Record | None:
         file = self.folder / f'{uid}.json'
         try:
-            written_ns = file.stat().st_mtime_ns
-            if uid in self._records and self._records[uid][0] == written_ns:
+            found = file.stat()
+            if uid in self._records and self._records[uid][0] == found.st_mtime_ns:
                 return self._records[uid][1]
-            record: Record | None = Record.from_json(file.read_text(encoding='utf-8'))
+            record = self._parsed(uid, file, found)
         except FileNotFoundError:  # it has come and not spoken yet
             return None
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError):
             self.malformed += 1
             record = None
-        self._records[uid] = (written_ns, record)
+        self._records[uid] = (found.st_mtime_ns, record)
         return record
 
+    def _parsed(self, uid: str, file: Path, found: os.stat_result) -> Record:
+        if not stat.S_ISREG(found.st_mode) or found.st_size > LONGEST_TEXT:
+            raise ValueError('no file of a participant')
+        record = Record.from_json(file.read_text(encoding='utf-8'), f'ipc://{self.folder}/{uid}')
+        if record.participant.uid != uid:
+            raise ValueError('a record of somebody else')
+        return record
+
+    def _sweep(self) -> None:
+        """Remove what was left by processes that ended while others cleared away after them."""
+        for uid in self._listed('') - self._listed():
+            self._clear(uid)
+
     def _clear(self, uid: str) -> None:
-        for file in self.folder.glob(f'{uid}.*'):
-            file.unlink(missing_ok=True)
+        names = [*self.folder.glob(f'{uid}.*'), *self.folder.glob(f'.{uid}.*')]
+        # The lock goes last: as long as it is there, somebody will come and finish this.
+        for file in sorted(names, key=lambda file: file.suffix == '.lock'):
+            with contextlib.suppress(OSError):  # gone already, or no file at all: not ours to mend
+                file.unlink()
+
+
+def _at_fork(meeting: Meeting) -> None:
+    still = weakref.ref(meeting)
+
+    def in_child() -> None:
+        parents = still()
+        if parents is not None:
+            parents.let_go()
+
+    os.register_at_fork(after_in_child=in_child)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import os
 import secrets
 import socket
 import threading
-from collections import defaultdict
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from typing import Any
-
-import numpy as np
+from typing import Any, TypeVar
 
 from tactile_nodes import messages
+from tactile_nodes.bus.freezing import freeze_arrays
 from tactile_nodes.bus.protocol import Endpoint, Graph, Participant, Qos, Received, ServiceHandler
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock, SystemClock
-from tactile_nodes.errors import BusError, ServiceError, ServiceTimeoutError, ServiceUnavailableError
+from tactile_nodes.errors import BusError, ServiceError, ServiceTimeoutError, ServiceUnavailableError, TactileError
+
+AnyPublisher = TypeVar('AnyPublisher', bound='LocalPublisher')
 
 
 def new_uid() -> str:
@@ -37,7 +36,7 @@ class InProcessBus:
         self._lock = threading.RLock()
         self._closed = False
         self._publishers: list[LocalPublisher] = []
-        self._subscriptions: dict[str, list[Subscription]] = defaultdict(list)
+        self._subscriptions: dict[str, list[Subscription]] = {}
         self._services: dict[str, _LocalService] = {}
         self._nodes: list[str] = []
         self._numbers = itertools.count(1)
@@ -45,12 +44,7 @@ class InProcessBus:
     # --- topics ---------------------------------------------------------------------------------------------
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> LocalPublisher:
-        publisher = LocalPublisher(self, topic, type_name, qos, node)
-        with self._lock:
-            self._check_open()
-            self._publishers.append(publisher)
-        self._changed()
-        return publisher
+        return self._offer(LocalPublisher(self, topic, type_name, qos, node))
 
     def subscribe(
         self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
@@ -60,7 +54,7 @@ class InProcessBus:
         with self._lock:
             self._check_open()
             # A new list instead of an append: `deliver` walks the old one without taking the lock.
-            self._subscriptions[topic] = [*self._subscriptions[topic], made]
+            self._subscriptions[topic] = [*self._subscriptions.get(topic, ()), made]
             latched = [publisher.last for publisher in self._publishers if _feeds(publisher, made)]
         for received in latched:
             if received is not None:
@@ -91,19 +85,21 @@ class InProcessBus:
         return offered
 
     def call(self, service: str, type_name: str, request: Any, timeout_s: float = 5.0) -> Any:
+        self._check_open()
         offered = self._services.get(service)
         if offered is None:
             raise ServiceUnavailableError(
                 f'nobody serves {service}; see which services there are: tactile service list'
             )
-        if offered.type_name != type_name:
-            raise ServiceError(f'{service} is a {offered.type_name}, not a {type_name}')
+        require_type(service, offered.type_name, type_name)
         answer: Future[Any] = Future()
         offered.handler(request, answer_to(answer))
         try:
             return answer.result(timeout_s)
         except FutureTimeoutError as error:
             raise ServiceTimeoutError(f'{offered.node} did not answer {service} within {timeout_s:g} s') from error
+        except TactileError as error:
+            raise ServiceError(f'{service}: {error}') from error
 
     # --- the graph ------------------------------------------------------------------------------------------
 
@@ -132,13 +128,19 @@ class InProcessBus:
                 os.getpid(),
                 socket.gethostname(),
                 tuple(self._nodes),
-                tuple(Endpoint(p.topic, p.type_name, p.node, p.qos.latched) for p in self._publishers),
+                tuple(Endpoint(p.topic, p.type_name, p.node, p.qos.latched) for p in self._publishers if not p.relays),
                 tuple(Endpoint(s.topic, s.type_name, s.node) for s in subscriptions),
                 tuple(Endpoint(s.name, s.type_name, s.node) for s in self._services.values()),
             )
 
     def close(self) -> None:
+        self._close_ends()
+
+    def _close_ends(self) -> bool:
+        """Close what was created through this bus; false when somebody has done so before."""
         with self._lock:
+            if self._closed:
+                return False
             self._closed = True
             ends: Iterable[Any] = [
                 *self._publishers,
@@ -147,12 +149,22 @@ class InProcessBus:
             ]
         for end in ends:
             end.close()
+        return True
 
     # --- for the ends and for wider transports ---------------------------------------------------------------
 
     def next_number(self) -> int:
         """A number that this participant has not used yet."""
         return next(self._numbers)
+
+    def _offer(self, publisher: AnyPublisher) -> AnyPublisher:
+        with self._lock:
+            if self._closed:
+                publisher.close()
+            self._check_open()
+            self._publishers.append(publisher)
+        self._changed()
+        return publisher
 
     def _changed(self) -> None:
         """Something about this participant changed; a wider transport tells the others."""
@@ -165,13 +177,14 @@ class InProcessBus:
 
     def _forget_subscription(self, subscription: Subscription) -> None:
         with self._lock:
-            left = [entry for entry in self._subscriptions[subscription.topic] if entry is not subscription]
+            left = [entry for entry in self._subscriptions.get(subscription.topic, ()) if entry is not subscription]
             self._subscriptions[subscription.topic] = left
         self._changed()
 
     def _forget_service(self, service: _LocalService) -> None:
         with self._lock:
-            self._services.pop(service.name, None)
+            if self._services.get(service.name) is service:
+                del self._services[service.name]
         self._changed()
 
     def _check_open(self) -> None:
@@ -182,6 +195,9 @@ class InProcessBus:
 class LocalPublisher:
     """Publishes to the subscriptions of its own process; wider transports send `data` on besides."""
 
+    relays = False
+    """Whether it repeats what another machine's publisher says, and so is no publisher of this process's own."""
+
     def __init__(self, bus: InProcessBus, topic: str, type_name: str, qos: Qos, node: str) -> None:
         messages.message_class(type_name)
         self.topic = topic
@@ -190,38 +206,60 @@ class LocalPublisher:
         self.node = node
         self.last: Received | None = None
         self.sequence = 0
-        self.gid = f'{bus.uid}.{bus.next_number()}'
+        self.number = bus.next_number()
+        self.gid = f'{bus.uid}.{self.number}'
         self._bus = bus
         self._lock = threading.Lock()
+        self._shut = False
 
     def publish(self, message: Any) -> None:
         if messages.type_name(message) != self.type_name:
             raise BusError(f'{self.topic} carries {self.type_name}, not {messages.type_name(message)}')
-        _freeze_arrays(message)
+        freeze_arrays(message)
         self._send(message, None)
 
     def publish_bytes(self, data: bytes) -> None:
         self._send(None, data)
-
-    def close(self) -> None:
-        self._bus._forget_publisher(self)
 
     @property
     def listeners(self) -> int:
         """How many subscriptions would get what is published now."""
         return self._bus.count_listeners(self.topic, self.type_name)
 
+    def close(self) -> None:
+        with self._lock:
+            if self._shut:
+                return
+            self._shut = True
+            self._close_socket()
+        self._bus._forget_publisher(self)
+
     def _send(self, message: Any, data: bytes | None) -> None:
         with self._lock:  # so that messages leave in the order of their numbers
-            self.sequence += 1
+            self._check_open()
             now_ns = self._bus.clock.now_ns()
-            received = Received(self.type_name, self.gid, self.sequence, now_ns, now_ns, message=message, data=data)
-            self.last = received if self.qos.latched else None
-            self._bus.deliver(self.topic, received)
-            self._send_beyond(received)
+            number = self.sequence + 1
+            received = Received(self.type_name, self.gid, number, now_ns, now_ns, message=message, data=data)
+            if self.qos.latched:
+                assert received.data  # what cannot be encoded is refused before anybody has it
+            self.sequence = number
+            self._deliver(received)
+
+    def _deliver(self, received: Received) -> None:
+        if self.qos.latched:
+            self.last = received
+        self._bus.deliver(self.topic, received)
+        self._send_beyond(received)
+
+    def _check_open(self) -> None:
+        if self._shut:
+            raise BusError(f'the publisher of {self.topic} is closed')
 
     def _send_beyond(self, received: Received) -> None:
         """Send to other processes; there are none here."""
+
+    def _close_socket(self) -> None:
+        """There is none here."""
 
 
 class _LocalService:
@@ -234,6 +272,12 @@ class _LocalService:
 
     def close(self) -> None:
         self._bus._forget_service(self)
+
+
+def require_type(service: str, served: str, wanted: str) -> None:
+    """Raise a ServiceError when a service is not of the type that the caller takes it for."""
+    if served != wanted:
+        raise ServiceError(f'{service} is a {served}, not a {wanted}')
 
 
 def answer_to(answer: Future[Any]) -> Callable[[Any], None]:
@@ -250,10 +294,3 @@ def answer_to(answer: Future[Any]) -> Callable[[Any], None]:
 
 def _feeds(publisher: LocalPublisher, subscription: Subscription) -> bool:
     return publisher.topic == subscription.topic and publisher.type_name == subscription.type_name
-
-
-def _freeze_arrays(message: Any) -> None:
-    for field in dataclasses.fields(message):
-        value = getattr(message, field.name)
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False

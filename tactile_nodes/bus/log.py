@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 from tactile_nodes.bus.arguments import LEVELS
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.errors import BusError
 from tactile_nodes.messages import time_from_ns, types
 
 
@@ -32,6 +34,9 @@ class Log:
     def error(self, text: str, once: str | None = None) -> None:
         self._say('error', text, once)
 
+    def fatal(self, text: str, once: str | None = None) -> None:
+        self._say('fatal', text, once)
+
     def _say(self, level: str, text: str, once: str | None) -> None:
         if LEVELS[level] < self._level or (once is not None and once in self._said):
             return
@@ -41,6 +46,8 @@ class Log:
         stamp = f'{now_ns // NS_PER_S}.{now_ns % NS_PER_S:09d}'
         sys.stderr.write(f'[{level.upper()}] [{stamp}] [{self._node}]: {text}\n')
         sys.stderr.flush()
-        if self.publisher is not None:
+        publisher = self.publisher
+        if publisher is not None:
             stamp_message = time_from_ns(now_ns)
-            self.publisher.publish(types.Log(stamp=stamp_message, level=LEVELS[level], name=self._node, msg=text))
+            with contextlib.suppress(BusError):  # it has been closed since: what is left to say is on the screen
+                publisher.publish(types.Log(stamp=stamp_message, level=LEVELS[level], name=self._node, msg=text))

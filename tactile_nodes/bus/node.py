@@ -55,6 +55,8 @@ class Node:
         self._timers: list[tuple[int, int, _Timer]] = []
         self._order = itertools.count()
         self._ends: list[Closing] = []
+        self._stopping = self._closed = False
+        self.spinning = False
         self.clock: Clock = clock or (SteppedClock() if self.params.use_sim_time else SystemClock())
         self.log = Log(self.full_name, arguments.log_level, self.clock)
         self.diagnostics = Diagnostics(self.full_name)
@@ -88,7 +90,8 @@ class Node:
 
     def create_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call `callback` every `period_s` by this node's clock; periods that were missed are skipped."""
-        self._push(_Timer(round(period_s * NS_PER_S), callback), self.clock.now_ns())
+        timer = _Timer(max(1, round(period_s * NS_PER_S)), callback)
+        self._push(timer, self.clock.now_ns() + timer.period_ns)
 
     def create_service(self, name: str, type_name: str, answer: Callable[[Any], Any]) -> None:
         """Answer calls of `name` with what `answer` makes of the request, in this node's thread."""
@@ -128,8 +131,12 @@ class Node:
 
     def spin(self) -> None:
         """Run callbacks until `stop` is called. Errors of ours are logged; anything else is a bug and ends the node."""
-        while self.spin_once(self._wait_s()):
-            pass
+        self.spinning = True
+        try:
+            while self.spin_once(self._wait_s()):
+                pass
+        finally:
+            self.spinning = False
 
     def spin_once(self, timeout_s: float | None = 0.0) -> bool:
         """Run one callback and the timers that are due; false when the node was stopped."""
@@ -137,7 +144,7 @@ class Node:
             work = self._work.get(timeout=timeout_s) if timeout_s != 0.0 else self._work.get_nowait()
         except queue.Empty:
             work = _nothing
-        if work is None:
+        if work is None or self._stopping:  # not after all that still waits
             return False
         self._run(work)
         self._run_timers()
@@ -149,17 +156,22 @@ class Node:
 
     def stop(self) -> None:
         """Make `spin` return; from any thread."""
+        self._stopping = True
         self._work.put(None)
 
     def close(self) -> None:
-        """Leave the bus; after `spin` has returned."""
-        self.on_close()
-        for end in self._ends:
-            end.close()
-        self._ends.clear()
-        remove = getattr(self.bus, 'remove_node', None)
-        if remove is not None:
-            remove(self.full_name)
+        """Leave the bus; after `spin` has returned. Closing twice is harmless."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self.on_close()
+        finally:
+            self.log.publisher = None
+            for end in self._ends:
+                end.close()
+            self._ends.clear()
+            self.bus.remove_node(self.full_name)
 
     # --- inside ---------------------------------------------------------------------------------------------
 
@@ -175,9 +187,7 @@ class Node:
         self.on_parameters(changed)
 
     def _offer_standard_ends(self) -> None:
-        add = getattr(self.bus, 'add_node', None)
-        if add is not None:
-            add(self.full_name)
+        self.bus.add_node(self.full_name)
         self.log.publisher = self.create_publisher(topics.ROSOUT)
         told = self.create_publisher(topics.DIAGNOSTICS)
         self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self.diagnostics.message(self.clock.now_ns())))
@@ -191,7 +201,13 @@ class Node:
 
     def _on_clock(self, received: Received) -> None:
         assert isinstance(self.clock, SteppedClock)
-        self.clock.set_ns(stamp_ns(received.message.clock))
+        now_ns = stamp_ns(received.message.clock)
+        if now_ns < self.clock.now_ns():  # the bag began again: what was due then would never be due now
+            timers = [timer for _, _, timer in self._timers]
+            self._timers.clear()
+            for timer in timers:
+                self._push(timer, now_ns + timer.period_ns)
+        self.clock.set_ns(now_ns)
 
     def _answered(self, answer: Callable[[Any], Any], request: Any) -> Any:
         try:
@@ -208,12 +224,13 @@ class Node:
     def _run_timers(self) -> None:
         now_ns = self.clock.now_ns()
         while self._timers and self._timers[0][0] <= now_ns:
-            _, _, timer = heapq.heappop(self._timers)
+            due_ns, _, timer = heapq.heappop(self._timers)
+            # From when it was due, not from now: else a 60 Hz timer would tick at less than 60 Hz.
+            self._push(timer, due_ns + timer.period_ns * (1 + (now_ns - due_ns) // timer.period_ns))
             self._run(timer.callback)
-            self._push(timer, now_ns)
 
-    def _push(self, timer: _Timer, now_ns: int) -> None:
-        heapq.heappush(self._timers, (now_ns + timer.period_ns, next(self._order), timer))
+    def _push(self, timer: _Timer, due_ns: int) -> None:
+        heapq.heappush(self._timers, (due_ns, next(self._order), timer))
 
     def _wait_s(self) -> float | None:
         if not self._timers or not isinstance(self.clock, SystemClock):
@@ -237,7 +254,9 @@ class _Inbox:
             self._node.post(self._deliver)
 
     def _deliver(self) -> None:
-        assert self.subscription is not None
+        if self.subscription is None:  # another thread is still in `create_subscription`
+            self._node.post(self._deliver)
+            return
         self._pending = False  # before taking: what comes in from now on asks again
         received = self.subscription.take()
         if self.subscription.waiting:

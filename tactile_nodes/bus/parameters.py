@@ -43,14 +43,14 @@ class ParameterServer:
         self._descriptions = {entry.name: entry for entry in params.describe(type(block))}
 
     def list(self, request: types.ListParameters_Request) -> types.ListParameters_Response:
-        wanted = [name for name in self._descriptions if _begins(name, request.prefixes)]
+        wanted = [name for name in self._descriptions if _listed(name, request.prefixes, request.depth)]
         prefixes = sorted({name.rpartition('.')[0] for name in wanted if '.' in name})
         result = types.ListParametersResult(names=wanted, prefixes=prefixes)
         return types.ListParameters_Response(result=result)
 
     def get(self, request: types.GetParameters_Request) -> types.GetParameters_Response:
         values = params.to_values(self.block)
-        found = [to_message(values[name]) if name in values else types.ParameterValue() for name in request.names]
+        found = [self._value(name, values[name]) if name in values else _no_value() for name in request.names]
         return types.GetParameters_Response(values=found)
 
     def set(self, request: types.SetParameters_Request) -> types.SetParameters_Response:
@@ -75,6 +75,9 @@ class ParameterServer:
         self._apply(changed)
         self.block = changed
 
+    def _value(self, name: str, value: object) -> types.ParameterValue:
+        return to_message(value, _KIND_BY_TYPE_NAME[self._descriptions[name].type])
+
     def _set_one(self, name: str, value: object) -> types.SetParametersResult:
         try:
             self.change({name: value})
@@ -97,12 +100,16 @@ class ParameterServer:
         )
 
 
-def to_message(value: Any) -> types.ParameterValue:
-    """A value as rcl_interfaces/ParameterValue."""
-    kind = _kind_of(value)
+def to_message(value: Any, kind: int | None = None) -> types.ParameterValue:
+    """A value as rcl_interfaces/ParameterValue; `kind` says what an empty list is a list of."""
+    kind = _kind_of(value) if kind is None else kind
     content: Any = np.array(value, _DTYPES[kind]) if kind in _DTYPES else value
     fields: dict[str, Any] = {_FIELDS[kind]: content}
     return types.ParameterValue(type=kind, **fields)
+
+
+def _no_value() -> types.ParameterValue:
+    return types.ParameterValue(type=NOT_SET)
 
 
 def from_message(message: types.ParameterValue) -> Any:
@@ -133,5 +140,10 @@ def _ranges(kind: int, minimum: float | None, maximum: float | None) -> dict[str
     }
 
 
-def _begins(name: str, prefixes: list[str]) -> bool:
-    return not prefixes or any(name == prefix or name.startswith(f'{prefix}.') for prefix in prefixes)
+def _listed(name: str, prefixes: list[str], depth: int) -> bool:
+    """Whether `name` is, or is at most `depth` levels below, one of `prefixes` (the root if none; depth 0: any)."""
+    for prefix in prefixes or ['']:
+        below = name.removeprefix(f'{prefix}.') if prefix else name
+        if name == prefix or ((below != name or not prefix) and (depth == 0 or below.count('.') < depth)):
+            return True
+    return False

@@ -33,7 +33,7 @@ class Publisher(Protocol):
 
     @property
     def listeners(self) -> int:
-        """How many would get what is published now."""
+        """How many would get what is published now; a process that receives counts once."""
         ...
 
     def publish(self, message: Any) -> None:

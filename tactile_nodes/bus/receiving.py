@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import threading
-from collections import deque
-from collections.abc import Callable
+import sys
 from typing import TYPE_CHECKING, Any
 
 import zmq
 
 from tactile_nodes.bus import wire
-from tactile_nodes.bus.discovery import LOOK_EVERY_S, Record
+from tactile_nodes.bus.discovery import LOOK_EVERY_S
+from tactile_nodes.bus.loop import Loop
 from tactile_nodes.bus.protocol import Received
+from tactile_nodes.bus.records import Outlet, Record
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.errors import MessageError
+from tactile_nodes.errors import MessageError, TactileError
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.zeromq import ZmqBus
@@ -23,68 +22,48 @@ if TYPE_CHECKING:
 SHORTEST_QUEUE = 8
 ZERO_COPY_BYTES = 65536  # below, a copy is cheaper than keeping ZeroMQ's buffer alive
 _CHECK_LIVES_EVERY_S = 0.5
+_LEAVE_AFTER_S = 1.0  # what a publisher that has gone sent last may still be on its way
+
+Key = tuple[str, str]
+"""Topic and type."""
 
 
-class Hub(threading.Thread):
-    """Owns all sockets that receive. Others reach it by `post` and `look_soon`."""
+class Hub(Loop):
+    """Owns all sockets that receive, and follows who comes and goes."""
 
     def __init__(self, bus: ZmqBus) -> None:
-        super().__init__(name='bus', daemon=True)
+        super().__init__('bus')
         self._bus = bus
-        self._running = True
         self._look_now = True
         self._seen_ns = -1
         self._next_look_s = self._next_check_s = 0.0
-        self._poller = zmq.Poller()
-        self._on_readable: dict[Any, Callable[[], None]] = {}
-        self._receivers: dict[tuple[str, str], Receiver] = {}
-        self._posted: deque[Callable[[], None]] = deque()
-        self._woken, self._waker = os.pipe()
-        os.set_blocking(self._woken, False)
-        os.set_blocking(self._waker, False)
-        self.watch(self._woken, self._do_posted)
-
-    def watch(self, socket: Any, on_readable: Callable[[], None]) -> None:
-        """Call `on_readable` in this thread whenever there is something to read; before `start` or in this thread."""
-        self._poller.register(socket, zmq.POLLIN)
-        self._on_readable[socket] = on_readable
-
-    def post(self, action: Callable[[], None]) -> None:
-        """Do something in this thread, soon."""
-        self._posted.append(action)
-        try:
-            os.write(self._waker, b'!')
-        except BlockingIOError:  # a full pipe wakes as well as a fuller one
-            return
+        self._receivers: dict[Key, Receiver] = {}
+        self._trouble = ''
 
     def look_soon(self) -> None:
         """What this process wants has changed."""
+        self.post(self._look_at_once)
+
+    def welcome(self, subscription: Subscription) -> None:
+        """Give the latched messages that came before `subscription` was made; in this thread."""
+        receiver = self._receivers.get((subscription.topic, subscription.type_name))
+        for received in receiver.latched() if receiver is not None else ():
+            subscription.put(received)
+
+    def wait_ms(self) -> int:
+        return round(LOOK_EVERY_S * 1000)
+
+    def tick(self) -> None:
+        if self._look_now or monotonic_s() >= self._next_look_s:
+            self._look_around()
+
+    def finish(self) -> None:
+        for key in list(self._receivers):
+            self._drop(key)
+        self._bus.server.close()
+
+    def _look_at_once(self) -> None:
         self._look_now = True
-        if self._running:
-            self.post(lambda: None)
-
-    def stop(self) -> None:
-        """End the thread; nothing is received afterwards."""
-        self.post(self._end)
-        self.join()
-        os.close(self._woken)
-        os.close(self._waker)
-
-    def run(self) -> None:
-        while self._running:
-            for socket, _ in self._poller.poll(round(LOOK_EVERY_S * 1000)):
-                self._on_readable[socket]()
-            if self._look_now or monotonic_s() >= self._next_look_s:
-                self._look_around()
-
-    def _end(self) -> None:
-        self._running = False
-
-    def _do_posted(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # somebody else's byte was read before
-            os.read(self._woken, 4096)
-        while self._posted:
-            self._posted.popleft()()
 
     def _look_around(self) -> None:
         now_s = monotonic_s()
@@ -95,25 +74,38 @@ class Hub(threading.Thread):
             self._look_now = False
             self._seen_ns = changed_ns
             self._next_check_s = now_s + _CHECK_LIVES_EVERY_S
+            self._stay_present()
             self._connect(self._bus.peers())
+
+    def _stay_present(self) -> None:
+        """Come back when our files were removed: at logout, or by what tidies temporary folders."""
+        if self._bus.meeting.is_present():
+            return
+        try:
+            self._bus.rejoin()
+            trouble = ''
+        except TactileError as error:  # tried again at the next round
+            trouble = str(error)
+        if trouble and trouble != self._trouble:
+            sys.stderr.write(f'{trouble}\n')
+        self._trouble = trouble
 
     def _connect(self, peers: list[Record]) -> None:
         wanted = self._bus.wanted()
         for key in self._receivers.keys() - wanted.keys():
             self._drop(key)
+        offered: dict[Key, list[Outlet]] = {}
+        for outlet in (outlet for record in peers for outlet in record.outlets):
+            offered.setdefault((outlet.topic, outlet.type_name), []).append(outlet)
         for key, depth in wanted.items():
             if key not in self._receivers:
-                self._add(key, depth)
-            self._receivers[key].connect_to(_addresses(peers, *key))
+                receiver = self._receivers[key] = Receiver(self._bus, *key, depth)
+                self.watch(receiver.socket, receiver.drain)
+            self._receivers[key].connect_to(offered.get(key, []))
 
-    def _add(self, key: tuple[str, str], depth: int) -> None:
-        receiver = self._receivers[key] = Receiver(self._bus, *key, depth)
-        self.watch(receiver.socket, receiver.drain)
-
-    def _drop(self, key: tuple[str, str]) -> None:
+    def _drop(self, key: Key) -> None:
         receiver = self._receivers.pop(key)
-        self._poller.unregister(receiver.socket)
-        del self._on_readable[receiver.socket]
+        self.forget(receiver.socket)
         receiver.socket.close()
 
 
@@ -129,19 +121,33 @@ class Receiver:
         self.socket.subscribe(b'')
         self._bus = bus
         self._key = wire.type_key(type_name)
-        self._connected: set[str] = set()
-        self._newest: dict[str, int] = {}
+        self._connected: dict[str, Outlet] = {}
+        self._leaving_s: dict[str, float] = {}
+        self._senders: dict[bytes, Outlet] = {}
+        self._latched: dict[str, Received] = {}
         self._large = False
 
-    def connect_to(self, addresses: dict[str, str]) -> None:
-        """Be connected to exactly these publishers, gid to address."""
-        wanted = set(addresses.values())
-        for address in wanted - self._connected:
-            self.socket.connect(address)
-        for address in self._connected - wanted:
-            self.socket.disconnect(address)
-        self._connected = wanted
-        self._newest = {gid: number for gid, number in self._newest.items() if gid in addresses}
+    def connect_to(self, outlets: list[Outlet]) -> None:
+        """Be connected to these, and for a moment still to those who have gone."""
+        now_s = monotonic_s()
+        wanted = {outlet.address: outlet for outlet in outlets}
+        for address in wanted:
+            self._leaving_s.pop(address, None)
+            if address not in self._connected:
+                self.socket.connect(address)
+        for address in self._connected.keys() - wanted.keys():
+            if now_s > self._leaving_s.setdefault(address, now_s) + _LEAVE_AFTER_S:
+                self.socket.disconnect(address)
+                del self._leaving_s[address], self._connected[address]
+        self._connected.update(wanted)
+        self._senders = {outlet.gid.encode(): outlet for outlet in self._connected.values()}
+        gone = self._latched.keys() - {outlet.gid for outlet in outlets}
+        for gid in gone:
+            del self._latched[gid]
+
+    def latched(self) -> list[Received]:
+        """The last message of each latched publisher."""
+        return list(self._latched.values())
 
     def drain(self) -> None:
         """Take what has come in, without waiting."""
@@ -155,36 +161,28 @@ class Receiver:
     def _accept(self, frames: list[Any]) -> None:
         now_ns = self._bus.clock.now_ns()
         try:
-            header = self._header_of(frames)
+            header, outlet = self._header_of(frames)
         except MessageError:
             self._count_foreign()
             return
-        if header.sequence <= self._newest.get(header.gid, 0):
-            return  # a latched message, sent again for somebody else
-        self._newest[header.gid] = header.sequence
         self._large = len(frames[1]) >= ZERO_COPY_BYTES
-        received = Received(self.type_name, header.gid, header.sequence, header.source_ns, now_ns, data=frames[1])
+        received = Received(self.type_name, outlet.gid, header.sequence, header.source_ns, now_ns, data=frames[1])
+        if outlet.latched:
+            self._latched[outlet.gid] = received
         self._bus.deliver(self.topic, received)
 
-    def _header_of(self, frames: list[Any]) -> wire.Header:
+    def _header_of(self, frames: list[Any]) -> tuple[wire.Header, Outlet]:
         if len(frames) != 2:
             raise MessageError(f'a message of {len(frames)} frames')
         header = wire.unpack_header(frames[0])
+        outlet = self._senders.get(header.gid)
+        if outlet is None:
+            raise MessageError('a message of a publisher that nobody announced')
         if header.type_key != self._key:
             raise MessageError('a message of another type, or of another version of it')
-        return header
+        return header, outlet
 
     def _count_foreign(self) -> None:
         self._bus.foreign += 1
         for subscription in self._bus.subscriptions_of(self.topic, self.type_name):
             subscription.malformed += 1
-
-
-def _addresses(peers: list[Record], topic: str, type_name: str) -> dict[str, str]:
-    """Where a topic is published, gid to address."""
-    return {
-        gid: record.addresses[gid]
-        for record in peers
-        for gid, end in zip(record.gids, record.participant.publishers, strict=False)
-        if end.name == topic and end.type_name == type_name and gid in record.addresses
-    }

@@ -1,20 +1,28 @@
-"""Programs made of nodes: from a command line to a process that ends cleanly."""
+"""Programs made of nodes: from a command line to a process that ends cleanly, and soon."""
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from types import FrameType
 
 from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import ConfigurationError, TactileError
 
 NodeFactory = Callable[[Bus, NodeArguments], Node]
+
+_FINISH_WITHIN_S = 1.0  # for the callback that runs
+_END_WITHIN_S = 1.8  # for everything, closing devices included
+_ONE_SIGNAL_S = 0.2  # a terminal and a launcher may both send the one that a person meant
 
 
 def open_bus() -> ZmqBus:
@@ -32,7 +40,11 @@ def run_node(node: NodeFactory, argv: Sequence[str] | None = None) -> int:
 
 
 def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
-    """Run several nodes in one process, each in a thread of its own; messages between them are not copied."""
+    """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
+
+    The first SIGINT or SIGTERM ends them: 0, within 2 s. One that is still busy then is given up: 1. A second
+    signal ends the process at once.
+    """
     try:
         arguments = parse_arguments(argv)
         if arguments.rest and len(factories) == 1:
@@ -44,40 +56,88 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
 
 
 def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
-    done = threading.Event()
+    ending = _Ending()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: done.set())
-    bus = open_bus()
-    try:
-        return run_until([_made(factory, bus, arguments) for factory in factories], done)
-    finally:
-        bus.close()
+        signal.signal(number, ending.on_signal)
+    nodes: list[Node] = []
+    with ExitStack() as opened:
+        opened.callback(ending.over, nodes)
+        bus = open_bus()
+        opened.callback(bus.close)
+        for factory in factories:
+            nodes.append(_made(factory, bus, arguments))
+            opened.callback(_close, nodes[-1])
+        opened.callback(ending.begin)
+        return run_until(nodes, ending.done)
 
 
 def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
-    """Spin `nodes` until `done` is set or one of them fails; 1 when one failed."""
+    """Spin `nodes` until `done` is set or one of them fails, and close them; 1 when one failed or would not end."""
     failed: list[Node] = []
 
     def spin(node: Node) -> None:
         try:
             node.spin()
         except Exception:  # noqa: BLE001 - a bug: say all we know, end the process, let the launcher decide
-            traceback.print_exc()
             failed.append(node)
+            node.log.fatal(f'a bug in a callback ends this node:\n{traceback.format_exc()}')
         finally:
             done.set()
 
-    threads = [threading.Thread(target=spin, args=(node,), name=node.full_name, daemon=True) for node in nodes]
-    for thread in threads:
+    threads = {node: threading.Thread(target=spin, args=(node,), name=node.full_name, daemon=True) for node in nodes}
+    for thread in threads.values():
         thread.start()
     done.wait()
     for node in nodes:
         node.stop()
-    for thread in threads:
-        thread.join(timeout=1.0)
+    deadline_s = monotonic_s() + _FINISH_WITHIN_S
+    for node, thread in threads.items():
+        thread.join(timeout=max(0.0, deadline_s - monotonic_s()))
+        if thread.is_alive():
+            node.log.error('a callback is still busy and is not waited for')
+            failed.append(node)
     for node in nodes:
-        node.close()
+        _close(node)
     return 1 if failed else 0
+
+
+def _close(node: Node) -> None:
+    if not node.spinning:  # else its callback still uses what would be closed
+        node.close()
+
+
+class _Ending:
+    """The end of the process: asked for once, forced the second time or when it takes too long."""
+
+    def __init__(self) -> None:
+        self.done = threading.Event()
+        self._since_s = 0.0
+        self._watchdog = threading.Timer(_END_WITHIN_S, self._give_up)
+        self._watchdog.daemon = True
+
+    def on_signal(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        if not self._since_s:
+            self.begin()
+        elif monotonic_s() - self._since_s > _ONE_SIGNAL_S:
+            os._exit(128 + number)
+
+    def begin(self) -> None:
+        """From now on it must not take long."""
+        self.done.set()
+        if not self._since_s:
+            self._since_s = monotonic_s()
+            self._watchdog.start()
+
+    def over(self, nodes: Sequence[Node]) -> None:
+        """All is closed, in time; only a callback that does not return can still keep the process from ending."""
+        if not any(node.spinning for node in nodes):
+            self._watchdog.cancel()
+
+    def _give_up(self) -> None:
+        sys.stderr.write(f'not ended within {_END_WITHIN_S} s of being asked to; given up\n')
+        sys.stderr.flush()
+        os._exit(1)
 
 
 def _made(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:

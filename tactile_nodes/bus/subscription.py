@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Qos, Received
 
+_MOST_PUBLISHERS = 1000
+
 
 class Subscription:
-    """Holds what came in until it is taken; when full, the oldest message gives way and `dropped` counts it."""
+    """Holds what came in until it is taken; when full, the oldest message gives way and `dropped` counts it.
+
+    `received` counts the messages that came in, `malformed` the frames that were none of this topic's.
+    """
 
     def __init__(
         self,
@@ -31,16 +36,24 @@ class Subscription:
         self.dropped = 0
         self.malformed = 0
         self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
-        self._arrived = threading.Condition()
+        self._newest: dict[str, int] = {}
+        self._arrived = threading.Condition(threading.Lock())
         self._on_ready = on_ready
         self._on_close = on_close
         self._closed = False
 
     def put(self, received: Received) -> None:
-        """Called by the transport, from any thread; returns at once."""
+        """Called by the transport, from any thread; returns at once.
+
+        A message that a publisher's newer one has overtaken is passed over: a latched one that was sent again for
+        somebody else, or one that has come by two ways.
+        """
         with self._arrived:
-            if self._closed:
+            if self._closed or received.sequence <= self._newest.get(received.publisher, 0):
                 return
+            self._newest[received.publisher] = received.sequence
+            if len(self._newest) > _MOST_PUBLISHERS:
+                del self._newest[next(iter(self._newest))]
             self.received += 1
             self.dropped += len(self._waiting) == self._waiting.maxlen
             self._waiting.append(received)

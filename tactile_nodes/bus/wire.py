@@ -26,7 +26,7 @@ HEADER_SIZE = _HEADER.size
 class Header:
     """Who sent the message (`gid`, at most 16 characters), as which of theirs, when, and of which type."""
 
-    gid: str
+    gid: bytes
     type_key: bytes
     sequence: int
     source_ns: int
@@ -51,7 +51,4 @@ def unpack_header(frame: bytes | memoryview) -> Header:
     if len(frame) != HEADER_SIZE or bytes(frame[:4]) != _MAGIC:
         raise MessageError('a frame that no node of ours has sent')
     _, gid, key, sequence, source_ns = _HEADER.unpack(frame)
-    try:
-        return Header(gid.rstrip(b'\0').decode('ascii'), key, sequence, source_ns)
-    except UnicodeDecodeError as error:
-        raise MessageError('a frame that no node of ours has sent') from error
+    return Header(gid.rstrip(b'\0'), key, sequence, source_ns)

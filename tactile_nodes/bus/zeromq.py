@@ -7,54 +7,96 @@ receives, answers calls and follows who comes and goes; publishing happens in th
 
 from __future__ import annotations
 
+import resource
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, cast
 
 import zmq
 
 from tactile_nodes.bus import wire
-from tactile_nodes.bus.calls import CallServer, call_remote, ping_remote
-from tactile_nodes.bus.discovery import Meeting, Record, domain_from_environment
-from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher
-from tactile_nodes.bus.protocol import Graph, Qos, Received, ServiceHandler
-from tactile_nodes.bus.receiving import SHORTEST_QUEUE, ZERO_COPY_BYTES, Hub
+from tactile_nodes.bus.calls import CallServer, bind_again, call_remote, ping_remote
+from tactile_nodes.bus.discovery import Meeting, domain_from_environment
+from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher, require_type
+from tactile_nodes.bus.protocol import Graph, Participant, Qos, Received, ServiceHandler
+from tactile_nodes.bus.receiving import SHORTEST_QUEUE, ZERO_COPY_BYTES, Hub, Key
+from tactile_nodes.bus.records import Outlet, Record
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import BusError, ServiceUnavailableError
 
 _LINGER_MS = 200  # so that the last message of a process that ends still leaves
+_MANY_FILES = 8192  # each connection is one
+
+
+class FarSide(Protocol):
+    """Whom a bridge speaks for: nodes of another machine."""
+
+    def participants(self) -> tuple[Participant, ...]:
+        """Those who are reachable now."""
+        ...
+
+    def service(self, name: str, type_name: str) -> ServiceHandler | None:
+        """What passes calls of a service on to them, if one of them serves it."""
+        ...
 
 
 class ZmqBus(InProcessBus):
-    """`Bus` over ZeroMQ; what stays inside the process is handed over as it is."""
+    """`Bus` over ZeroMQ; what stays inside the process is handed over as it is.
+
+    Raises:
+        BusError, ConfigurationError: the folder of the sockets cannot be used.
+    """
 
     def __init__(self, domain_id: int | None = None, clock: Clock | None = None, folder: Path | None = None) -> None:
         super().__init__(clock)
         self.domain_id = domain_from_environment() if domain_id is None else domain_id
         self.meeting = Meeting(self.uid, self.domain_id, folder)
+        _allow_many_files()
         self.context = zmq.Context()
-        self.context.set(zmq.MAX_SOCKETS, 8192)
+        self.context.set(zmq.MAX_SOCKETS, _MANY_FILES)
         self.foreign = 0
+        self._far: FarSide | None = None
         self._hub = Hub(self)
-        self._server = CallServer(self.context, self.meeting.socket_address(0), self._find_service, self._hub)
-        self._announce()
+        try:
+            self.server = CallServer(self.context, self.meeting.socket_address(0), self._find_service, self._hub)
+            self.announce()
+        except BaseException:
+            self._hub.stop()
+            self.context.destroy(linger=0)
+            self.meeting.leave()
+            raise
         self._hub.start()
+        self._hub.look_soon()
+
+    @property
+    def malformed(self) -> int:
+        """Frames and files from anybody that were none of ours, and were dropped."""
+        return self.foreign + self.server.malformed + self.meeting.malformed
 
     # --- topics ---------------------------------------------------------------------------------------------
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> ZmqPublisher:
-        publisher = ZmqPublisher(self, topic, type_name, qos, node)
-        with self._lock:
-            self._check_open()
-            self._publishers.append(publisher)
-        self._changed()
-        return publisher
+        self._check_open()
+        return self._offer(ZmqPublisher(self, topic, type_name, qos, node))
 
-    def wanted(self) -> dict[tuple[str, str], int]:
+    def relay(self, outlet: Outlet) -> ZmqRelay:
+        """Repeat on this host what a publisher of another machine says, in its name."""
+        self._check_open()
+        return self._offer(ZmqRelay(self, outlet))
+
+    def subscribe(
+        self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
+    ) -> Subscription:
+        made = super().subscribe(topic, type_name, qos, node, on_ready)
+        self._hub.post(lambda: self._hub.welcome(made))
+        return made
+
+    def wanted(self) -> dict[Key, int]:
         """The topics and types that this process receives, with the longest queue somebody wants."""
         with self._lock:
-            found: dict[tuple[str, str], int] = {}
+            found: dict[Key, int] = {}
             for entries in self._subscriptions.values():
                 for entry in entries:
                     key = (entry.topic, entry.type_name)
@@ -68,14 +110,12 @@ class ZmqBus(InProcessBus):
     # --- services -------------------------------------------------------------------------------------------
 
     def call(self, service: str, type_name: str, request: Any, timeout_s: float = 5.0) -> Any:
+        self._check_open()
         if service in self._services:
             return super().call(service, type_name, request, timeout_s)
-        for record in self.peers():
-            if any(offer.name == service for offer in record.participant.services):
-                is_alive = partial(self._meets, record.participant.uid)
-                address = record.service_address
-                return call_remote(self.context, address, service, type_name, request, timeout_s, is_alive)
-        raise ServiceUnavailableError(f'nobody serves {service}; see which services there are: tactile service list')
+        record = self._server_of(service, type_name)
+        is_alive = partial(self._meets, record.participant.uid)
+        return call_remote(self.context, record.service_address, service, type_name, request, timeout_s, is_alive)
 
     def ping(self, uid: str, timeout_s: float = 1.0) -> float | None:
         """The seconds that a participant took to answer; None when it is alive but does not, or is gone."""
@@ -84,53 +124,89 @@ class ZmqBus(InProcessBus):
                 return ping_remote(self.context, record.service_address, timeout_s)
         return 0.0 if uid == self.uid else None
 
+    def _server_of(self, service: str, type_name: str) -> Record:
+        """Who answers `service`: somebody on this host rather than a bridge to another."""
+        records = self.peers()
+        offers = [(record, record.participant) for record in records]
+        offers += [(record, far) for record in records for far in record.remotes]
+        for record, participant in offers:
+            for offer in participant.services:
+                if offer.name == service:
+                    require_type(service, offer.type_name, type_name)
+                    return record
+        raise ServiceUnavailableError(f'nobody serves {service}; see which services there are: tactile service list')
+
     # --- the graph ------------------------------------------------------------------------------------------
 
     def graph(self) -> Graph:
-        return Graph((self.own_participant(), *(record.participant for record in self.peers())))
+        records = self.peers()
+        found = {self.uid: self.own_participant()}
+        found |= {record.participant.uid: record.participant for record in records}
+        for far in (*self._remotes(), *(far for record in records for far in record.remotes)):
+            found.setdefault(far.uid, far)  # two bridges may speak for the same ones
+        return Graph(tuple(found.values()))
 
     def peers(self) -> list[Record]:
-        """All living participants but this one."""
+        """All living participants of this host but this one."""
         return self.meeting.look()
 
+    def attach(self, far: FarSide | None) -> None:
+        """Speak for the nodes of another machine, or cease to."""
+        self._far = far
+        self._changed()
+
     def close(self) -> None:
-        if self._closed:
+        if not self._close_ends():
             return
-        super().close()
         self._hub.stop()
-        self._server.close()
-        self.context.destroy(linger=_LINGER_MS)
+        self.context.term()  # ends calls that other threads still make
         self.meeting.leave()
+
+    # --- for the hub ----------------------------------------------------------------------------------------
 
     def greet_newcomers(self) -> None:
         """Have latched publishers give their last message to those who came since."""
-        with self._lock:
-            latched = [entry for entry in self._publishers if isinstance(entry, ZmqPublisher) and entry.qos.latched]
-        for publisher in latched:
+        for publisher in self._sockets():
             publisher.greet()
+
+    def rejoin(self) -> None:
+        """Be found again after the folder of the bus was removed; connections that stand are not touched.
+
+        Raises:
+            BusError, ConfigurationError: the folder cannot be used.
+        """
+        self.meeting.enter()
+        self.server.bind_again(self.meeting.socket_address(0))
+        for publisher in self._sockets():
+            publisher.bind_again()
+        self.announce()
+
+    def announce(self) -> None:
+        """Tell the others what we offer and receive."""
+        with self._lock:
+            outlets = tuple(publisher.outlet() for publisher in self._sockets())
+            self.meeting.announce(Record(self.own_participant(), outlets, self.server.address, self._remotes()))
+
+    def _sockets(self) -> list[ZmqPublisher]:
+        with self._lock:
+            return cast(list[ZmqPublisher], list(self._publishers))
+
+    def _remotes(self) -> tuple[Participant, ...]:
+        return self._far.participants() if self._far is not None else ()
 
     def _meets(self, uid: str) -> bool:
         return any(record.participant.uid == uid for record in self.peers())
 
     def _changed(self) -> None:
         if not self._closed:
-            self._announce()
+            self.announce()
             self._hub.look_soon()
-
-    def _announce(self) -> None:
-        with self._lock:
-            publishers = [entry for entry in self._publishers if isinstance(entry, ZmqPublisher)]
-            record = Record(
-                self.own_participant(),
-                {entry.gid: entry.address for entry in publishers},
-                tuple(entry.gid for entry in publishers),
-                self._server.address,
-            )
-            self.meeting.announce(record)
 
     def _find_service(self, name: str, type_name: str) -> ServiceHandler | None:
         offered = self._services.get(name)
-        return offered.handler if offered and offered.type_name == type_name else None
+        if offered is not None:
+            return offered.handler if offered.type_name == type_name else None
+        return self._far.service(name, type_name) if self._far is not None else None
 
 
 class ZmqPublisher(LocalPublisher):
@@ -138,43 +214,45 @@ class ZmqPublisher(LocalPublisher):
 
     def __init__(self, bus: ZmqBus, topic: str, type_name: str, qos: Qos, node: str) -> None:
         super().__init__(bus, topic, type_name, qos, node)
+        self._meeting = bus.meeting
         self._key = wire.type_key(type_name)
         self._listeners = 0
-        self._shut = False
-        self.address = bus.meeting.socket_address(int(self.gid.rpartition('.')[2]))
+        self.address = self._meeting.socket_address(self.number)
         self._socket = bus.context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, max(qos.depth, SHORTEST_QUEUE))
         self._socket.set(zmq.LINGER, _LINGER_MS)
         self._socket.set(zmq.XPUB_VERBOSER, 1)  # every coming and going is told, not only the first and the last
-        self._socket.bind(self.address)
-
-    def close(self) -> None:
-        with self._lock:
-            if self._shut:
-                return
-            self._shut = True
+        try:
+            self._socket.bind(self.address)
+        except zmq.ZMQError as error:
             self._socket.close()
-        super().close()
+            raise BusError(f'cannot publish {topic} at {self.address}: {error.strerror}') from error
 
-    @property
-    def listeners(self) -> int:
-        """How many would get what is published now: subscriptions of this process, and other processes."""
-        self.greet()  # whom we count here, a later look would not take for a newcomer
-        return self._listeners + super().listeners
+    def outlet(self) -> Outlet:
+        """What a subscriber must know of it."""
+        return Outlet(self.gid, self.topic, self.type_name, self.address, self.qos.latched)
+
+    def bind_again(self) -> None:
+        """Be reachable once more after the folder of the sockets was removed."""
+        with self._lock:
+            if not self._shut:
+                address = self._meeting.socket_address(self.number)
+                bind_again(self._socket, self.address, address)
+                self.address = address
 
     def greet(self) -> None:
         """Give a latched message to listeners that have come since; the others recognise its number."""
         with self._lock:
-            if self._shut:
-                return
-            before = self._listeners
-            self._count_listeners()
-            if self._listeners > before and self.last is not None:
+            if not self._shut and self._count_listeners() and self.last is not None:
                 self._transmit(self.last)
 
+    @property
+    def listeners(self) -> int:
+        """How many would get what is published now: subscriptions of this process, and other processes."""
+        self.greet()
+        return self._listeners + super().listeners
+
     def _send_beyond(self, received: Received) -> None:
-        if self._shut:
-            raise BusError(f'the publisher of {self.topic} is closed')
         self._count_listeners()
         if self._listeners > 0:
             self._transmit(received)
@@ -185,6 +263,42 @@ class ZmqPublisher(LocalPublisher):
         self._socket.send(header, zmq.SNDMORE)
         self._socket.send(data, 0, len(data) < ZERO_COPY_BYTES)
 
-    def _count_listeners(self) -> None:
+    def _count_listeners(self) -> bool:
+        """Take in who came and went; whether somebody came."""
+        came = False
         while int(self._socket.get(zmq.EVENTS)) & zmq.POLLIN:
-            self._listeners += 1 if self._socket.recv()[:1] == b'\x01' else -1
+            said = self._socket.recv_multipart()
+            if said == [b'\x01']:
+                self._listeners += 1
+                came = True
+            elif said == [b'\x00']:
+                self._listeners = max(0, self._listeners - 1)
+        return came
+
+    def _close_socket(self) -> None:
+        self._socket.close()
+
+
+class ZmqRelay(ZmqPublisher):
+    """Speaks on this host in the name of a publisher of another machine, so that loops and doubles are recognised."""
+
+    relays = True
+
+    def __init__(self, bus: ZmqBus, outlet: Outlet) -> None:
+        super().__init__(bus, outlet.topic, outlet.type_name, Qos('queue', 100, outlet.latched), '')
+        self.gid = outlet.gid
+
+    def repeat(self, sequence: int, source_ns: int, data: bytes) -> None:
+        """Publish what the other said as its message number `sequence`."""
+        with self._lock:
+            if not self._shut and sequence > self.sequence:
+                self.sequence = sequence
+                now_ns = self._bus.clock.now_ns()
+                self._deliver(Received(self.type_name, self.gid, sequence, source_ns, now_ns, data=data))
+
+
+def _allow_many_files() -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft < _MANY_FILES and (hard == resource.RLIM_INFINITY or soft < hard):
+        wanted = _MANY_FILES if hard == resource.RLIM_INFINITY else min(hard, _MANY_FILES)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
