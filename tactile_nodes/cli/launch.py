@@ -16,7 +16,7 @@ from tactile_nodes.launching import description, files, packages
 from tactile_nodes.launching.document import suggestion
 from tactile_nodes.launching.service import LaunchService
 
-DESCRIPTION = 'Run a launch file'
+DESCRIPTION = 'Run a launch file: start its nodes, watch them, and end them all together.'
 EPILOG = """\
 examples:
   tactile launch live                                 the live view of the simulated sensor
@@ -40,11 +40,12 @@ _BUILT_IN = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `tactile launch`."""
+    parser.usage = '%(prog)s [-h] [-s | -p] [-d] [-n] [-a] [--allow-commands] [PKG] FILE [name:=value ...]'
     words = parser.add_argument(
         'words',
         nargs='+',
-        metavar='[PKG] FILE [name:=value]',
-        help='a launch file by path, by package and name, or by its bare name, and its arguments',
+        metavar='FILE',
+        help='a launch file by path, by package and name, or by its bare name; then its arguments',
     )
     words.completer = complete  # type: ignore[attr-defined]
     show = parser.add_mutually_exclusive_group()

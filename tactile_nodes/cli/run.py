@@ -11,7 +11,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.launching import packages
 from tactile_nodes.launching.template import SubstitutionError
 
-DESCRIPTION = 'Run an executable of a package'
+DESCRIPTION = 'Run an executable of a package.'
 EPILOG = """\
 examples:
   tactile run camera_node                                        a node of this package
@@ -23,9 +23,14 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `tactile run`."""
-    parser.add_argument('--prefix', help="a command to put in front, in quotes if it has spaces: 'gdb -ex run --args'")
+    parser.usage = '%(prog)s [-h] [--prefix COMMAND] [PKG] EXEC [argument ...]'
+    parser.add_argument(
+        '--prefix',
+        metavar='COMMAND',
+        help="a command to put in front, in quotes if it has spaces: 'gdb -ex run --args'",
+    )
     words = parser.add_argument(
-        'words', nargs=argparse.REMAINDER, metavar='[PKG] EXEC ...', help='the executable and its arguments'
+        'words', nargs=argparse.REMAINDER, metavar='EXEC', help='the executable and its arguments'
     )
     words.completer = complete  # type: ignore[attr-defined]
 

@@ -54,7 +54,14 @@ def group(leader: int) -> set[int]:
         os.killpg(leader, 0)
     except (ProcessLookupError, PermissionError):
         return set()
-    return {pid for pid in _processes() if _group_of(pid) == leader}
+    return {pid for pid in _processes() if group_of(pid) == leader}
+
+
+def group_of(pid: int) -> int | None:
+    """The process group of a living process; None if it is gone, or a zombie."""
+    # pid (name) state parent group …; the name may hold spaces and parentheses.
+    fields = _read(pid, 'stat').rpartition(b')')[2].split()
+    return int(fields[2]) if len(fields) > 2 and fields[0] not in {b'Z', b'X'} else None
 
 
 def end(find: Callable[[], set[int]], escalation: tuple[tuple[signal.Signals, float], ...] = _ESCALATION) -> None:
@@ -80,12 +87,6 @@ def _processes() -> list[int]:
         return [int(entry.name) for entry in os.scandir('/proc') if entry.name.isdigit()]
     except FileNotFoundError:
         return []  # no Linux: only process groups are signalled, and a killed launcher leaves its children
-
-
-def _group_of(pid: int) -> int | None:
-    # pid (name) state parent group …; the name may hold spaces and parentheses. A zombie is not living.
-    fields = _read(pid, 'stat').rpartition(b')')[2].split()
-    return int(fields[2]) if len(fields) > 2 and fields[0] not in {b'Z', b'X'} else None
 
 
 def _read(pid: int, name: str) -> bytes:

@@ -91,6 +91,7 @@ class LaunchLog:
         self.folder = folder
         self._screen: Screen | None = screen
         self._debug = debug
+        self._closed = False
         self._files: dict[str, TextIO | None] = {}
         self._lock = threading.RLock()
 
@@ -105,8 +106,8 @@ class LaunchLog:
 
     def take(self, line: Line, output: str) -> None:
         """A line of a process, to where its output option sends it."""
-        routes = _ROUTES[output][line.stream == 'stderr']
         with self._lock:
+            routes = set() if self._closed else _ROUTES[output][line.stream == 'stderr']
             if 'screen' in routes:
                 self._show(line)
             if 'log' in routes:
@@ -116,7 +117,9 @@ class LaunchLog:
                 self._write(f'{line.source}.log', str(line))
 
     def close(self) -> None:
+        """Close the files; what a process that is being given up still writes is lost."""
         with self._lock:
+            self._closed = True
             for file in self._files.values():
                 if file is not None:
                     file.close()

@@ -7,7 +7,7 @@ import pty
 import signal
 import subprocess
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import BinaryIO
 
 from tactile_nodes.launching import orphans
@@ -40,7 +40,8 @@ class Child:
         self._plan = plan
         self._log = log
         self._ended = ended
-        outputs = [_terminal(), _terminal()] if plan.emulate_tty else [_pipe(), _pipe()]
+        open_pair = pty.openpty if plan.emulate_tty else os.pipe
+        outputs = [open_pair(), open_pair()]
         try:
             self._process = subprocess.Popen(
                 ' '.join(plan.command) if plan.shell else plan.command,
@@ -52,13 +53,14 @@ class Child:
                 stderr=outputs[1][1],
                 start_new_session=True,
             )
-        except (OSError, ValueError) as error:
-            for reading, _ in outputs:
-                os.close(reading)
-            raise error if isinstance(error, OSError) else OSError(0, str(error)) from error
+        except ValueError as error:  # a null byte in a word or variable
+            _close(reading for reading, _ in outputs)
+            raise OSError(0, str(error)) from error
+        except OSError:
+            _close(reading for reading, _ in outputs)
+            raise
         finally:
-            for _, writing in outputs:
-                os.close(writing)
+            _close(writing for _, writing in outputs)
         self.pid = self._process.pid
         self._readers: list[threading.Thread] = []
         self._pipes = [os.fdopen(reading, 'rb', buffering=_LONGEST_LINE) for reading, _ in outputs]
@@ -111,9 +113,6 @@ def _environment(plan: ProcessPlan, mark: str) -> dict[str, str]:
     return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks}
 
 
-def _pipe() -> tuple[int, int]:
-    return os.pipe()
-
-
-def _terminal() -> tuple[int, int]:
-    return pty.openpty()
+def _close(descriptors: Iterable[int]) -> None:
+    for descriptor in descriptors:
+        os.close(descriptor)

@@ -80,7 +80,7 @@ def number_after(lines, word):
 def wait_until_gone(pids, seconds):
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
-        if not [pid for pid in pids if orphans._group_of(pid) is not None]:
+        if not [pid for pid in pids if orphans.group_of(pid) is not None]:
             return
         time.sleep(0.02)
     raise AssertionError(f'still there after {seconds} s: {pids}')

@@ -233,7 +233,7 @@ def test_a_grandchild_that_left_the_group_ends_with_the_launch(launch, program):
 
 
 def living(pid):
-    return orphans._group_of(pid) is not None
+    return orphans.group_of(pid) is not None
 
 
 def test_an_empty_launch_ends_at_once(launch):
