@@ -117,7 +117,7 @@ class BagReader:
             raise BagError(f'{source} names the storage {metadata.storage_id!r}; mcap and sqlite3 can be read')
         if metadata.compression_mode == 'file':
             raise BagError(
-                f'the files of {self.path} are compressed as a whole; unpack them first: zstd -d {self.path}/*'
+                f'the files of {self.path} are compressed whole; unpack them first (zstd -d FILE) and give one of those'
             )
         files = [self.path / name for name in metadata.files]
         if missing := [file.name for file in files if not file.exists()]:

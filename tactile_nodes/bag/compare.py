@@ -1,0 +1,149 @@
+"""Compares two recordings of one topic, bit for bit: whether a replay gave what the live run gave."""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.stamps import header_stamp_ns
+from tactile_nodes.errors import BagError
+
+TIMINGS = frozenset({'stages'})
+"""Fields that say how long something took, which no replay repeats."""
+
+
+@dataclass
+class Comparison:
+    """Messages of two bags with one stamp. `fields` counts the stamps at which a field differs, by dotted name."""
+
+    common: int = 0
+    identical: int = 0
+    only_first: int = 0
+    only_second: int = 0
+    fields: Counter[str] = field(default_factory=Counter)
+    texts: Counter[str] = field(default_factory=Counter)
+    largest: float = 0.0
+
+    @property
+    def same(self) -> bool:
+        """Whether there was something to compare, and nothing differed."""
+        return 0 < self.common == self.identical
+
+    def lines(self) -> list[str]:
+        """What was found, for a person."""
+        found = [f'{self.identical} of {self.common} common stamps bit-identical']
+        if self.fields:
+            named = ', '.join(f'{name} ({count})' for name, count in self.fields.most_common())
+            found.append(f'numbers that differ, at how many stamps: {named}; largest difference {self.largest:g}')
+        if self.texts:
+            found.append(f'texts that differ: {", ".join(f"{name} ({n})" for name, n in self.texts.most_common())}')
+        if self.only_first or self.only_second:
+            found.append(f'stamps only in the first: {self.only_first}, only in the second: {self.only_second}')
+        return found
+
+
+def compare(first: BagReader, second: BagReader, topic: str, ignore: Collection[str] = TIMINGS) -> Comparison:
+    """Match the messages of `topic` by the stamp of their headers and compare all their numbers but `ignore`.
+
+    Args:
+        first: a bag,
+        second: and another.
+        topic: a full name, or the last part of one that each bag has once.
+        ignore: fields, by their first name, that may differ.
+
+    Raises:
+        BagError: a bag has no such topic, or several; or its messages have no stamps.
+        MessageError: bytes that are no message of their type.
+    """
+    known = _by_stamp(first, topic)
+    found = Comparison(only_first=len(known))
+    for stamp_ns, message in _by_stamp(second, topic).items():
+        if stamp_ns not in known:
+            found.only_second += 1
+            continue
+        found.only_first -= 1
+        found.common += 1
+        _compare_one(first.decode(known[stamp_ns]), second.decode(message), ignore, found)
+    return found
+
+
+def find_topic(bag: BagReader, topic: str) -> str:
+    """The full name of a topic of which `topic` is the whole or the last part.
+
+    Raises:
+        BagError: there is none, or more than one.
+    """
+    found = [name for name in bag.topics if name == topic or name.endswith(f'/{topic.lstrip("/")}')]
+    if topic in found:
+        return topic
+    if len(found) != 1:
+        what = f'several: {", ".join(found)}; name one in full' if found else f'none; it has {", ".join(bag.topics)}'
+        raise BagError(f'{bag.path}: of the topic {topic!r} there are {what}')
+    return found[0]
+
+
+def _by_stamp(bag: BagReader, topic: str) -> dict[int, Any]:
+    name = find_topic(bag, topic)
+    found: dict[int, Any] = {}
+    for message in bag.messages([name]):
+        stamp_ns = header_stamp_ns(message.data, message.type_name)
+        if stamp_ns is not None:
+            found.setdefault(stamp_ns, message)
+    if not found:
+        raise BagError(f'{bag.path}: {name} has no message with a stamp, so there is nothing to compare')
+    return found
+
+
+def _compare_one(first: Any, second: Any, ignore: Collection[str], found: Comparison) -> None:
+    one, other = dict(_values(first, '', ignore)), dict(_values(second, '', ignore))
+    differing = [name for name in one.keys() | other.keys() if not _same(one.get(name), other.get(name))]
+    texts = [name for name in differing if isinstance(one.get(name), str)]
+    numbers = [name for name in differing if name not in texts]
+    found.texts.update(texts)
+    found.fields.update(numbers)
+    found.identical += not numbers
+    for name in numbers:
+        found.largest = max(found.largest, _difference(one.get(name), other.get(name)))
+
+
+def _values(message: Any, prefix: str, ignore: Collection[str]) -> Iterator[tuple[str, Any]]:
+    for entry in dataclasses.fields(message):
+        if prefix or entry.name not in ignore:
+            yield from _leaves(getattr(message, entry.name), f'{prefix}{entry.name}', ignore)
+
+
+def _leaves(value: Any, name: str, ignore: Collection[str]) -> Iterator[tuple[str, Any]]:
+    if dataclasses.is_dataclass(value):
+        yield from _values(value, f'{name}.', ignore)
+    elif isinstance(value, list):
+        for number, item in enumerate(value):
+            yield from _leaves(item, f'{name}[{number}]', ignore)
+    else:
+        yield name, value
+
+
+def _same(one: Any, other: Any) -> bool:
+    return type(one) is type(other) and _bits(one) == _bits(other)
+
+
+def _bits(value: Any) -> bytes:
+    """What tells -0.0 from 0.0 and takes a NaN to equal itself."""
+    if isinstance(value, np.ndarray):
+        return str(value.dtype).encode() + value.tobytes()
+    if isinstance(value, float):
+        return struct.pack('<d', value)
+    return repr(value).encode()
+
+
+def _difference(one: Any, other: Any) -> float:
+    if one is None or other is None or np.shape(one) != np.shape(other):
+        return float('inf')
+    apart = np.abs(np.asarray(one, np.float64) - np.asarray(other, np.float64))
+    return float(np.nanmax(apart)) if np.isfinite(apart).any() else 0.0

@@ -1,0 +1,126 @@
+"""Plays a bag: hands on each message when it is due."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection
+
+from tactile_nodes.bag.content import BagMessage
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.timeline import Timeline
+from tactile_nodes.clock import NS_PER_S, Clock
+
+_SLICE_NS = 20_000_000  # how long a pause, a stop or another rate may go unnoticed
+
+
+class Playback:
+    """Runs in the thread that calls `run`; all else may be called from any thread.
+
+    Args:
+        reader: the bag.
+        topics: what to play of it.
+        publish: takes each message when it is due.
+        clock: what the messages' times are measured by.
+        rate: speed, 1.0 as recorded.
+        tick: takes the bag's time `tick_hz` times a second, also while paused; not called at 0.0.
+    """
+
+    def __init__(
+        self,
+        reader: BagReader,
+        topics: Collection[str],
+        publish: Callable[[BagMessage], None],
+        clock: Clock,
+        *,
+        rate: float = 1.0,
+        tick: Callable[[int], None] | None = None,
+        tick_hz: float = 0.0,
+    ) -> None:
+        self.timeline = Timeline(rate)
+        self.published = 0
+        self.latest_ns = 0
+        self._reader = reader
+        self._topics = topics
+        self._hand_on = publish
+        self._clock = clock
+        self._tick_with = tick
+        self._tick_hz = tick_hz
+        self._next_tick_ns = 0
+        self._steps = threading.Semaphore(0)
+        self._running = True
+
+    def pause(self) -> None:
+        """Stand still."""
+        self.timeline.pause(self._clock.now_ns())
+
+    def resume(self) -> None:
+        """Go on."""
+        self.timeline.resume(self._clock.now_ns())
+
+    def set_rate(self, rate: float) -> None:
+        """Go on at another speed."""
+        self.timeline.set_rate(self._clock.now_ns(), rate)
+
+    def step(self) -> None:
+        """While paused, play one message more."""
+        self._steps.release()
+
+    def stop(self) -> None:
+        """Make `run` return soon."""
+        self._running = False
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, unless stopped."""
+        end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
+        while self._running and (now_ns := self._clock.now_ns()) < end_ns:
+            self._clock.sleep_until(min(end_ns, now_ns + _SLICE_NS))
+
+    def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
+        """Play from there to the end; with `loop` again and again."""
+        self._run_once(start_offset_s)
+        while loop and self._running and self.published:
+            self._run_once(start_offset_s)
+
+    def _run_once(self, start_offset_s: float) -> None:
+        start_ns = self._reader.extent.start_ns + round(start_offset_s * NS_PER_S)
+        self._publish_latched_before(start_ns)
+        self.timeline.start(self._clock.now_ns(), start_ns)
+        for message in self._reader.messages(self._topics, start_ns):
+            if not self._wait_until_due(message.log_ns):
+                return
+            self._publish(message)
+
+    def _publish_latched_before(self, start_ns: int) -> None:
+        """Whoever joins late hears what a latched topic said last, and so does whoever begins in the middle."""
+        if start_ns > self._reader.extent.start_ns:
+            latched = [name for name in self._topics if self._reader.topics[name].latched]
+            last = {message.topic: message for message in self._reader.messages(latched, end_ns=start_ns)}
+            for message in last.values():
+                self._publish(message)
+
+    def _publish(self, message: BagMessage) -> None:
+        self._hand_on(message)
+        self.published += 1
+
+    def _wait_until_due(self, log_ns: int) -> bool:
+        while self._running:
+            now_ns = self._clock.now_ns()
+            wake_ns = self._tick(now_ns)
+            due_ns = self.timeline.due_ns(log_ns)
+            if due_ns is None and self._steps.acquire(blocking=False):
+                self.timeline.start(now_ns, log_ns)
+                return True
+            if due_ns is not None and due_ns <= now_ns:
+                self.latest_ns = max(self.latest_ns, now_ns - due_ns)
+                return True
+            self._clock.sleep_until(wake_ns if due_ns is None else min(due_ns, wake_ns))
+        return False
+
+    def _tick(self, now_ns: int) -> int:
+        """Tell the bag's time when that is due. Returns when to come back at the latest."""
+        if self._tick_with is None or self._tick_hz <= 0.0:
+            return now_ns + _SLICE_NS
+        if now_ns >= self._next_tick_ns:
+            self._tick_with(self.timeline.bag_ns(now_ns))
+            self._next_tick_ns = max(self._next_tick_ns + round(NS_PER_S / self._tick_hz), now_ns)
+        return min(self._next_tick_ns, now_ns + _SLICE_NS)

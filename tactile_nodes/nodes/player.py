@@ -1,0 +1,158 @@
+"""Publishes a bag again: the same bytes, with the same distances in time.
+
+Offers ``~/pause``, ``~/resume``, ``~/toggle_paused`` and ``~/play_next`` (std_srvs/Trigger); the parameter ``rate`` can
+be changed on the way. The node ends when it has played everything.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import dataclass, replace
+
+from tactile_nodes.bag.content import BagMessage
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.playback import Playback
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments, parse_remap
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus, Publisher, Qos
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.errors import BagError, TactileError
+from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.params import parameter
+
+MEET_S = 0.3  # so that those who are there already are connected when the first message leaves
+_HEALTH_PERIOD_S = 0.5
+_SHORTEST_QUEUE = 100  # a replay shall lose nothing, also at ten times the rate
+
+
+@dataclass(frozen=True)
+class PlayerParams(NodeParams):
+    """Parameters of the player."""
+
+    bag: str = parameter('', 'folder, .mcap or .db3 file to play', read_only=True)
+    rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001)
+    loop: bool = parameter(False, 'begin again at the end', read_only=True)
+    start_offset: float = parameter(0.0, 'seconds into the bag to begin at', minimum=0.0, read_only=True)
+    delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
+    clock_hz: float = parameter(0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0)
+    topics: tuple[str, ...] = parameter((), 'topics to play; empty: all', read_only=True)
+    remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)
+    paused: bool = parameter(False, 'begin paused', read_only=True)
+
+
+class PlayerNode(Node):
+    """Plays in a thread of its own, so that services are answered at any time."""
+
+    NAME = 'player'
+    PARAMS = PlayerParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        if not self.params.bag:
+            raise BagError('there is no bag to play; set the parameter bag')
+        self.reader = BagReader(self.params.bag)
+        self._publishers = self._advertise()
+        self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
+        rate, hz = self.params.rate, self.params.clock_hz
+        self.playback = Playback(
+            self.reader, self._publishers, self._publish, self.clock, rate=rate, tick=self._tell_time, tick_hz=hz
+        )
+        if self.params.paused:
+            self.playback.pause()
+        for act in (self.pause, self.resume, self.toggle_paused, self.play_next):
+            self.create_trigger(f'~/{act.__name__}', act)
+        self.create_timer(_HEALTH_PERIOD_S, self._report_health)
+        self._thread = threading.Thread(target=self._play, name='player', daemon=True)
+        self._thread.start()
+
+    def pause(self) -> str:
+        """Stand still."""
+        self.playback.pause()
+        return 'paused'
+
+    def resume(self) -> str:
+        """Go on."""
+        self.playback.resume()
+        return 'playing'
+
+    def toggle_paused(self) -> str:
+        """Pause or resume."""
+        return self.resume() if self.playback.timeline.paused else self.pause()
+
+    def play_next(self) -> str:
+        """While paused, publish one message more. Raises BagError when it is not paused."""
+        if not self.playback.timeline.paused:
+            raise BagError('it is playing; pause it first')
+        self.playback.step()
+        return 'one message more'
+
+    def on_parameters(self, changed: PlayerParams) -> None:
+        self.playback.set_rate(changed.rate)
+
+    def on_close(self) -> None:
+        self.playback.stop()
+        self._thread.join(timeout=1.0)
+        self.reader.close()
+
+    def _advertise(self) -> dict[str, Publisher]:
+        rules = tuple(parse_remap(rule) for rule in self.params.remap)
+        names = replace(self.names, remaps=(*rules, *self.names.remaps))
+        wanted = {self.names.resolve(name) for name in self.params.topics}
+        if unknown := wanted - self.reader.topics.keys():
+            raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}; see: tactile bag info')
+        played = [topic for topic in self.reader.topics.values() if self._plays(topic, wanted)]
+        return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
+
+    def _plays(self, topic: BagTopic, wanted: set[str]) -> bool:
+        if not self.reader.counts.get(topic.name) or (wanted and topic.name not in wanted):
+            return False
+        if topic.name == topics.CLOCK.name and self.params.clock_hz > 0:
+            return False  # there is one time only, and we tell it
+        if not self.reader.types.is_ours(topic.type_name):
+            self.log.warn(f'{topic.name} is not played: {topic.type_name} is unknown here, or is another version')
+            return False
+        return True
+
+    def _publisher(self, topic: BagTopic, name: str) -> Publisher:
+        usual = topics.default_qos(topic.name)
+        qos = Qos('queue', max(usual.depth, _SHORTEST_QUEUE), usual.latched or topic.latched)
+        made = self.bus.advertise(name, topic.type_name, qos, self.full_name)
+        self._ends.append(made)
+        return made
+
+    def _play(self) -> None:
+        try:
+            self.playback.wait(MEET_S + self.params.delay)
+            self.playback.run(self.params.start_offset, self.params.loop)
+        except (OSError, TactileError) as error:
+            self.report('bag', Level.ERROR, f'cannot play on {self.params.bag}: {error}')
+        for problem in self.reader.problems:
+            self.log.warn(problem)
+        self.stop()
+
+    def _publish(self, message: BagMessage) -> None:
+        self._publishers[message.topic].publish_bytes(message.data)
+
+    def _tell_time(self, bag_ns: int) -> None:
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(types.Clock(clock=time_from_ns(max(0, bag_ns))))
+
+    def _report_health(self) -> None:
+        state = 'paused' if self.playback.timeline.paused else 'playing'
+        late_ms = self.playback.latest_ns / 1e6
+        count, rate = self.playback.published, self.playback.timeline.rate
+        self.report('bag', Level.OK, f'{state} {self.params.bag}', messages=count, rate=rate, latest_ms=late_ms)
+
+
+def main() -> int:
+    """The program ``player_node``."""
+    return run_node(PlayerNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,206 @@
+"""Records topics into a bag: the bytes that travelled, with capture stamp and time of receipt.
+
+Offers the services ``~/start`` and ``~/stop`` (std_srvs/Trigger).
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from tactile_nodes.bag.mcap_file import COMPRESSIONS
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.recording import GapCounter, TopicFilter
+from tactile_nodes.bag.writer import BagLimits, BagTotals, BagWriter
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus, Endpoint, Qos, Received
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import NS_PER_S, Clock, wall_ns
+from tactile_nodes.errors import BagError, MessageError
+from tactile_nodes.params import parameter
+
+LOOK_EVERY_S = 0.1
+HEALTH_PERIOD_S = 0.5
+_QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
+_MB = 1_000_000
+
+
+@dataclass(frozen=True)
+class RecorderParams(NodeParams):
+    """Parameters of the recorder."""
+
+    bag: str = parameter('', 'folder to write, which must not exist; empty: rosbag2_<date> in the working folder')
+    topics: tuple[str, ...] = parameter((), 'topics to record; empty: those that the topic table marks as recorded')
+    all: bool = parameter(False, 'record every topic there is')
+    regex: str = parameter('', 'record also the topics in which this expression is found')
+    exclude: str = parameter('', 'leave out the topics in which this expression is found')
+    compression: str = parameter('none', 'of the chunks', choices=tuple(COMPRESSIONS))
+    queue_mb: int = parameter(256, 'what may wait for a slow disk before messages are dropped [MB]', minimum=1)
+    max_file_bytes: int = parameter(0, 'begin another file when one is this long; 0: never', minimum=0)
+    max_file_s: float = parameter(0.0, 'begin another file after these seconds; 0: never', minimum=0.0)
+    autostart: bool = parameter(True, 'record from the start; otherwise wait for ~/start', read_only=True)
+
+
+class RecorderNode(Node):
+    """Takes what comes in to a `BagWriter`, and subscribes to what is published later, too."""
+
+    NAME = 'recorder'
+    PARAMS = RecorderParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self.failure: BagError | None = None
+        self.writer: BagWriter | None = None
+        self.missed = self.malformed = 0
+        self._gaps = GapCounter()
+        self._subscriptions: dict[str, Subscription] = {}
+        self._since_ns: dict[str, int] = {}
+        self._woken = False
+        self._bytes_before = 0
+        if self.params.autostart:
+            self.start_recording()
+        self.create_trigger('~/start', self.start_recording)
+        self.create_trigger('~/stop', self.stop_recording)
+        self.create_timer(LOOK_EVERY_S, self._look)
+        self.create_timer(HEALTH_PERIOD_S, self._report_health)
+
+    def start_recording(self) -> str:
+        """Begin a bag. Raises BagError, ConfigurationError."""
+        if self.writer is not None:
+            raise BagError(f'{self.writer.folder} is being recorded already; stop it first')
+        params = self.params
+        names = frozenset(self.names.resolve(name) for name in params.topics)
+        self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
+        limits = BagLimits(params.queue_mb * _MB, params.max_file_bytes, params.max_file_s)
+        self.writer = BagWriter(params.bag or dated_name(), compression=params.compression, limits=limits)
+        self.failure, self.missed, self.malformed, self._bytes_before = None, 0, 0, 0
+        self._look()
+        return f'recording into {self.writer.folder}'
+
+    def stop_recording(self) -> str:
+        """End the bag. Raises BagError when there is none, or not all of it could be written."""
+        if self.writer is None:
+            raise BagError('nothing is being recorded')
+        self._drain()
+        if self.failure is not None:
+            raise self.failure
+        writer = self._let_go()
+        totals = writer.close()
+        return f'wrote {describe(totals)} into {writer.folder}' + self._losses(totals)
+
+    def on_close(self) -> None:
+        if self.writer is not None:
+            try:
+                self.log.info(self.stop_recording())
+            except BagError as error:
+                self.failure = error
+
+    def _let_go(self) -> BagWriter:
+        for subscription in self._subscriptions.values():
+            subscription.close()
+        self._subscriptions.clear()
+        writer, self.writer = self.writer, None
+        assert writer is not None
+        return writer
+
+    def _look(self) -> None:
+        if self.writer is None:
+            return
+        if self.writer.failure is not None:
+            self._fail(self.writer.failure)
+            return
+        for end in self.bus.graph().publishers():
+            if end.name not in self._subscriptions and self._filter.takes(end.name):
+                self._subscribe(end, self.writer)
+
+    def _subscribe(self, end: Endpoint, writer: BagWriter) -> None:
+        try:
+            depth = topics.default_qos(end.name).depth
+            writer.add_topic(BagTopic.of_type(end.name, end.type_name, depth=depth, latched=end.latched))
+        except MessageError as error:
+            self.log.warn(f'{end.name} is not recorded: {error}', once=end.name)
+            return
+        # What a latched topic said before we came, we receive now; else a bag would begin before its recording.
+        self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
+        made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
+        self._subscriptions[end.name] = made
+        self._wake()
+
+    def _wake(self) -> None:
+        if not self._woken:
+            self._woken = True
+            self.post(self._drain)
+
+    def _drain(self) -> None:
+        self._woken = False
+        for name, subscription in list(self._subscriptions.items()):
+            while self.writer is not None and (received := subscription.take()) is not None:
+                self._take_in(name, received, self.writer)
+
+    def _take_in(self, name: str, received: Received, writer: BagWriter) -> None:
+        self.missed += self._gaps.note(name, received.publisher, received.sequence)
+        try:
+            log_ns = max(received.received_ns, self._since_ns[name])
+            writer.write(name, received.data, log_ns, received.source_ns, received.sequence)
+        except MessageError:
+            self.malformed += 1
+        except BagError as error:
+            self._fail(error)
+
+    def _fail(self, error: BagError) -> None:
+        self.failure = error
+        self._let_go()
+        self.report('bag', Level.ERROR, str(error))
+
+    def _report_health(self) -> None:
+        if self.writer is None:
+            if self.failure is None:
+                self.report('bag', Level.OK, 'nothing is being recorded')
+            return
+        totals = self.writer.totals
+        rate = (totals.bytes - self._bytes_before) / HEALTH_PERIOD_S / _MB
+        self._bytes_before = totals.bytes
+        level, text = Level.OK, f'recording into {self.writer.folder}'
+        if totals.dropped:
+            level, text = Level.WARN, 'the disk is too slow: messages are dropped'
+        elif self.missed:
+            level, text = Level.WARN, 'messages were lost on their way to the recorder'
+        self.report(
+            'bag', level, text, messages=totals.messages, seconds=totals.seconds, mb_per_s=rate,
+            dropped=totals.dropped, missed=self.missed, malformed=self.malformed,
+        )  # fmt: skip
+
+    def _losses(self, totals: BagTotals) -> str:
+        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.malformed}
+        told = ', '.join(f'{count} {why}' for why, count in lost.items() if count)
+        return f'; {told}' if told else ''
+
+
+def describe(totals: BagTotals) -> str:
+    """'600 messages (58.3 MB, 3.2 s)'"""
+    return f'{totals.messages} messages ({totals.bytes / _MB:.1f} MB, {totals.seconds:.1f} s)'
+
+
+def dated_name() -> Path:
+    """The name that ``ros2 bag record`` gives: 'rosbag2_2030_01_31-13_59_59'."""
+    return Path(datetime.fromtimestamp(wall_ns() / NS_PER_S).strftime('rosbag2_%Y_%m_%d-%H_%M_%S'))
+
+
+def _in_table(topic: str) -> bool:
+    known = topics.TOPICS.get(topic) or topics.TOPICS.get(topic.rpartition('/')[2])
+    return known is not None and known.recorded
+
+
+def main() -> int:
+    """The program ``recorder_node``."""
+    return run_node(RecorderNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
