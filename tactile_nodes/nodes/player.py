@@ -55,6 +55,7 @@ class PlayerNode(Node):
         super().__init__(bus, arguments, clock)
         if not self.params.bag:
             raise BagError('there is no bag to play; set the parameter bag')
+        self.failure: BagError | None = None
         self.reader = BagReader(self.params.bag)
         self._publishers = self._advertise()
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
@@ -130,7 +131,8 @@ class PlayerNode(Node):
             self.playback.wait(MEET_S + self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)
         except (OSError, TactileError) as error:
-            self.report('bag', Level.ERROR, f'cannot play on {self.params.bag}: {error}')
+            self.failure = BagError(f'cannot play on {self.params.bag}: {error}')
+            self.report('bag', Level.ERROR, str(self.failure))
         for problem in self.reader.problems:
             self.log.warn(problem)
         self.stop()

@@ -130,6 +130,7 @@ class RecorderNode(Node):
         self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
         made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
         self._subscriptions[end.name] = made
+        self.log.info(f"subscribed to topic '{end.name}'")
         self._wake()
 
     def _wake(self) -> None:
