@@ -74,3 +74,4 @@ def _parameters(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
 topic_types = _live(_topic_types)
 service_types = _live(_service_types)
 parameters = _live(_parameters)
+namespaces = _live(lambda bus, _: {name.rpartition('/')[0] or '/' for name in _visible(bus.graph().nodes())})

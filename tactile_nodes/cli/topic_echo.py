@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.cli import completers
+from tactile_nodes.cli.gaps import SequenceGaps
 from tactile_nodes.cli.session import (
     Verbs,
     absolute,
@@ -63,10 +64,10 @@ def echo(arguments: argparse.Namespace) -> int:
     with joined() as bus:
         type_name = full_type(arguments.type) if arguments.type else type_of_topic(bus.graph(), topic)
         subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
-        lost = LostMessages()
+        gaps = SequenceGaps()
         for received in arriving(subscription, arguments.timeout):
             if not arguments.no_lost_messages:
-                lost.report(received)
+                report_lost(gaps, received)
             printed += _print_one(received, arguments)
             if arguments.once and printed:
                 return 0
@@ -95,26 +96,12 @@ def arriving(subscription: Subscription, timeout_s: float | None = None) -> Iter
         yield received
 
 
-class LostMessages:
-    """Counts the messages that publishers sent and we did not see, from their running numbers."""
-
-    def __init__(self) -> None:
-        self.total = 0
-        self._newest: dict[str, int] = {}
-
-    def add(self, publisher: str, sequence: int) -> int:
-        """How many are missing just before this one."""
-        missing = max(0, sequence - self._newest.get(publisher, sequence - 1) - 1)
-        self._newest[publisher] = sequence
-        self.total += missing
-        return missing
-
-    def report(self, received: Received) -> None:
-        """Say on the error stream that some are missing, if they are."""
-        missing = self.add(received.publisher, received.sequence)
-        if missing:
-            text = f'A message was lost!!!\n\ttotal count change:{missing}\n\ttotal count: {self.total}'
-            print(text, file=sys.stderr, flush=True)
+def report_lost(gaps: SequenceGaps, received: Received) -> None:
+    """Say on the error stream that messages are missing before this one, if they are."""
+    missing = gaps.add(received.publisher, received.sequence)
+    if missing:
+        text = f'A message was lost!!!\n\ttotal count change:{missing}\n\ttotal count: {gaps.total}'
+        print(text, file=sys.stderr, flush=True)
 
 
 def _print_one(received: Received, arguments: argparse.Namespace) -> bool:

@@ -1,0 +1,170 @@
+"""``tactile view``: force, its latency and the state of the nodes, in place in a terminal or as lines."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from tactile_nodes.cli import completers
+from tactile_nodes.cli.session import absolute, completed, joined, own_name, positive_float
+from tactile_nodes.errors import MessageError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tactile_nodes.bus.protocol import Bus, Received
+    from tactile_nodes.bus.subscription import Subscription
+    from tactile_nodes.bus.topics import Topic
+    from tactile_nodes.cli.view_state import Snapshot, ViewState
+
+DESCRIPTION = 'Watch force, latency and the state of the nodes. Ctrl-C ends it with a summary.'
+EPILOG = """\
+examples:
+  tactile view                          in this terminal, updating in place
+  tactile view --plain --duration 10    one line a second for ten seconds, then the summary
+  tactile view --namespace /left        the sensor whose topics begin with /left
+  tactile view --scale 0.2              colours for light touches: brightest at 0.2 N a bin
+"""
+FULL_SCALE_N = 1.0
+REDRAW_EVERY_S = 0.1
+LINE_EVERY_S = 1.0
+QUEUE = 1000  # more than comes between two redraws, so that every frame is counted
+_LOOK_EVERY_S = 1.0
+
+Show = Callable[['Snapshot'], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('--plain', action='store_true', help='one line a second; the default when this is no terminal')
+    parser.add_argument('--duration', type=positive_float, metavar='S', help='end after S seconds')
+    namespace = parser.add_argument('--namespace', default='/', metavar='/NAME', help='of the sensor (default: /)')
+    completed(namespace, completers.namespaces)
+    parser.add_argument(
+        '--scale', type=positive_float, default=FULL_SCALE_N, metavar='N', help='newtons of the brightest colour (1)'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Show until interrupted or the time is over; then say how it went."""
+    from tactile_nodes.cli.view_render import summary
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    plain = arguments.plain or not sys.stdout.isatty()
+    with joined() as bus:
+        state = new_state(bus, absolute(arguments.namespace))
+        with suppress(KeyboardInterrupt):  # how one leaves it
+            run_view(
+                bus,
+                state,
+                plain=plain,
+                stop=threading.Event(),
+                duration_s=arguments.duration,
+                full_scale_n=arguments.scale,
+            )
+        print(summary(state.summary(bus.clock.now_ns())), flush=True)
+    return 0
+
+
+def new_state(bus: Bus, namespace: str = '/') -> ViewState:
+    """A state that begins now."""
+    from tactile_nodes.cli.view_state import ViewState
+
+    return ViewState(namespace, bus.clock.now_ns())
+
+
+def run_view(
+    bus: Bus,
+    state: ViewState,
+    *,
+    plain: bool,
+    stop: threading.Event,
+    duration_s: float | None = None,
+    full_scale_n: float = FULL_SCALE_N,
+    console: Console | None = None,
+) -> None:
+    """Feed `state` from `bus` and show it, until `stop` is set or `duration_s` is over.
+
+    It takes no signals; the caller prints the summary of `state`.
+    """
+    clock = bus.clock
+    end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else None
+    period_s = LINE_EVERY_S if plain else REDRAW_EVERY_S
+    with ExitStack() as stack:
+        feeds = Feeds(bus, state)
+        stack.callback(feeds.close)
+        show = _printing if plain else stack.enter_context(_drawing(full_scale_n, console))
+        while not stop.wait(period_s) and (end_ns is None or clock.now_ns() < end_ns):
+            now_ns = clock.now_ns()
+            feeds.drain(now_ns)
+            show(state.snapshot(now_ns))
+        feeds.drain(clock.now_ns())
+
+
+def _printing(shot: Snapshot) -> None:
+    from tactile_nodes.cli.view_render import line
+
+    print(line(shot), flush=True)
+
+
+@contextmanager
+def _drawing(full_scale_n: float, console: Console | None) -> Iterator[Show]:
+    from rich.live import Live
+
+    from tactile_nodes.cli.view_render import picture
+
+    # Without a thread of its own, Live draws just what we say and when; it also puts the cursor back at the end.
+    with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
+        yield lambda shot: live.update(picture(shot, full_scale_n), refresh=True)
+
+
+class Feeds:
+    """The subscriptions of the view; what came in goes to the state when `drain` is called."""
+
+    def __init__(self, bus: Bus, state: ViewState) -> None:
+        from tactile_nodes.bus import topics
+
+        self._bus = bus
+        self._state = state
+        self._next_look_ns = 0
+        self._force_topic = self._full(topics.FORCE_DISTRIBUTION)
+        takers = (
+            (topics.FORCE_DISTRIBUTION, state.add_force),
+            (topics.TRUE_FORCE, state.add_truth),
+            (topics.DIAGNOSTICS, state.add_diagnostics),
+            (topics.ROSOUT, state.add_log),
+        )
+        self._feeds = [(self._subscribe(topic), take) for topic, take in takers]
+
+    def drain(self, now_ns: int) -> None:
+        """Hand over all that has come in, and look who is there."""
+        for subscription, take in self._feeds:
+            while (received := subscription.take()) is not None:
+                self._hand_over(received, take)
+        if now_ns >= self._next_look_ns:
+            self._next_look_ns = now_ns + round(_LOOK_EVERY_S * 1e9)
+            found = self._bus.graph().publishers(self._force_topic)
+            self._state.estimators = tuple(sorted({end.node for end in found}))
+
+    def close(self) -> None:
+        for subscription, _ in self._feeds:
+            subscription.close()
+
+    def _hand_over(self, received: Received, take: Callable[[Received], None]) -> None:
+        try:
+            take(received)
+        except MessageError:
+            self._state.malformed += 1
+
+    def _subscribe(self, topic: Topic) -> Subscription:
+        from tactile_nodes.bus.protocol import Qos
+
+        return self._bus.subscribe(self._full(topic), topic.type_name, Qos('queue', QUEUE), own_name())
+
+    def _full(self, topic: Topic) -> str:
+        return topic.name if topic.name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{topic.name}'

@@ -1,0 +1,224 @@
+"""What the view counts: rates, latencies, drops, and how near the estimates come to the truth. Plain objects."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+NS_PER_S = 1_000_000_000
+STAGES = ('acquire', 'flow', 'features', 'predict', 'transport', 'end to end')
+
+
+@dataclass(frozen=True)
+class Percentiles:
+    """Median and 99th percentile [s]; NaN when nothing was measured."""
+
+    p50: float
+    p99: float
+
+
+NOTHING = Percentiles(math.nan, math.nan)
+
+
+def stage_times(stages: Any, end_to_end_s: float) -> tuple[float, ...]:
+    """The seconds of each of `STAGES` for one frame.
+
+    `stages` is the message's StageTimes. What of the whole is in none of the stages is transport: all hand-overs
+    between nodes, the last one to the view included.
+    """
+    measured = (stages.acquire, stages.flow, stages.features, stages.predict)
+    known = sum(seconds for seconds in measured if not math.isnan(seconds))
+    return (*measured, end_to_end_s - known, end_to_end_s)
+
+
+class Recent:
+    """The frames of the last seconds: when captured, when here, and how long each stage took."""
+
+    def __init__(self, seconds: float) -> None:
+        self._window_ns = round(seconds * NS_PER_S)
+        self._frames: deque[tuple[int, int, tuple[float, ...]]] = deque()
+
+    def add(self, arrival_ns: int, stamp_ns: int, times: tuple[float, ...]) -> None:
+        self._frames.append((arrival_ns, stamp_ns, times))
+        self.forget(arrival_ns)
+
+    def forget(self, now_ns: int) -> None:
+        """Leave out what is older than the window."""
+        while self._frames and self._frames[0][0] < now_ns - self._window_ns:
+            self._frames.popleft()
+
+    def rates_hz(self) -> tuple[float, float]:
+        """Frames a second by their arrivals and by their stamps; NaN for fewer than two."""
+        if len(self._frames) < 2:
+            return math.nan, math.nan
+        first, last = self._frames[0], self._frames[-1]
+        return _rate(last[0] - first[0], len(self._frames)), _rate(last[1] - first[1], len(self._frames))
+
+    def percentiles(self) -> dict[str, Percentiles]:
+        """Of each stage."""
+        if not self._frames:
+            return dict.fromkeys(STAGES, NOTHING)
+        columns = np.array([times for _, _, times in self._frames]).T
+        return {stage: _percentiles(column) for stage, column in zip(STAGES, columns, strict=True)}
+
+
+def _rate(span_ns: int, frames: int) -> float:
+    return (frames - 1) * NS_PER_S / span_ns if span_ns > 0 else math.nan
+
+
+def _percentiles(seconds: np.ndarray) -> Percentiles:
+    measured = seconds[~np.isnan(seconds)]
+    if not measured.size:
+        return NOTHING
+    p50, p99 = np.percentile(measured, [50, 99])
+    return Percentiles(float(p50), float(p99))
+
+
+class Histogram:
+    """Percentiles of any number of durations in a fixed amount of memory, right to half a percent.
+
+    Bins are 1 % wide, from 1 µs to 100 s; a percentile is the middle of the bin that it falls into.
+    """
+
+    _WIDTH = math.log(1.01)
+    _BINS = math.ceil(math.log(1e8) / _WIDTH)
+
+    def __init__(self) -> None:
+        self._counts = [0] * self._BINS
+        self.total = 0
+
+    def add(self, seconds: float) -> None:
+        """Count one; NaN is not counted."""
+        if math.isnan(seconds):
+            return
+        place = int(math.log(max(seconds, 1e-6) / 1e-6) / self._WIDTH)
+        self._counts[min(place, self._BINS - 1)] += 1
+        self.total += 1
+
+    def percentiles(self) -> Percentiles:
+        return Percentiles(self._at(0.5), self._at(0.99)) if self.total else NOTHING
+
+    def _at(self, share: float) -> float:
+        wanted = math.ceil(share * self.total)
+        seen = 0
+        for place, number in enumerate(self._counts):
+            seen += number
+            if seen >= wanted:
+                return 1e-6 * math.exp((place + 0.5) * self._WIDTH)
+        return math.nan
+
+
+class StampGaps:
+    """Frames that were captured, or should have been, and of which no force came.
+
+    The usual interval is the median of the recent ones; an interval of more than one and a half of it lacks frames.
+    """
+
+    _ENOUGH = 10
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._last_ns: int | None = None
+        self._intervals_ns: deque[int] = deque(maxlen=120)
+
+    def add(self, stamp_ns: int) -> None:
+        interval_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
+        self._last_ns = stamp_ns
+        if interval_ns <= 0:  # the first one, or another stream
+            return
+        if len(self._intervals_ns) >= self._ENOUGH:
+            usual_ns = statistics.median(self._intervals_ns)
+            if interval_ns > 1.5 * usual_ns:
+                self.total += round(interval_ns / usual_ns) - 1
+        self._intervals_ns.append(interval_ns)
+
+
+def strongest(force: Any) -> int:
+    """The bin of a ForceDistribution with the largest absolute force."""
+    return int(np.abs(force.normal_force).argmax())
+
+
+@dataclass(frozen=True)
+class Pair:
+    """An estimate and the truth of the same instant; both are ForceDistribution messages."""
+
+    stamp_ns: int
+    force: Any
+    truth: Any
+
+    @property
+    def error_n(self) -> float:
+        """Total force, estimated minus true [N]."""
+        return float(self.force.total - self.truth.total)
+
+    @property
+    def distance_mm(self) -> float:
+        """From the true contact to the estimated one [mm]; NaN unless both touch."""
+        here, there = self.force.contact, self.truth.contact
+        return math.hypot(here.x - there.x, here.y - there.y) * 1000
+
+    @property
+    def right_bin(self) -> bool | None:
+        """Whether the largest bin is the true one; None when nothing touches or the grids differ."""
+        same_grid = (self.force.rows, self.force.cols) == (self.truth.rows, self.truth.cols)
+        if not (self.truth.in_contact and same_grid and self.truth.normal_force.size):
+            return None
+        return strongest(self.force) == strongest(self.truth)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How near the estimates came to the truth, over all pairs whose estimate was not declared invalid."""
+
+    pairs: int
+    rmse_n: float
+    contact_pairs: int
+    right_bin_share: float
+
+
+class Comparison:
+    """Brings estimates and truths together by their stamps, whichever comes first."""
+
+    _KEPT = 256
+
+    def __init__(self) -> None:
+        self.last: Pair | None = None
+        self._forces: OrderedDict[int, Any] = OrderedDict()
+        self._truths: OrderedDict[int, Any] = OrderedDict()
+        self._pairs = 0
+        self._squares = 0.0
+        self._bins: list[int] = [0, 0]  # wrong, right
+
+    def add_force(self, stamp_ns: int, message: Any) -> None:
+        self._keep(self._forces, stamp_ns, message)
+
+    def add_truth(self, stamp_ns: int, message: Any) -> None:
+        self._keep(self._truths, stamp_ns, message)
+
+    def scores(self) -> Scores:
+        """So far; NaN where there is nothing to average."""
+        contacts = sum(self._bins)
+        rmse = math.sqrt(self._squares / self._pairs) if self._pairs else math.nan
+        return Scores(self._pairs, rmse, contacts, self._bins[1] / contacts if contacts else math.nan)
+
+    def _keep(self, place: OrderedDict[int, Any], stamp_ns: int, message: Any) -> None:
+        place[stamp_ns] = message
+        if len(place) > self._KEPT:
+            place.popitem(last=False)
+        if stamp_ns in self._forces and stamp_ns in self._truths:
+            self._count(Pair(stamp_ns, self._forces.pop(stamp_ns), self._truths.pop(stamp_ns)))
+
+    def _count(self, pair: Pair) -> None:
+        if self.last is None or pair.stamp_ns >= self.last.stamp_ns:
+            self.last = pair
+        if pair.force.status == pair.force.STATUS_INVALID or not math.isfinite(pair.error_n):
+            return
+        self._pairs += 1
+        self._squares += pair.error_n**2
+        if (right := pair.right_bin) is not None:
+            self._bins[right] += 1

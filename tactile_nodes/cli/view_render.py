@@ -1,0 +1,289 @@
+"""Snapshots as pictures: for a terminal in colour, as one line, and as the summary at the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from itertools import groupby
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from rich.style import Style
+from rich.text import Text
+
+from tactile_nodes.cli.view_measures import STAGES, strongest
+from tactile_nodes.cli.view_state import NodeHealth, Snapshot, reason_names, silent
+
+FULL_SCALE_N = 1.0  # what the brightest colour means, whatever is shown: a scale that moves hides how hard one presses
+_STEPS = 24
+_SHOWN_N = 0.005  # smaller forces would read 0.00
+_FAINT = 0.02  # of the full scale: below, noise would make the map flicker
+_MAP_WIDTH = 45
+# From black over purple and orange to pale yellow; even in lightness, and readable without colour vision.
+_ANCHORS = np.array(
+    [(8, 6, 24), (40, 11, 84), (101, 21, 110), (159, 42, 99), (212, 72, 66), (245, 125, 21), (250, 193, 39),
+     (252, 255, 164)], float
+)  # fmt: skip
+_BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
+_LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
+_LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
+_STATUSES = ('OK', 'DEGRADED', 'INVALID')
+
+
+def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
+    """The whole view."""
+    lines = [_title(shot), Text()]
+    if shot.force is None:
+        lines.append(Text(waiting(shot), _LEVELS[1]))
+    else:
+        lines += _side_by_side(_map_lines(shot, full_scale_n), _latency_lines(shot))
+        lines += [Text(), _force_line(shot), _place_line(shot), _counts_line(shot), _provenance_line(shot)]
+    lines += _health_lines(shot)
+    lines += [Text(line, _LEVELS[1]) for line in shot.logs]
+    made = Text('\n').join(lines)
+    made.no_wrap, made.overflow = True, 'ellipsis'
+    return made
+
+
+def line(shot: Snapshot) -> str:
+    """The view as one line, for a log or a pipe."""
+    head = f'{shot.running_s:7.1f} s'
+    if shot.force is None:
+        return f'{head}  {waiting(shot)}'
+    whole = shot.latencies['end to end']
+    parts = [
+        head,
+        f'{shot.arrivals_hz:5.1f} fps',
+        _total_text(shot),
+        _place_text(shot),
+        f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
+        f'lost {shot.lost} skipped {shot.skipped}',
+        _status_text(shot.force),
+    ]
+    stale = [f'no force for {shot.age_s:.1f} s'] if shot.age_s > 1 else []
+    return '  '.join([*parts, *stale])
+
+
+def waiting(shot: Snapshot) -> str:
+    """What is missing while there is no force."""
+    topic = f'{shot.namespace.rstrip("/")}/force_distribution'
+    if not shot.estimators:
+        return f'no force yet: nobody publishes {topic}; start a sensor with: tactile launch live'
+    told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
+    return f'no force yet: {", ".join(shot.estimators)} waits; is a camera running? last diagnostics: {told or "none"}'
+
+
+def summary(shot: Snapshot) -> str:
+    """What is printed at the end; `shot` is of the whole run."""
+    if shot.frames == 0:
+        return f'{shot.running_s:.1f} s; {waiting(shot)}'
+    lines = [
+        f'{shot.frames} frames in {shot.running_s:.1f} s: {shot.arrivals_hz:.2f} fps arriving, '
+        f'{shot.stamps_hz:.2f} by their stamps; {_drops_text(shot)}; {shot.invalid} invalid',
+        'latency [ms]   p50     p99',
+        *(f'  {stage:<10} {_ms(found.p50):>6}  {_ms(found.p99):>6}' for stage, found in shot.latencies.items()),
+    ]
+    scores = shot.scores
+    if scores.pairs:
+        bins = f'peak in the true bin in {scores.right_bin_share:.1%} of {scores.contact_pairs} frames in contact'
+        against = f'RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames'
+        lines.append(f'total force against the true one: {against}; {bins if scores.contact_pairs else "no contact"}')
+    else:
+        lines.append('no true force to compare with')
+    return '\n'.join(lines)
+
+
+# --- lines ------------------------------------------------------------------------------------------------------
+
+
+def _title(shot: Snapshot) -> Text:
+    state = _status_text(shot.force) if shot.force is not None else 'waiting'
+    level = int(shot.force.status) if shot.force is not None else 1
+    fps = f'{shot.arrivals_hz:.1f} fps' if not math.isnan(shot.arrivals_hz) else '- fps'
+    title = Text.assemble(
+        (f'{shot.namespace.rstrip("/")}/force_distribution', _BOLD), f'  {shot.running_s:6.1f} s  {fps}  '
+    )
+    title.append(state, _LEVELS[min(level, 2)])
+    if shot.age_s > 1:
+        title.append(f'  no force for {shot.age_s:.1f} s', _LEVELS[2])
+    return title
+
+
+def _map_lines(shot: Snapshot, full_scale_n: float) -> list[Text]:
+    force = shot.force
+    newtons = force.normal_force.reshape(force.rows, force.cols)
+    true_bin = strongest(shot.truth) if shot.truth is not None and shot.truth.in_contact else None
+    if newtons.shape[1] * 5 > _MAP_WIDTH:
+        lines = [_coloured_row(row, full_scale_n) for row in _pooled(newtons)]
+    else:
+        marks = [true_bin - row * force.cols if true_bin is not None else -1 for row in range(force.rows)]
+        lines = [_numbered_row(row, full_scale_n, mark) for row, mark in zip(newtons, marks, strict=True)]
+    return [*lines, _scale_line(full_scale_n)]
+
+
+def _numbered_row(newtons: np.ndarray, full_scale_n: float, true_col: int) -> Text:
+    cells = [
+        (('›' if col == true_col else ' ') + _cell(force_n), _colour(force_n, full_scale_n))
+        for col, force_n in enumerate(newtons.tolist())
+    ]
+    return _joined(cells)
+
+
+def _coloured_row(newtons: np.ndarray, full_scale_n: float) -> Text:
+    return _joined([('  ', _colour(force_n, full_scale_n)) for force_n in newtons.tolist()])
+
+
+def _joined(cells: list[tuple[str, Style]]) -> Text:
+    """One text; neighbours of one style become one piece, which is what drawing costs by."""
+    row = Text()
+    for style, run in groupby(cells, key=itemgetter(1)):
+        row.append(''.join(text for text, _ in run), style)
+    return row
+
+
+def _cell(force_n: float) -> str:
+    """Four characters: 0.12, 12.3, -.12."""
+    if abs(force_n) < _SHOWN_N:
+        return ' .  '
+    return f'{force_n:4.2f}'.replace('-0.', '-.')[:4]
+
+
+def _pooled(newtons: np.ndarray) -> np.ndarray:
+    """A grid of at most 22 columns; each holds the largest force of the bins that it stands for."""
+    factor = math.ceil(newtons.shape[1] * 2 / _MAP_WIDTH)
+    rows, cols = (math.ceil(size / factor) * factor for size in newtons.shape)
+    whole = np.full((rows, cols), -np.inf)
+    whole[: newtons.shape[0], : newtons.shape[1]] = newtons
+    pooled: np.ndarray = whole.reshape(rows // factor, factor, cols // factor, factor).max(axis=(1, 3))
+    return pooled
+
+
+def _scale_line(full_scale_n: float) -> Text:
+    scale = Text('0 ', _DIM)
+    for step in range(0, _STEPS, 2):
+        scale.append(' ', _style(step))
+    return scale.append(f' {full_scale_n:g} N a bin (fixed)   › true bin', _DIM)
+
+
+def _colour(force_n: float, full_scale_n: float) -> Style:
+    if not math.isfinite(force_n):
+        return _LEVELS[3]
+    if abs(force_n) < max(_SHOWN_N, _FAINT * full_scale_n):
+        return _DIM
+    return _style(max(0, min(_STEPS - 1, int(force_n / full_scale_n * _STEPS)))) if force_n > 0 else _negative()
+
+
+@cache
+def _style(step: int) -> Style:
+    place = step / (_STEPS - 1) * (len(_ANCHORS) - 1)
+    rgb = [round(np.interp(place, np.arange(len(_ANCHORS)), _ANCHORS[:, channel])) for channel in range(3)]
+    light = 0.3 * rgb[0] + 0.6 * rgb[1] + 0.1 * rgb[2] > 110
+    return Style(color='#000000' if light else '#ffffff', bgcolor=f'#{rgb[0]:02x}{rgb[1]:02x}{rgb[2]:02x}')
+
+
+@cache
+def _negative() -> Style:
+    """For forces that pull, which a gel under a probe cannot feel: the model is wrong there."""
+    return Style(color='#ffffff', bgcolor='#1f4f8f')
+
+
+def _latency_lines(shot: Snapshot) -> list[Text]:
+    lines = [Text('latency [ms]   p50     p99', _BOLD)]
+    for stage in STAGES:
+        found = shot.latencies[stage]
+        text = f'{stage:<11} {_ms(found.p50):>6}  {_ms(found.p99):>6}'
+        lines.append(Text(text, _BOLD if stage == STAGES[-1] else _PLAIN))
+    return lines
+
+
+def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
+    for number, text in enumerate(left):
+        if number < len(right):
+            text = text.copy()  # noqa: PLW2901 - padding it in place would change what the caller holds
+            text.pad_right(max(2, _MAP_WIDTH + 2 - text.cell_len))
+            text.append_text(right[number])
+        yield text
+
+
+def _force_line(shot: Snapshot) -> Text:
+    return Text.assemble(('force    ', _BOLD), _total_text(shot).removeprefix('force '))
+
+
+def _place_line(shot: Snapshot) -> Text:
+    return Text.assemble(('contact  ', _BOLD), _place_text(shot).removeprefix('contact '))
+
+
+def _counts_line(shot: Snapshot) -> Text:
+    made = Text.assemble(
+        ('frames   ', _BOLD), f'{shot.frames}, {shot.stamps_hz:.1f} fps by stamps, {_drops_text(shot)}'
+    )
+    if shot.malformed:
+        made.append(f', {shot.malformed} malformed', _LEVELS[1])
+    if shot.scores.pairs:
+        made.append(f', RMSE {shot.scores.rmse_n:.3f} N')
+    return made
+
+
+def _provenance_line(shot: Snapshot) -> Text:
+    known = shot.force.provenance
+    text = (
+        f'{known.model or "?"} ({known.model_id or "?"})  gel {known.gel or "?"}  rest {known.reference_id or "none"}'
+    )
+    return Text.assemble(('model    ', _BOLD), text)
+
+
+def _health_lines(shot: Snapshot) -> list[Text]:
+    lines = []
+    quiet = silent(shot.health)
+    for entry in _by_level(shot.health):
+        name = _LEVEL_NAMES[min(entry.level, 3)]
+        made = Text.assemble((f'{entry.node}  ', _DIM), (name, _LEVELS[min(entry.level, 3)]))
+        made.append(f'  {entry.text}' if entry.text else '')
+        if entry in quiet:
+            made.append(f'  silent for {entry.age_s:.0f} s', _LEVELS[1])
+        lines.append(made)
+    return lines
+
+
+# --- pieces -----------------------------------------------------------------------------------------------------
+
+
+def _total_text(shot: Snapshot) -> str:
+    pair = shot.pair
+    text = f'force {shot.force.total:6.3f} N'
+    return text if pair is None else f'{text}  true {shot.truth.total:6.3f} N  error {pair.error_n:+.3f} N'
+
+
+def _place_text(shot: Snapshot) -> str:
+    pair = shot.pair
+    text = f'contact {_where(shot.force)}'
+    if pair is None:
+        return text
+    apart = f'  off by {pair.distance_mm:.2f} mm' if not math.isnan(pair.distance_mm) else ''
+    return f'{text}  true {_where(pair.truth)}{apart}'
+
+
+def _where(force: Any) -> str:
+    if not force.in_contact or math.isnan(force.contact.x):
+        return 'none'.ljust(18)
+    return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
+
+
+def _drops_text(shot: Snapshot) -> str:
+    return f'{shot.lost} lost on the way here, {shot.skipped} skipped before'
+
+
+def _status_text(force: Any) -> str:
+    name = _STATUSES[force.status] if force.status < len(_STATUSES) else f'status {force.status}'
+    reasons = reason_names(force.reasons)
+    return f'{name}: {", ".join(reasons)}' if reasons else name
+
+
+def _by_level(health: tuple[NodeHealth, ...]) -> list[NodeHealth]:
+    return sorted(health, key=lambda entry: -entry.level)
+
+
+def _ms(seconds: float) -> str:
+    return '-' if math.isnan(seconds) else f'{seconds * 1000:.2f}'

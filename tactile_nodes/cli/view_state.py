@@ -1,0 +1,231 @@
+"""What the view knows. It is fed with messages as they came in and asked for snapshots; it reads no clock."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tactile_nodes.bus.protocol import Received
+from tactile_nodes.cli.gaps import SequenceGaps
+from tactile_nodes.cli.view_measures import (
+    NS_PER_S,
+    STAGES,
+    Comparison,
+    Histogram,
+    Pair,
+    Percentiles,
+    Recent,
+    Scores,
+    StampGaps,
+    stage_times,
+)
+from tactile_nodes.messages import stamp_ns, types
+
+WINDOW_S = 5.0
+SILENT_AFTER_S = 3.5  # nodes report once a second
+_WARN = 30
+_LOG_LEVELS = {30: 'WARN', 40: 'ERROR', 50: 'FATAL'}
+
+
+@dataclass(frozen=True)
+class NodeHealth:
+    """The worst that one node says of its parts."""
+
+    node: str
+    level: int
+    text: str
+    age_s: float
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What there is to show at one instant.
+
+    `force` and `truth` belong together: when a true force exists, they are the last two of the same stamp.
+    `lost` counts forces that were published and did not come here; `skipped`, frames of which no force was published.
+    """
+
+    namespace: str
+    running_s: float
+    frames: int
+    force: Any
+    truth: Any
+    age_s: float
+    arrivals_hz: float
+    stamps_hz: float
+    latencies: Mapping[str, Percentiles]
+    lost: int
+    skipped: int
+    malformed: int
+    invalid: int
+    scores: Scores
+    health: tuple[NodeHealth, ...]
+    logs: tuple[str, ...]
+    estimators: tuple[str, ...]
+
+    @property
+    def pair(self) -> Pair | None:
+        """Estimate and truth, when there are both."""
+        return Pair(0, self.force, self.truth) if self.truth is not None else None
+
+
+class ViewState:
+    """Feeds on `Received` messages; `now_ns` is on the host's time base, as their times are."""
+
+    def __init__(self, namespace: str = '/', start_ns: int = 0) -> None:
+        self.namespace = namespace
+        self.malformed = 0
+        self.estimators: tuple[str, ...] = ()
+        self._start_ns = start_ns
+        self._frames = self._invalid = 0
+        self._force: Any = None
+        self._arrival_ns = 0
+        self._first_ns: tuple[int, int] | None = None
+        self._last_ns: tuple[int, int] = (0, 0)
+        self._recent = Recent(WINDOW_S)
+        self._overall = [Histogram() for _ in STAGES]
+        self._lost = SequenceGaps()
+        self._skipped = StampGaps()
+        self._comparison = Comparison()
+        self._truth_ns = -math.inf
+        self._health: dict[str, _Heard] = {}
+        self._logs: deque[_Said] = deque(maxlen=4)
+
+    def add_force(self, received: Received) -> None:
+        """A force distribution came in."""
+        message = received.message
+        captured_ns = stamp_ns(message.header.stamp)
+        times = stage_times(message.stages, (received.received_ns - captured_ns) / NS_PER_S)
+        self._frames += 1
+        self._invalid += message.status == message.STATUS_INVALID
+        self._force, self._arrival_ns = message, received.received_ns
+        self._lost.add(received.publisher, received.sequence)
+        self._skipped.add(captured_ns)
+        self._recent.add(received.received_ns, captured_ns, times)
+        for histogram, seconds in zip(self._overall, times, strict=True):
+            histogram.add(seconds)
+        self._comparison.add_force(captured_ns, message)
+        self._first_ns = self._first_ns or (received.received_ns, captured_ns)
+        self._last_ns = (received.received_ns, captured_ns)
+
+    def add_truth(self, received: Received) -> None:
+        """A true force distribution came in."""
+        self._truth_ns = received.received_ns
+        self._comparison.add_truth(stamp_ns(received.message.header.stamp), received.message)
+
+    def add_diagnostics(self, received: Received) -> None:
+        """Nodes said how they are."""
+        for status in received.message.status:
+            node, _, part = status.name.partition(': ')
+            if self._is_ours(node.replace('.', '/')):
+                heard = self._health.setdefault(f'/{node.lstrip("/")}', _Heard())
+                heard.time_ns = received.received_ns
+                heard.parts[part] = (_level(status.level), status.message)
+
+    def add_log(self, received: Received) -> None:
+        """A node said something; warnings and worse are kept."""
+        message = received.message
+        if message.level < _WARN or not self._is_ours(message.name.replace('.', '/')):
+            return
+        text = f'[{_LOG_LEVELS.get(message.level, message.level)}] [{message.name}]: {message.msg}'
+        if self._logs and self._logs[-1].text == text:
+            self._logs[-1].times += 1
+        else:
+            self._logs.append(_Said(text))
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """What to show now; rates and latencies are those of the last `WINDOW_S` seconds."""
+        self._recent.forget(now_ns)
+        return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles())
+
+    def summary(self, now_ns: int) -> Snapshot:
+        """The same, but rates and latencies are those of the whole time, the latencies right to half a percent."""
+        latencies = {stage: found.percentiles() for stage, found in zip(STAGES, self._overall, strict=True)}
+        return self._picture(now_ns, self._overall_hz(), latencies)
+
+    def _picture(self, now_ns: int, rates_hz: tuple[float, float], latencies: Mapping[str, Percentiles]) -> Snapshot:
+        force, truth = self._shown()
+        return Snapshot(
+            namespace=self.namespace,
+            running_s=(now_ns - self._start_ns) / NS_PER_S,
+            frames=self._frames,
+            force=force,
+            truth=truth,
+            age_s=(now_ns - self._arrival_ns) / NS_PER_S if self._frames else math.nan,
+            arrivals_hz=rates_hz[0],
+            stamps_hz=rates_hz[1],
+            latencies=latencies,
+            lost=self._lost.total,
+            skipped=self._skipped.total,
+            malformed=self.malformed,
+            invalid=self._invalid,
+            scores=self._comparison.scores(),
+            health=tuple(heard.health(node, now_ns) for node, heard in sorted(self._health.items())),
+            logs=tuple(str(said) for said in self._logs),
+            estimators=self.estimators,
+        )
+
+    def _shown(self) -> tuple[Any, Any]:
+        """The last pair while truths come; else the last force alone."""
+        pair = self._comparison.last
+        if pair is not None and self._arrival_ns - self._truth_ns < NS_PER_S:
+            return pair.force, pair.truth
+        return self._force, None
+
+    def _overall_hz(self) -> tuple[float, float]:
+        if self._first_ns is None or self._frames < 2:
+            return math.nan, math.nan
+        spans = [(last - first) / NS_PER_S for first, last in zip(self._first_ns, self._last_ns, strict=True)]
+        arrivals, stamps = ((self._frames - 1) / span if span > 0 else math.nan for span in spans)
+        return arrivals, stamps
+
+    def _is_ours(self, node: str) -> bool:
+        return f'/{node.lstrip("/")}'.startswith(f'{self.namespace.rstrip("/")}/')
+
+
+class _Heard:
+    """What a node said of each of its parts, and when."""
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self.parts: dict[str, tuple[int, str]] = {}
+
+    def health(self, node: str, now_ns: int) -> NodeHealth:
+        level = max((found for found, _ in self.parts.values()), default=0)
+        texts = [f'{part}: {text}' for part, (found, text) in self.parts.items() if found == level and text]
+        return NodeHealth(node, level, '; '.join(texts), (now_ns - self.time_ns) / NS_PER_S)
+
+
+class _Said:
+    """A line of the log, and how often it was said in a row."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.times = 1
+
+    def __str__(self) -> str:
+        return self.text if self.times == 1 else f'{self.text} (x{self.times})'
+
+
+def reason_names(reasons: int) -> list[str]:
+    """The words for the bits of ForceDistribution.reasons.
+
+    >>> reason_names(types.ForceDistribution.REASON_DARK_IMAGE | types.ForceDistribution.REASON_STALE)
+    ['dark image', 'stale']
+    """
+    prefix = 'REASON_'
+    known = {name: bit for name, bit in vars(types.ForceDistribution).items() if name.startswith(prefix)}
+    return [name.removeprefix(prefix).lower().replace('_', ' ') for name, bit in known.items() if reasons & bit]
+
+
+def silent(health: Iterable[NodeHealth]) -> list[NodeHealth]:
+    """The nodes that have not said for some time how they are."""
+    return [entry for entry in health if entry.age_s > SILENT_AFTER_S]
+
+
+def _level(level: Any) -> int:
+    """rclpy's nodes send the level as a byte."""
+    return level[0] if isinstance(level, bytes) else int(level)
