@@ -48,6 +48,7 @@ setup(
         'rich>=13,<16',
         'rosbags>=0.11,<0.12',
         'safetensors>=0.5,<1',
+        'scipy>=1.11,<2',
     ],
     extras_require={
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
