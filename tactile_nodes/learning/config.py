@@ -47,6 +47,7 @@ class NetworkConfig:
     hidden: tuple[int, ...] = parameter((800, 400, 400), 'units of the hidden layers')
     dropout: float = parameter(0.15, 'share of hidden units left out in training', minimum=0.0, maximum=0.9)
     confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
+    channel_gains: tuple[float, ...] = parameter((), 'factor on each channel once it is standardised; none means 1')
     rows: int = parameter(9, 'bins along y', minimum=1)
     cols: int = parameter(9, 'bins along x', minimum=1)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
 
@@ -12,7 +12,7 @@ class Bar(Protocol):
     """One piece of work under way."""
 
     def advance(self, steps: int = 1, text: str = '') -> None:
-        """Count finished steps; `text` is shown beside the bar."""
+        """Count finished steps; `text` is shown under the bar."""
         ...
 
 
@@ -34,15 +34,26 @@ class TerminalProgress(Progress):
 
     @contextmanager
     def bar(self, title: str, steps: int) -> Iterator[Bar]:
+        from rich.console import Group
+        from rich.live import Live
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Rich
+        from rich.text import Text
 
-        columns = (
-            TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-            TextColumn('left'), TimeRemainingColumn(), TextColumn('{task.fields[text]}'),
+        rich = Rich(
+            TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(),
+            TimeElapsedColumn(), TextColumn('left'), TimeRemainingColumn(),
         )  # fmt: skip
-        with Rich(*columns) as rich:
-            yield _RichBar(rich, rich.add_task(title, total=steps, text=''))
+        below = Text()
+        task = rich.add_task(title, total=steps)
+
+        def show(done: int, text: str) -> None:
+            rich.advance(task, done)
+            below.plain = text
+
+        # What a step measured stands in a line of its own: beside the bar an 80 column terminal has no room for it.
+        with Live(Group(rich, below)):
+            yield _Shown(show)
 
     def say(self, text: str) -> None:
         from rich.console import Console
@@ -55,10 +66,9 @@ class _Silence:
         pass
 
 
-class _RichBar:
-    def __init__(self, rich: object, task: object) -> None:
-        self._rich = rich
-        self._task = task
+class _Shown:
+    def __init__(self, show: Callable[[int, str], None]) -> None:
+        self._show = show
 
     def advance(self, steps: int = 1, text: str = '') -> None:
-        self._rich.update(self._task, advance=steps, text=text)  # type: ignore[attr-defined]
+        self._show(steps, text)

@@ -103,7 +103,17 @@ def fit_scaling(dataset: Dataset, chosen: np.ndarray, config: TrainConfig) -> In
     values = dataset.features[chosen].astype(np.float32)
     mean: np.ndarray = values.mean(axis=0)
     gain = 1 / np.maximum(np.asarray(values.std(axis=0)), np.float32(1e-6))
-    return InputScaling(mean, gain, trusted, floor)
+    return InputScaling(mean, gain * _channel_gains(config, mean.shape[-1]), trusted, floor)
+
+
+def _channel_gains(config: TrainConfig, channels: int) -> np.ndarray:
+    gains = config.network.channel_gains or (1.0,) * channels
+    if len(gains) != channels:
+        raise ConfigurationError(
+            f'network.channel_gains has {len(gains)} values, but {config.encoding.name} has {channels} channels; '
+            'give one for each'
+        )
+    return np.asarray(gains, np.float32)
 
 
 def prepare(dataset: Dataset, scaling: InputScaling) -> np.ndarray:
@@ -233,7 +243,7 @@ def armse(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
 
 
 def describe(training_loss: float, measured: Validation, scale_n: float) -> str:
-    """What stands beside the bar."""
+    """What stands under the bar."""
     return (
         f'loss {training_loss:.4f}  held out: aRMSE {measured.armse * scale_n:.4f} N  '
         f'RMSE_mc {measured.peak_rmse * scale_n:.4f} N  right bin {measured.right_bin:.1%}'

@@ -18,7 +18,7 @@ def written(folder: Path, text: str) -> Path:
 def test_the_papers_run_has_the_papers_network_and_numbers():
     config = load_train_config(paths.share_directory() / 'config' / 'train' / 'paper.yaml')
     assert config.network.hidden == (800, 400, 400)
-    assert config.network.dropout == 0.15
+    assert config.encoding.options == {'rows': 40, 'cols': 40}
     assert (config.training.batch, config.training.learning_rate, config.training.patience) == (200, 0.001, 50)
     assert config.encoding.name == 'polar_mean'
     assert config.bins.count == 81
