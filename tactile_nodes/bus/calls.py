@@ -83,6 +83,9 @@ class CallServer:
             handler(request, lambda response: self._hub.post(lambda: self._answer(caller, call_id, kind, response)))
         except TactileError as error:
             self._refuse(caller, call_id, str(error))
+        except Exception:
+            self._refuse(caller, call_id, 'a bug kept it from answering')
+            raise
 
     def _answer(self, caller: bytes, call_id: bytes, kind: str, response: Any) -> None:
         if isinstance(response, Exception):

@@ -25,7 +25,7 @@ from tactile_nodes.paths import run_directory
 LOOK_EVERY_S = 0.05
 _LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes, the last one a NUL
 _LONGEST_NAME = 'd232/01234567.99999.sock'
-_OWN_FILE = re.compile(r'\.?(?P<uid>[0-9a-f]{8})\.(lock|json|\d+\.sock)')
+_OWN_FILE = re.compile(r'(?P<uid>[0-9a-f]{8})\.(lock|json|\d+\.sock)')
 
 
 def domain_from_environment() -> int:
@@ -108,10 +108,13 @@ class Meeting:
             except OSError as error:
                 raise BusError(f'cannot tell the others on the bus in {self.folder}: {error.strerror}') from error
 
-    def look(self) -> list[Record]:
-        """The records of all living participants but us; those of dead ones are cleared away."""
+    def look(self, *, trusting: bool = False) -> list[Record]:
+        """The records of all living participants but us; those of dead ones are cleared away.
+
+        `trusting` takes those who were alive the last time to be so still, which saves most of the time.
+        """
         with self._reading:
-            found = [self._meet(uid) for uid in sorted(self._listed() - {self.uid})]
+            found = [self._meet(uid, trusting) for uid in sorted(self._listed() - {self.uid})]
         return [record for record in found if record is not None]
 
     def changed_ns(self) -> int:
@@ -133,8 +136,8 @@ class Meeting:
             os.close(self._lock)
             self._lock = -1
 
-    def _meet(self, uid: str) -> Record | None:
-        if self._is_alive(uid):
+    def _meet(self, uid: str, trusting: bool) -> Record | None:
+        if (trusting and uid in self._records) or self._is_alive(uid):
             return self._read(uid)
         self._clear(uid)
         self._records.pop(uid, None)
@@ -152,12 +155,14 @@ class Meeting:
         return descriptor
 
     def _listed(self, ending: str = '.lock') -> set[str]:
-        try:
-            names = [file.name for file in self.folder.iterdir()]
-        except OSError:
-            return set()
-        found = (_OWN_FILE.fullmatch(name) for name in names if name.endswith(ending) and name[0] != '.')
+        found = (_OWN_FILE.fullmatch(name) for name in self._names() if name.endswith(ending))
         return {match['uid'] for match in found if match}
+
+    def _names(self) -> list[str]:
+        try:
+            return os.listdir(self.folder)  # noqa: PTH208 - names are enough, and a tenth of the time
+        except OSError:
+            return []
 
     def _is_alive(self, uid: str) -> bool:
         try:
@@ -202,11 +207,11 @@ class Meeting:
             self._clear(uid)
 
     def _clear(self, uid: str) -> None:
-        names = [*self.folder.glob(f'{uid}.*'), *self.folder.glob(f'.{uid}.*')]
         # The lock goes last: as long as it is there, somebody will come and finish this.
-        for file in sorted(names, key=lambda file: file.suffix == '.lock'):
+        names = [name for name in self._names() if name.startswith((f'{uid}.', f'.{uid}.'))]
+        for name in sorted(names, key=lambda name: name.endswith('.lock')):
             with contextlib.suppress(OSError):  # gone already, or no file at all: not ours to mend
-                file.unlink()
+                (self.folder / name).unlink()
 
 
 def _at_fork(meeting: Meeting) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 SHORTEST_QUEUE = 8
 ZERO_COPY_BYTES = 65536  # below, a copy is cheaper than keeping ZeroMQ's buffer alive
 _CHECK_LIVES_EVERY_S = 0.5
+_LOOK_AT_MOST = 20  # looking takes a twentieth of the time, however many there are to look at,
+_LOOK_AT_ONCE = 4  # or a quarter when this process itself has changed what it wants
 _LEAVE_AFTER_S = 1.0  # what a publisher that has gone sent last may still be on its way
 
 Key = tuple[str, str]
@@ -36,7 +39,7 @@ class Hub(Loop):
         self._bus = bus
         self._look_now = True
         self._seen_ns = -1
-        self._next_look_s = self._next_check_s = 0.0
+        self._next_look_s = self._earliest_look_s = self._next_check_s = 0.0
         self._receivers: dict[Key, Receiver] = {}
         self._trouble = ''
 
@@ -51,10 +54,10 @@ class Hub(Loop):
             subscription.put(received)
 
     def wait_ms(self) -> int:
-        return round(LOOK_EVERY_S * 1000)
+        return max(0, math.ceil((self._next_look_s - monotonic_s()) * 1000))
 
     def tick(self) -> None:
-        if self._look_now or monotonic_s() >= self._next_look_s:
+        if monotonic_s() >= self._next_look_s:
             self._look_around()
 
     def finish(self) -> None:
@@ -64,18 +67,24 @@ class Hub(Loop):
 
     def _look_at_once(self) -> None:
         self._look_now = True
+        self._next_look_s = min(self._next_look_s, self._earliest_look_s)
 
     def _look_around(self) -> None:
-        now_s = monotonic_s()
-        self._next_look_s = now_s + LOOK_EVERY_S
+        began_s = monotonic_s()
         self._bus.greet_newcomers()
         changed_ns = self._bus.meeting.changed_ns()
-        if self._look_now or changed_ns != self._seen_ns or now_s >= self._next_check_s:
+        check_lives = began_s >= self._next_check_s
+        if self._look_now or check_lives or changed_ns != self._seen_ns:
             self._look_now = False
             self._seen_ns = changed_ns
-            self._next_check_s = now_s + _CHECK_LIVES_EVERY_S
+            self._connect(self._bus.meeting.look(trusting=not check_lives))
+        now_s = monotonic_s()
+        pause_s = max(LOOK_EVERY_S, _LOOK_AT_MOST * (now_s - began_s))
+        self._next_look_s = now_s + pause_s
+        self._earliest_look_s = now_s + _LOOK_AT_ONCE * (now_s - began_s)
+        if check_lives:
             self._stay_present()
-            self._connect(self._bus.peers())
+            self._next_check_s = now_s + max(_CHECK_LIVES_EVERY_S, pause_s)
 
     def _stay_present(self) -> None:
         """Come back when our files were removed: at logout, or by what tidies temporary folders."""
