@@ -14,12 +14,14 @@ from types import FrameType
 from tactile_nodes.errors import TactileError
 from tactile_nodes.launching import description, files, packages
 from tactile_nodes.launching.document import suggestion
+from tactile_nodes.launching.output import Screen, print_line
 from tactile_nodes.launching.service import LaunchService
 
 DESCRIPTION = 'Run a launch file: start its nodes, watch them, and end them all together.'
 EPILOG = """\
 examples:
   tactile launch live                                 the live view of the simulated sensor
+  tactile launch live --view                          the same, seen in this terminal; output goes to the log
   tactile launch live --show-args                     the arguments it takes
   tactile launch live source:=/dev/video0             the same with a camera
   tactile launch tactile_nodes live.launch.yaml       the words of ros2 launch
@@ -51,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     show = parser.add_mutually_exclusive_group()
     show.add_argument('-s', '--show-args', '--show-arguments', action='store_true', help='show its arguments')
     show.add_argument('-p', '--print', '--print-description', action='store_true', help='print it, run nothing')
+    parser.add_argument('--view', action='store_true', help='watch force, latency and the nodes in this terminal')
     parser.add_argument('-d', '--debug', action='store_true', help='log each command in full')
     parser.add_argument('-n', '--noninteractive', action='store_true', help='nobody sits at a terminal')
     parser.add_argument(
@@ -71,18 +74,33 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.print:
         print(description.file_text(file))
         return 0
-    service = make_service(arguments, file, files.parse_arguments(words))
+    given = files.parse_arguments(words)
+    if arguments.view:
+        return _run_with_view(arguments, file, given)
+    service = make_service(arguments, file, given)
     with signals_to(service):
         return service.run()
 
 
-def make_service(arguments: argparse.Namespace, file: Path, given: dict[str, str]) -> LaunchService:
+def _run_with_view(arguments: argparse.Namespace, file: Path, given: dict[str, str]) -> int:
+    from tactile_nodes.cli import launch_view
+
+    notes = launch_view.Notes()
+    service = make_service(arguments, file, given, screen=notes)
+    with signals_to(service):
+        return launch_view.run(service, notes, given.get('namespace', ''))
+
+
+def make_service(
+    arguments: argparse.Namespace, file: Path, given: dict[str, str], screen: Screen = print_line
+) -> LaunchService:
     """The service for the flags of the command line."""
     warn_of_unknown(file, given)
     return LaunchService(
         file,
         given,
-        output='both' if arguments.show_all_subprocesses_output else None,
+        screen=screen,
+        output='both' if arguments.show_all_subprocesses_output or arguments.view else None,
         interactive=sys.stdin.isatty() and not arguments.noninteractive,
         debug=arguments.debug,
         allow_commands=arguments.allow_commands,

@@ -52,8 +52,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Show until interrupted or the time is over; then say how it went."""
-    from tactile_nodes.cli.view_render import summary
-
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     plain = arguments.plain or not sys.stdout.isatty()
     with joined() as bus:
@@ -67,8 +65,15 @@ def run(arguments: argparse.Namespace) -> int:
                 duration_s=arguments.duration,
                 full_scale_n=arguments.scale,
             )
-        print(summary(state.summary(bus.clock.now_ns())), flush=True)
+        print_summary(state, bus.clock.now_ns())
     return 0
+
+
+def print_summary(state: ViewState, now_ns: int) -> None:
+    """How it went."""
+    from tactile_nodes.cli.view_render import summary
+
+    print(summary(state.summary(now_ns)), flush=True)
 
 
 def new_state(bus: Bus, namespace: str = '/') -> ViewState:

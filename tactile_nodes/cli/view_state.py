@@ -130,7 +130,10 @@ class ViewState:
         message = received.message
         if message.level < _WARN or not self._is_ours(message.name.replace('.', '/')):
             return
-        text = f'[{_LOG_LEVELS.get(message.level, message.level)}] [{message.name}]: {message.msg}'
+        self.add_note(f'[{_LOG_LEVELS.get(message.level, message.level)}] [{message.name}]: {message.msg}')
+
+    def add_note(self, text: str) -> None:
+        """Something that a person should read; from any thread."""
         if self._logs and self._logs[-1].text == text:
             self._logs[-1].times += 1
         else:
