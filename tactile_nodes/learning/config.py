@@ -61,6 +61,7 @@ class TrainingConfig:
     loss: str = parameter('armse', 'what is minimised after the warm-up', choices=('armse', 'mse'))
     warm_up_epochs: int = parameter(10, 'epochs with squared error before the loss', minimum=0)
     decay: float = parameter(1.0, 'factor on the step size per epoch', minimum=0.5, maximum=1.0)
+    rest_repeats: int = parameter(1, 'how often an epoch shows each frame without contact', minimum=1)
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     patience: int = parameter(50, 'epochs without a better validation loss before stopping', minimum=1)
     validation: float = parameter(0.1, 'share of the presses held back for validation', minimum=0.01, maximum=0.5)

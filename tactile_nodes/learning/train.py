@@ -54,7 +54,8 @@ def train(config: TrainConfig, *, progress: Progress | None = None, command: str
     torch.use_deterministic_algorithms(True)
     torch.manual_seed(config.training.seed)
     network = build_network(config, inputs.shape[1])
-    fit = Fit(network, torch.from_numpy(inputs), torch.from_numpy(labels / scale_n), torch.from_numpy(held_out))
+    shown = torch.from_numpy(shown_samples(dataset, held_out, config))
+    fit = Fit(network, torch.from_numpy(inputs), torch.from_numpy(labels / scale_n), shown, torch.from_numpy(held_out))
     try:
         fit.run(config, scale_n, progress)
     except KeyboardInterrupt:
@@ -94,6 +95,13 @@ def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
     random = np.random.default_rng(config.training.seed)
     chosen: np.ndarray = random.permutation(samples) < max(1, round(samples * config.training.validation))
     return chosen
+
+
+def shown_samples(dataset: Dataset, held_out: np.ndarray, config: TrainConfig) -> np.ndarray:
+    """Indices of the samples that an epoch shows; those without contact several times, so that rest reads zero."""
+    untouched = np.flatnonzero(~held_out & (dataset.presses[:, 3] == 0))
+    repeats = [untouched] * (config.training.rest_repeats - 1)
+    return np.concatenate([np.flatnonzero(~held_out), *repeats])
 
 
 def fit_scaling(dataset: Dataset, chosen: np.ndarray, config: TrainConfig) -> InputScaling:
@@ -157,6 +165,7 @@ class Fit:
     network: torch.nn.Sequential
     inputs: torch.Tensor
     labels: torch.Tensor
+    shown: torch.Tensor
     held_out: torch.Tensor
     epoch: int = 0
     best_epoch: int = 0
@@ -196,8 +205,7 @@ class Fit:
     def _batches(self, size: int) -> Iterator[torch.Tensor]:
         import torch
 
-        chosen = torch.nonzero(~self.held_out).ravel()
-        yield from torch.split(chosen[torch.randperm(len(chosen))], size)
+        yield from torch.split(self.shown[torch.randperm(len(self.shown))], size)
 
     def _validate(self) -> Validation:
         """Figures of merit on what is held out; remembers the best network by its aRMSE."""

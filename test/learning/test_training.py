@@ -160,3 +160,29 @@ def test_evaluation_scores_presses_that_training_never_saw(data: Dataset, tmp_pa
 def test_evaluation_on_the_training_presses_is_refused(data: Dataset, tmp_path: Path):
     with pytest.raises(ModelError, match='trained on presses of seed 3'):
         evaluate(training.train(small_config(tmp_path)), presses=16, seed=3)
+
+
+def test_frames_without_contact_are_shown_as_often_as_said(data: Dataset, tmp_path: Path):
+    held_out = np.zeros(40, bool)
+    held_out[:10] = True
+    shown = training.shown_samples(data, held_out, small_config(tmp_path, rest_repeats=3))
+    untouched = data.presses[:, 3] == 0
+    counts = np.bincount(shown, minlength=40)
+    assert (counts[:10] == 0).all()
+    assert (counts[10:] == np.where(untouched[10:], 3, 1)).all()
+
+
+def test_channels_are_weighted_as_said(data: Dataset, tmp_path: Path):
+    config = small_config(tmp_path)
+    weighted = dataclasses.replace(config, network=dataclasses.replace(config.network, channel_gains=(1.0, 0.2)))
+    every = np.ones(40, bool)
+    plain, other = (training.fit_scaling(data, every, each).gain for each in (config, weighted))
+    np.testing.assert_allclose(other[..., 0], plain[..., 0])
+    np.testing.assert_allclose(other[..., 1], 0.2 * plain[..., 1], rtol=1e-6)
+
+
+def test_a_weight_for_each_channel_is_demanded(data: Dataset, tmp_path: Path):
+    config = small_config(tmp_path)
+    config = dataclasses.replace(config, network=dataclasses.replace(config.network, channel_gains=(1.0,)))
+    with pytest.raises(ConfigurationError, match='channel_gains has 1 values, but polar_mean has 2 channels'):
+        training.fit_scaling(data, np.ones(40, bool), config)

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -133,3 +135,27 @@ def test_options_are_told_with_their_defaults():
         'variational_refinement_iterations': None,
         'threads': 1,
     }
+
+
+def test_the_number_of_threads_does_not_change_a_bit(speckle: np.ndarray):
+    image = shifted(speckle, 0.6, 0.2)
+    results = []
+    for threads in (1, 2):
+        flow = make_flow('dis', {'threads': threads})
+        flow.set_reference(speckle)
+        results.append(flow.displacement(image).displacement_px)
+    np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(('frame', 'shift'), [('04', 0.4), ('08', 0.8), ('10', 1.0)])
+def test_somebody_elses_speckle_moves_as_commanded(shared_data: Path, frame: str, shift: float):
+    """Shifts right and up; DIS reads 0.43 and 0.81 where 0.4 and 0.8 were commanded, as others found too."""
+    rest, image = (
+        cv2.imread(str(shared_data / 'dic_rigid_shift' / f'rigid_cam0_frame{each}.tiff'), cv2.IMREAD_GRAYSCALE)
+        for each in ('00', frame)
+    )
+    flow = make_flow('dis')
+    flow.set_reference(rest)
+    middle = flow.displacement(image).displacement_px[50:-50, 50:-50]
+    np.testing.assert_allclose(middle.mean(axis=(0, 1)), [shift, -shift], atol=0.04)
