@@ -1,0 +1,266 @@
+"""``tactile topic`` against a real bus."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+
+import pytest
+from running_system import Tactile, wait_until
+
+from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.cli.gaps import SequenceGaps
+from tactile_nodes.cli.topic_rate import Bandwidth, Delay, Rate
+from tactile_nodes.errors import MessageError
+from tactile_nodes.messages import time_from_ns, types
+
+STRING = 'std_msgs/msg/String'
+WRENCH = 'geometry_msgs/msg/WrenchStamped'
+QUEUE = Qos('queue', 100)
+Repeating = Callable[[Callable[[], None]], None]
+MS = 1_000_000
+
+
+def test_topics_are_listed_with_their_types(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    other.subscribe('/a', WRENCH, QUEUE)
+    assert tactile('topic', 'list').out == '/a\n/b\n'
+    assert tactile('topic', 'list', '-t').out == f'/a [{WRENCH}]\n/b [{STRING}]\n'
+    assert tactile('topic', 'list', '-c').out == '2\n'
+
+
+def test_hidden_topics_are_listed_when_asked_for(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/_secret/a', STRING, QUEUE)
+    assert tactile('topic', 'list').out == ''
+    assert tactile('topic', 'list', '-a').out == '/_secret/a\n'
+
+
+def test_a_verbose_list_counts_both_ends(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    other.advertise('/b', STRING, QUEUE)
+    other.subscribe('/b', STRING, QUEUE)
+    printed = tactile('topic', 'list', '-v').out
+    assert printed == (
+        f'Published topics:\n * /b [{STRING}] 2 publishers\n\nSubscribed topics:\n * /b [{STRING}] 1 subscriber\n\n'
+    )
+
+
+def test_info_tells_type_and_counts(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    assert tactile('topic', 'info', 'b').out == f'Type: {STRING}\n\nPublisher count: 1\nSubscription count: 0\n'
+
+
+def test_verbose_info_names_the_ends(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/skin/b', STRING, QUEUE, '/skin/talker')
+    lines = tactile('topic', 'info', '/skin/b', '-v').out.splitlines()
+    assert {'Node name: talker', 'Node namespace: /skin', 'Endpoint type: PUBLISHER'} <= set(lines)
+
+
+def test_find_and_type_are_each_others_reverse(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    assert tactile('topic', 'type', '/b').out == f'{STRING}\n'
+    assert tactile('topic', 'find', 'std_msgs/String').out == '/b\n'
+
+
+@pytest.mark.parametrize('command', ['echo', 'hz', 'bw', 'delay', 'info', 'type'])
+def test_an_unknown_topic_is_told_in_one_line(command: str, tactile: Tactile) -> None:
+    ended = tactile('topic', command, '/nothing')
+    assert (ended.status, ended.out) == (1, '')
+    assert ended.err.startswith('there is no topic /nothing')
+    assert ended.err.count('\n') == 1
+
+
+def test_a_topic_of_two_types_needs_the_type(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    other.advertise('/b', WRENCH, QUEUE)
+    ended = tactile('topic', 'echo', '/b')
+    assert ended.status == 1
+    assert f'{WRENCH}, {STRING}' in ended.err
+
+
+def test_echo_once_prints_one_message_and_ends(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    publisher = other.advertise('/b', STRING, QUEUE)
+    repeating(lambda: publisher.publish(types.String(data='hello')))
+    ended = tactile('topic', 'echo', '/b', '--once')
+    assert (ended.status, ended.out) == (0, 'data: hello\n---\n')
+
+
+def test_echo_prints_one_field(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    publisher = other.advertise('/b', WRENCH, QUEUE)
+    message = types.WrenchStamped(wrench=types.Wrench(force=types.Vector3(z=0.25)))
+    repeating(lambda: publisher.publish(message))
+    assert tactile('topic', 'echo', 'b', '--once', '--field', 'wrench.force.z').out == '0.25\n---\n'
+    assert tactile('topic', 'echo', 'b', '--once', '--field', 'wrench.force', '--csv').out == '0.0,0.0,0.25\n'
+
+
+def test_echo_of_a_latched_topic_prints_what_was_said_before(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/reference_image', STRING, Qos('latest', 1, latched=True)).publish(types.String(data='rest'))
+    assert tactile('topic', 'echo', '/reference_image', '--once').out == 'data: rest\n---\n'
+
+
+def test_echo_ends_with_an_error_when_nothing_comes(other: ZmqBus, tactile: Tactile) -> None:
+    other.advertise('/b', STRING, QUEUE)
+    ended = tactile('topic', 'echo', '/b', '--timeout', '0.2')
+    assert (ended.status, ended.err) == (1, 'nothing came on /b within 0.2 s\n')
+
+
+def test_echo_of_a_wrong_field_names_those_there_are(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    publisher = other.advertise('/b', STRING, QUEUE)
+    repeating(lambda: publisher.publish(types.String(data='hello')))
+    ended = tactile('topic', 'echo', '/b', '--field', 'date')
+    assert (ended.status, ended.err) == (1, f"{STRING} has no 'date': there are data\n")
+
+
+def test_gaps_are_counted_for_each_publisher_by_itself() -> None:
+    gaps = SequenceGaps()
+    found = [gaps.add(*seen) for seen in (('a', 7), ('b', 1), ('a', 8), ('a', 11), ('b', 2), ('a', 12))]
+    assert found == [0, 0, 0, 2, 0, 0]
+    assert gaps.total == 2
+
+
+def test_pub_once_waits_for_a_subscriber_and_reaches_it(other: ZmqBus, tactile: Tactile) -> None:
+    subscription = other.subscribe('/b', STRING, QUEUE)
+    ended = tactile('topic', 'pub', '--once', '/b', 'std_msgs/String', '{data: hello}')
+    assert ended.status == 0
+    assert ended.out == "publisher: beginning loop\npublishing #1: std_msgs.msg.String(data='hello')\n\n"
+    received = subscription.get(2.0)
+    assert received is not None
+    assert received.message.data == 'hello'
+
+
+def test_pub_reaches_a_subscriber_that_comes_later(other: ZmqBus, tactile: Tactile) -> None:
+    received: list[Received | None] = []
+
+    def listen() -> None:
+        wait_until(lambda: '/b' in other.graph().topics())
+        received.append(other.subscribe('/b', STRING, QUEUE).get(3.0))
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    assert tactile('topic', 'pub', '-1', '/b', STRING, '{data: late}').status == 0
+    thread.join()
+    assert received[0] is not None
+    assert received[0].message.data == 'late'
+
+
+def test_pub_gives_up_waiting_when_told_so(tactile: Tactile) -> None:
+    ended = tactile('topic', 'pub', '-1', '--max-wait-time-secs', '0.1', '/b', STRING)
+    assert ended.status == 1
+    assert ended.err.startswith('nothing was published: 0 of 1 subscribers came within 0.1 s')
+
+
+def test_pub_times_publishes_that_often(other: ZmqBus, tactile: Tactile) -> None:
+    subscription = other.subscribe('/b', STRING, QUEUE)
+    tactile('topic', 'pub', '-t', '3', '-r', '200', '--print', '0', '/b', STRING, '{data: x}')
+    assert [subscription.get(2.0) is not None for _ in range(3)] == [True] * 3
+    assert subscription.take() is None
+
+
+def test_pub_fills_in_the_stamp(other: ZmqBus, tactile: Tactile) -> None:
+    subscription = other.subscribe('/w', WRENCH, QUEUE)
+    before_ns = other.clock.now_ns()
+    tactile('topic', 'pub', '-1', '/w', WRENCH, '{header: auto, wrench: {force: {z: 1}}}')
+    received = subscription.get(2.0)
+    assert received is not None
+    stamp = received.message.header.stamp
+    assert before_ns <= stamp.sec * 1_000_000_000 + stamp.nanosec <= other.clock.now_ns()
+    assert received.message.wrench.force.z == 1.0
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('/b', 'std_msgs/msg/Sting'), "there is no message type 'std_msgs/msg/Sting'"),
+        (('/b', STRING, '{date: x}'), "has no field 'date'; it has: data"),
+        (('/b', STRING, 'hello'), "'hello' names no fields"),
+        (('/b', STRING, '{data'), 'is no YAML'),
+    ],
+)
+def test_pub_of_a_wrong_message_is_one_line(words: tuple[str, ...], said: str, tactile: Tactile) -> None:
+    ended = tactile('topic', 'pub', '-1', *words)
+    assert ended.status == 1
+    assert said in ended.err
+    assert ended.err.count('\n') == 1
+
+
+def test_topics_of_another_process_are_seen(other: ZmqBus, tactile: Tactile) -> None:
+    words = [sys.executable, '-m', 'tactile_nodes', 'topic', 'pub', '-r', '50', '/far', STRING, '{data: there}']
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as process:
+        wait_until(lambda: '/far' in other.graph().topics())
+        printed = tactile('topic', 'echo', '/far', '--once').out
+        process.terminate()
+    assert printed == 'data: there\n---\n'
+
+
+# --- measuring --------------------------------------------------------------------------------------------------
+
+
+def _received(arrival_ms: float, *, stamp_ms: float = 0.0, size: int = 0) -> Received:
+    message = types.WrenchStamped(header=types.Header(stamp=time_from_ns(round(stamp_ms * MS))))
+    arrival_ns = round(arrival_ms * MS)
+    data = bytes(size) if size else None
+    return Received(WRENCH, 'a.1', 1, arrival_ns, arrival_ns, message=None if size else message, data=data)
+
+
+def test_the_rate_is_one_over_the_mean_interval() -> None:
+    rate = Rate(100)
+    for arrival_ms in (0, 10, 30, 40):  # intervals 10, 20, 10: mean 13.33 ms, deviation 4.714 ms
+        rate.add(_received(arrival_ms))
+    assert rate.report(0) == 'average rate: 75.000\n\tmin: 0.010s max: 0.020s std dev: 0.00471s window: 3'
+    assert rate.report(0) == 'no new messages'
+
+
+def test_the_rate_needs_two_messages() -> None:
+    rate = Rate(100)
+    rate.add(_received(0))
+    assert rate.report(0) is None
+
+
+def test_the_rate_forgets_beyond_its_window() -> None:
+    rate = Rate(1)
+    for arrival_ms in (0, 1000, 1010):
+        rate.add(_received(arrival_ms))
+    assert rate.report(0) == 'average rate: 100.000\n\tmin: 0.010s max: 0.010s std dev: 0.00000s window: 1'
+
+
+def test_the_delay_is_from_the_stamp_to_the_arrival() -> None:
+    delay = Delay(100)
+    delay.add(_received(110, stamp_ms=100))
+    delay.add(_received(130, stamp_ms=110))
+    assert delay.report(0) == ('average delay: 0.015000\n\tmin: 0.010000s max: 0.020000s std dev: 0.00500s window: 2')
+
+
+def test_the_delay_needs_a_header() -> None:
+    with pytest.raises(MessageError, match='has no header'):
+        Delay(100).add(Received(STRING, 'a.1', 1, 0, 0, message=types.String()))
+
+
+def test_the_bandwidth_is_all_bytes_of_the_window_until_now() -> None:
+    bandwidth = Bandwidth(100)
+    bandwidth.add(_received(0, size=1000))
+    bandwidth.add(_received(500, size=3000))
+    assert bandwidth.report(2_000 * MS) == (
+        '2.00 KB/s from 2 messages\n\tMessage size mean: 2.00 KB min: 1.00 KB max: 3.00 KB'
+    )
+
+
+@pytest.mark.parametrize(
+    ('command', 'said'), [('hz', 'average rate: '), ('bw', '/s from '), ('delay', 'average delay')]
+)
+def test_measuring_reports_once_a_second_until_ctrl_c(
+    command: str, said: str, other: ZmqBus, run_folder: object, repeating: Repeating
+) -> None:
+    publisher = other.advertise('/w', WRENCH, QUEUE)
+    repeating(lambda: publisher.publish(types.WrenchStamped(header=types.Header(stamp=time_from_ns(1)))))
+    words = [sys.executable, '-m', 'tactile_nodes', 'topic', command, '/w']
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == 'Subscribed to [/w]\n'
+        assert said in process.stdout.readline()
+        process.send_signal(2)
+        assert process.wait(2.0) == 130
+        assert process.stderr.read() == ''
