@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ class SqliteStorage:
     def __init__(self, path: Path, complain: Complain) -> None:
         self.path = path
         self._complain = complain
+        if _is_cut_off(path):
+            complain(f'{path} is cut off at byte {path.stat().st_size}; read what is left')
         self._connection = _connect(path)
         try:
             self._by_id = self._read_topics()
@@ -97,6 +100,17 @@ class SqliteStorage:
                 counts[topic.name] = count
                 parts.append(Extent(count, start_ns, end_ns))
         return counts, Extent.union(parts)
+
+
+def _is_cut_off(path: Path) -> bool:
+    """SQLite reads a shortened file without a word, so compare its length with what its head says."""
+    with path.open('rb') as file:
+        head = file.read(32)
+    if len(head) < 32:
+        return True
+    # https://www.sqlite.org/fileformat.html 1.3: page size at 16 (1 means 65536), number of pages at 28.
+    page_size, pages = struct.unpack_from('>H', head, 16)[0], struct.unpack_from('>I', head, 28)[0]
+    return bool(path.stat().st_size < (65536 if page_size == 1 else page_size) * pages)
 
 
 def _connect(path: Path) -> sqlite3.Connection:

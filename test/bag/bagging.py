@@ -1,0 +1,58 @@
+"""Bags made of real messages, and what is in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagLimits, BagWriter
+from tactile_nodes.messages import types
+
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 10_000_000
+STRING = 'std_msgs/msg/String'
+FORCE = 'tactile_nodes/msg/ForceDistribution'
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One message as it was handed to a writer."""
+
+    topic: str
+    log_ns: int
+    data: bytes
+
+
+def force(number: int, stamp_ns: int, **fields) -> bytes:
+    values = np.linspace(0, number, 81, dtype=np.float32)
+    header = types.Header(stamp=messages.time_from_ns(stamp_ns), frame_id='gel_surface')
+    return messages.encode(types.ForceDistribution(**{'header': header, 'normal_force': values, **fields}))
+
+
+def text(number: int) -> bytes:
+    return messages.encode(types.String(data=f'number {number}'))
+
+
+def samples(count: int) -> list[Sample]:
+    """Forces and texts in turn; forces were captured 3 ms before they were received."""
+    found = []
+    for number in range(count):
+        log_ns = START_NS + number * STEP_NS
+        data = force(number, log_ns - 3_000_000) if number % 2 == 0 else text(number)
+        found.append(Sample('/force' if number % 2 == 0 else '/text', log_ns, data))
+    return found
+
+
+def write(folder: Path, content: list[Sample], compression: str = 'none', limits: BagLimits | None = None) -> BagWriter:
+    """A closed bag of `content`, which was sent 1 ms before it was received."""
+    writer = BagWriter(folder, compression=compression, limits=limits)
+    writer.add_topic(BagTopic.of_type('/force', FORCE, depth=1))
+    writer.add_topic(BagTopic.of_type('/text', STRING, latched=True))
+    for number, sample in enumerate(content):
+        writer.write(sample.topic, sample.data, sample.log_ns, sample.log_ns - 1_000_000, number)
+    writer.close()
+    return writer

@@ -1,0 +1,149 @@
+"""What is left of a bag after the process is killed or the disk is full: done for real, in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import mcap.reader
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.clock import NS_PER_S
+
+RECORDER = """
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.errors import BagError
+from tactile_nodes.messages import types
+
+{before}
+try:
+    writer, clock = BagWriter(Path({folder!r})), SystemClock()
+    writer.add_topic(BagTopic.of_type('/image_raw', 'sensor_msgs/msg/Image'))
+    data = messages.encode(types.Image(data=np.zeros({size}, np.uint8)))
+    start_ns = clock.now_ns()
+    for number in range({count}):
+        clock.sleep_until(start_ns + number * 2_000_000)
+        now_ns = clock.now_ns()
+        writer.write('/image_raw', data, now_ns, now_ns, number)
+        print(number, now_ns, flush=True)
+    writer.close()
+except BagError as error:
+    sys.exit(str(error))
+"""
+
+
+def recorder(folder: Path, *, size: int, count: int, before: str = '', **options) -> subprocess.Popen:
+    program = RECORDER.format(folder=str(folder), size=size, count=count, before=before)
+    return subprocess.Popen(
+        [sys.executable, '-c', program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+    )
+
+
+@pytest.fixture(scope='module')
+def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int, int]]]:
+    """A bag whose recorder got SIGKILL in full flow, with numbers and times of what it had taken in."""
+    folder = tmp_path_factory.mktemp('bags') / 'press'
+    process = recorder(folder, size=20_000, count=100_000)
+    given = []
+    while not given or given[-1][1] - given[0][1] < 1.3 * NS_PER_S:
+        number, now_ns = process.stdout.readline().split()
+        given.append((int(number), int(now_ns)))
+    process.send_signal(signal.SIGKILL)
+    given += [tuple(map(int, line.split())) for line in process.communicate()[0].splitlines() if line.count(' ') == 1]
+    assert process.returncode == -signal.SIGKILL
+    return folder, given
+
+
+def test_killed_recorder_loses_at_most_the_last_second(killed) -> None:
+    folder, given = killed
+    with BagReader(folder) as reader:
+        found = [message.log_ns for message in reader.messages()]
+    assert found == [now_ns for _, now_ns in given][: len(found)]
+    assert given[-1][1] - found[-1] < 1.0 * NS_PER_S
+
+
+def test_killed_bag_is_read_by_rosbags_as_folder_and_as_file(killed) -> None:
+    folder, _ = killed
+    with BagReader(folder) as reader:
+        count = reader.extent.messages
+    for path in (folder, folder / 'press_0.mcap'):
+        with Reader(path) as other:
+            assert len(list(other.messages())) == count
+    with AnyReader([folder]) as other:
+        assert len([other.deserialize(data, where.msgtype) for where, _, data in other.messages()]) == count
+
+
+def test_killed_bag_is_read_by_the_mcap_package(killed) -> None:
+    folder, _ = killed
+    with BagReader(folder) as reader, (folder / 'press_0.mcap').open('rb') as file:
+        assert len(list(mcap.reader.make_reader(file).iter_messages())) == reader.extent.messages
+
+
+def test_killed_bag_says_when_its_metadata_is_older_than_its_file(killed) -> None:
+    folder, _ = killed
+    metadata = folder / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('message_count', 'message_count: 7 #', 1))
+    with BagReader(folder) as reader:
+        assert reader.problems == [f'{metadata} announces 7 messages, the files hold {reader.extent.messages}']
+
+
+def check_ended_in_one_sentence(process: subprocess.Popen, folder: Path, reason: str) -> None:
+    printed, said = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert said.count('\n') == 1
+    assert reason in said
+    with BagReader(folder) as reader:
+        count = len(list(reader.messages()))
+        assert f'holds the {count} messages written before' in said
+        assert 0 < count < printed.count('\n')
+    with Reader(folder / f'{folder.name}_0.mcap') as other:
+        assert other.message_count == count
+
+
+def test_file_at_its_limit_ends_in_one_sentence_and_a_readable_bag(tmp_path: Path) -> None:
+    limit = 'import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2 << 20, 2 << 20))'
+    process = recorder(tmp_path / 'press', size=20_000, count=1000, before=limit)
+    check_ended_in_one_sentence(process, tmp_path / 'press', 'File too large')
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / 'disk'
+    folder.mkdir()
+    mount = subprocess.run(['mount', '-t', 'tmpfs', '-o', 'size=2m', 'none', str(folder)], capture_output=True)
+    if mount.returncode != 0:
+        pytest.skip('only root can mount a small disk')
+    yield folder
+    subprocess.run(['umount', str(folder)], check=True)
+
+
+def test_full_disk_ends_in_one_sentence_and_a_readable_bag(tiny_disk: Path) -> None:
+    process = recorder(tiny_disk / 'press', size=20_000, count=1000)
+    check_ended_in_one_sentence(process, tiny_disk / 'press', 'No space left on device')
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason='needs a second user')
+def test_folder_without_permission_ends_in_one_sentence(tmp_path: Path) -> None:
+    before = f'import os; os.setgroups([]); os.setgid(65534); os.chdir({str(tmp_path)!r}); os.setuid(65534)'
+    tmp_path.chmod(0o755)
+    for parent in tmp_path.parents[:3]:
+        if parent.owner() == 'root' and parent.name.startswith('pytest'):
+            parent.chmod(0o755)
+    process = recorder(Path('press'), size=10, count=1, before=before)
+    assert process.communicate(timeout=30)[1] == 'cannot create the folder press for the bag: Permission denied\n'
+    assert process.returncode == 1

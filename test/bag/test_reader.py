@@ -1,0 +1,314 @@
+"""Reading bags: other people's, cut off anywhere, damaged, and of types that have changed since."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+from pathlib import Path
+
+import mcap.writer
+import pytest
+from bagging import FORCE, START_NS, STRING, Sample, samples, text, write
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from tactile_nodes.bag.content import BagMessage
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.errors import BagError, MessageError
+
+
+def read(path: Path) -> tuple[list[Sample], list[str]]:
+    with BagReader(path) as reader:
+        found = [Sample(message.topic, message.log_ns, message.data) for message in reader.messages()]
+        return found, reader.problems
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(BagError) as caught:
+        BagReader(path)
+    return str(caught.value)
+
+
+# --- bags that others made ------------------------------------------------------------------------------------
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
+    'where', ['mcap/talker', 'sqlite3/talker', 'mcap/talker/talker.mcap', 'sqlite3/talker/talker.db3']
+)
+def test_all_twenty_messages_of_the_recorded_talker_are_read(shared_data: Path, where: str) -> None:
+    with BagReader(shared_data / 'ros2_bags' / where) as reader:
+        found = list(reader.messages())
+        said = [reader.decode(message).data for message in found if message.topic == '/topic']
+    assert len(found) == 20
+    assert said == [f'Hello, world! {number}' for number in range(10)]
+    assert reader.problems == []
+    assert [message.log_ns for message in found] == sorted(message.log_ns for message in found)
+
+
+def rosbags_bag(folder: Path, storage: StoragePlugin, compression: CompressionMode | None = None) -> list[Sample]:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    content = [Sample('/text', START_NS + number, text(number)) for number in range(5)]
+    writer = Writer(folder, version=8, storage_plugin=storage)
+    if compression is not None:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection('/text', STRING, typestore=store)
+        for sample in content:
+            writer.write(connection, sample.log_ns, sample.data)
+    return content
+
+
+@pytest.mark.parametrize('storage', list(StoragePlugin))
+def test_bags_of_rosbags_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
+    content = rosbags_bag(tmp_path / 'other', storage)
+    assert read(tmp_path / 'other') == (content, [])
+
+
+def test_messages_that_are_compressed_one_by_one_are_unpacked(tmp_path: Path) -> None:
+    content = rosbags_bag(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
+    assert read(tmp_path / 'other') == (content, [])
+
+
+def test_files_compressed_as_a_whole_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    rosbags_bag(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.FILE)
+    assert 'unpack them first (zstd -d' in refusal(tmp_path / 'other')
+
+
+def test_messages_outside_of_chunks_are_read_in_order(tmp_path: Path) -> None:
+    with (tmp_path / 'flat.mcap').open('wb') as file:
+        writer = mcap.writer.Writer(file, use_chunking=False)
+        writer.start('ros2')
+        channel = writer.register_channel('/text', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
+        for number in (1, 0, 2):
+            writer.add_message(channel, START_NS + number, text(number), START_NS)
+        writer.finish()
+    assert read(tmp_path / 'flat.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(3)], [])
+
+
+def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path) -> None:
+    order = [0, 5, 1, 6, 2, 9, 3, 4, 7, 8]
+    with (tmp_path / 'wild.mcap').open('wb') as file:
+        writer = mcap.writer.Writer(file, chunk_size=60)
+        writer.start('ros2')
+        channel = writer.register_channel('/text', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
+        for number in order:
+            writer.add_message(channel, START_NS + number, text(number), START_NS)
+        writer.finish()
+    assert read(tmp_path / 'wild.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(10)], [])
+
+
+# --- choosing ----------------------------------------------------------------------------------------------------
+
+
+def test_selects_topics_and_times(bag: Path) -> None:
+    with BagReader(bag) as reader:
+        found = list(reader.messages(['/force'], START_NS + 20_000_000, START_NS + 60_000_000))
+    assert [message.log_ns - START_NS for message in found] == [20_000_000, 40_000_000]
+
+
+def test_reads_no_more_than_is_asked_for(bag: Path) -> None:
+    with BagReader(bag) as reader:
+        first = next(reader.messages())
+    assert isinstance(first, BagMessage)
+
+
+def test_topics_tell_who_was_latched(bag: Path) -> None:
+    with BagReader(bag) as reader:
+        assert {name: topic.latched for name, topic in reader.topics.items()} == {'/force': False, '/text': True}
+
+
+# --- cut off and damaged -----------------------------------------------------------------------------------------
+
+CONTENT = samples(12)
+
+
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp('whole')
+    for compression in ('none', 'lz4', 'zstd'):
+        write(folder / compression, CONTENT, compression)
+    return {name: (folder / name / f'{name}_0.mcap').read_bytes() for name in ('none', 'lz4', 'zstd')}
+
+
+@pytest.fixture(scope='module')
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp('scratch') / 'cut.mcap'
+
+
+def all_data(content: list[Sample]) -> set[bytes]:
+    return {sample.data for sample in content}
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(where=st.floats(0, 1), compression=st.sampled_from(['none', 'lz4', 'zstd']))
+def test_file_cut_anywhere_is_read_up_to_the_cut(whole, scratch: Path, where: float, compression: str) -> None:
+    data = whole[compression]
+    scratch.write_bytes(data[: int(where * len(data))])
+    try:
+        found, problems = read(scratch)
+    except BagError:
+        assert int(where * len(data)) < 8  # not even the magic number
+        return
+    assert found == CONTENT[: len(found)]
+    assert problems or found == CONTENT
+
+
+def test_uncompressed_file_gives_every_message_that_is_there_in_full(whole, scratch: Path) -> None:
+    data = whole['none']
+    for number, sample in enumerate(CONTENT):
+        end = data.index(sample.data) + len(sample.data)
+        scratch.write_bytes(data[:end])
+        assert read(scratch)[0] == CONTENT[: number + 1]
+        scratch.write_bytes(data[: end - 1])
+        assert read(scratch)[0] == CONTENT[:number]
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), compression=st.sampled_from(['none', 'zstd']))
+def test_flipped_bit_never_makes_up_a_message(whole, scratch: Path, where: float, bit: int, compression: str) -> None:
+    data = bytearray(whole[compression])
+    data[int(where * len(data))] ^= 1 << bit
+    scratch.write_bytes(data)
+    try:
+        found, _ = read(scratch)
+    except BagError:
+        return
+    assert {sample.data for sample in found} <= all_data(CONTENT)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(where=st.floats(0, 1))
+def test_sqlite_file_cut_anywhere_gives_messages_or_a_sentence(tmp_path_factory, where: float) -> None:
+    folder = tmp_path_factory.mktemp('sqlite')
+    content = rosbags_bag(folder / 'other', StoragePlugin.SQLITE3)
+    file = folder / 'other' / 'other.db3'
+    data = file.read_bytes()
+    file.write_bytes(data[: int(where * len(data))])
+    try:
+        found, problems = read(file)
+    except BagError:
+        return
+    assert found == content[: len(found)]
+    assert problems or found == content
+
+
+def test_metadata_that_announces_more_is_told(bag: Path) -> None:
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('message_count: 10', 'message_count: 12'))
+    found, problems = read(bag)
+    assert len(found) == 10
+    assert problems == [f'{metadata} announces 12 messages, the files hold 10']
+
+
+def test_folder_without_metadata_is_read_and_told(bag: Path) -> None:
+    (bag / 'metadata.yaml').unlink()
+    found, problems = read(bag)
+    assert found == samples(10)
+    assert problems == [f'{bag} has no metadata.yaml; read the files it holds']
+
+
+# --- what is no bag ----------------------------------------------------------------------------------------------
+
+
+def test_path_that_is_not_there(tmp_path: Path) -> None:
+    assert refusal(tmp_path / 'none').startswith(f'there is no bag {tmp_path / "none"}')
+
+
+def test_folder_that_is_no_bag(tmp_path: Path) -> None:
+    assert 'neither metadata.yaml nor .mcap or .db3 files' in refusal(tmp_path)
+
+
+def test_empty_file(tmp_path: Path) -> None:
+    (tmp_path / 'x.mcap').touch()
+    assert refusal(tmp_path / 'x.mcap') == f'{tmp_path / "x.mcap"} is empty'
+
+
+def test_file_that_is_something_else(tmp_path: Path) -> None:
+    (tmp_path / 'x.mcap').write_text('hello, this is no recording')
+    assert refusal(tmp_path / 'x.mcap').endswith('is no bag: neither MCAP nor SQLite')
+
+
+def test_sqlite_file_that_is_no_bag(tmp_path: Path) -> None:
+    connection = sqlite3.connect(tmp_path / 'x.db3')
+    connection.execute('CREATE TABLE songs (name TEXT)')
+    connection.close()
+    assert 'it has no tables topics and messages' in refusal(tmp_path / 'x.db3')
+
+
+def test_damaged_metadata(bag: Path) -> None:
+    (bag / 'metadata.yaml').write_text('rosbag2_bagfile_information: [')
+    assert 'metadata.yaml is damaged' in refusal(bag)
+
+
+def test_storage_file_that_is_missing(bag: Path) -> None:
+    (bag / 'press_0.mcap').unlink()
+    assert 'names press_0.mcap, which is not in the folder' in refusal(bag)
+
+
+def test_unknown_storage(bag: Path) -> None:
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('storage_identifier: mcap', 'storage_identifier: tape'))
+    assert "names the storage 'tape'; mcap and sqlite3 can be read" in refusal(bag)
+
+
+def test_metadata_newer_than_we_know(bag: Path) -> None:
+    metadata = bag / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('version: 8', 'version: 99'))
+    assert 'has version 99; versions up to 9 can be read' in refusal(bag)
+
+
+# --- types -------------------------------------------------------------------------------------------------------
+
+
+def bag_of_type(folder: Path, type_name: str, definition: str, data: bytes) -> BagReader:
+    writer = BagWriter(folder)
+    writer.add_topic(BagTopic('/odd', type_name, definition))
+    writer.write('/odd', data, START_NS, START_NS)
+    writer.close()
+    return BagReader(folder)
+
+
+INT32_7 = bytes.fromhex('00010000 07000000')
+
+
+def test_type_that_nobody_knows_here_is_decoded_by_the_definition_in_the_bag(tmp_path: Path) -> None:
+    with bag_of_type(tmp_path / 'odd', 'lab_msgs/msg/Odd', 'int32 count  # of something', INT32_7) as reader:
+        assert [reader.decode(message).count for message in reader.messages()] == [7]
+        assert not reader.types.is_ours('lab_msgs/msg/Odd')
+
+
+def test_older_version_of_our_type_is_decoded_as_it_was_and_not_taken_for_ours(tmp_path: Path) -> None:
+    with bag_of_type(tmp_path / 'old', FORCE, 'int32 newtons', INT32_7) as reader:
+        assert [reader.decode(message).newtons for message in reader.messages()] == [7]
+        assert not reader.types.is_ours(FORCE)
+
+
+def test_our_own_definitions_are_recognised(bag: Path) -> None:
+    with BagReader(bag) as reader:
+        assert reader.types.is_ours(FORCE)
+        assert reader.types.is_ours(STRING)
+
+
+@pytest.mark.parametrize(
+    'definition', ['int32 __import__', 'int32 x\n' * 3, 'int32 x; import os', 'Odd inner', 'int32[', '\0', 'int32 def']
+)
+def test_strange_definitions_run_nothing_and_break_nothing(tmp_path: Path, definition: str) -> None:
+    with bag_of_type(tmp_path / 'odd', 'lab_msgs/msg/Odd', definition, INT32_7) as reader:
+        (message,) = reader.messages()
+        try:
+            reader.decode(message)
+        except MessageError as error:
+            assert 'lab_msgs/msg/Odd' in str(error)
+
+
+def test_type_without_any_definition_is_a_message_error(tmp_path: Path) -> None:
+    with (
+        bag_of_type(tmp_path / 'odd', 'lab_msgs/msg/Odd', '', INT32_7) as reader,
+        pytest.raises(MessageError, match='lab_msgs/msg/Odd'),
+    ):
+        reader.decode(next(itertools.islice(reader.messages(), 1)))
