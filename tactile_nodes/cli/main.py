@@ -61,9 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    parser = make_parser(chosen_verb(words))
+    verb = chosen_verb(words)
+    parser = make_parser(verb)
     _complete(parser)
-    arguments = parser.parse_args(words)
+    arguments = parse(parser, verb, words)
     if arguments.verb is None:
         parser.print_help()
         return 0
@@ -93,6 +94,27 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
         if module is not None:
             module.add_arguments(made)
     return parser
+
+
+def parse(parser: argparse.ArgumentParser, verb: str | None, words: Sequence[str]) -> argparse.Namespace:
+    """Parse `words`; flags may stand anywhere between the other words, as in ``launch live --view source:=…``."""
+    if verb is None or _keeps_order(own := _parser_of(parser, verb)):
+        return parser.parse_args(words)
+    place = list(words).index(verb)
+    arguments = parser.parse_args(words[:place])
+    arguments.verb = verb
+    return own.parse_intermixed_args(words[place + 1 :], arguments)
+
+
+def _parser_of(parser: argparse.ArgumentParser, verb: str) -> argparse.ArgumentParser:
+    (verbs,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    found: argparse.ArgumentParser = verbs.choices[verb]
+    return found
+
+
+def _keeps_order(parser: argparse.ArgumentParser) -> bool:
+    """Whether a parser has verbs of its own or hands on the rest of its line, where order means something."""
+    return any(action.nargs in {argparse.PARSER, argparse.REMAINDER} for action in parser._actions)
 
 
 def chosen_verb(words: Sequence[str]) -> str | None:

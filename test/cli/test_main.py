@@ -11,7 +11,7 @@ import pytest
 
 from tactile_nodes import __version__
 from tactile_nodes.cli import main as command
-from tactile_nodes.cli.main import VERBS, chosen_verb, make_parser
+from tactile_nodes.cli.main import VERBS, chosen_verb, make_parser, parse
 
 ROOT = Path(__file__).parents[2]
 
@@ -92,3 +92,11 @@ def test_a_reader_that_leaves_ends_the_command_quietly() -> None:
         process.stdout.close()
         assert process.stderr.read() == b''
         assert process.wait() == 141
+
+
+def test_flags_may_stand_between_the_other_words() -> None:
+    words = ['launch', 'live', '--view', 'source:=/dev/video0', '-d', 'model:=paper']
+    arguments = parse(make_parser('launch'), 'launch', words)
+    assert arguments.words == ['live', 'source:=/dev/video0', 'model:=paper']
+    assert arguments.view
+    assert arguments.debug
