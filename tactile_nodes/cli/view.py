@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 import threading
@@ -98,13 +99,13 @@ def run_view(
     It takes no signals; the caller prints the summary of `state`.
     """
     clock = bus.clock
-    end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else None
+    end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else math.inf
     period_s = LINE_EVERY_S if plain else REDRAW_EVERY_S
     with ExitStack() as stack:
         feeds = Feeds(bus, state)
         stack.callback(feeds.close)
         show = _printing if plain else stack.enter_context(_drawing(full_scale_n, console))
-        while not stop.wait(period_s) and (end_ns is None or clock.now_ns() < end_ns):
+        while (now_ns := clock.now_ns()) < end_ns and not stop.wait(min(period_s, (end_ns - now_ns) / 1e9)):
             now_ns = clock.now_ns()
             feeds.drain(now_ns)
             show(state.snapshot(now_ns))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cache
-from itertools import groupby
+from itertools import groupby, zip_longest
 from operator import itemgetter
 from typing import Any
 
@@ -55,7 +55,7 @@ def line(shot: Snapshot) -> str:
     whole = shot.latencies['end to end']
     parts = [
         head,
-        f'{shot.arrivals_hz:5.1f} fps',
+        f'{_hz(shot.arrivals_hz):>5} fps',
         _total_text(shot),
         _place_text(shot),
         f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
@@ -80,8 +80,8 @@ def summary(shot: Snapshot) -> str:
     if shot.frames == 0:
         return f'{shot.running_s:.1f} s; {waiting(shot)}'
     lines = [
-        f'{shot.frames} frames in {shot.running_s:.1f} s: {shot.arrivals_hz:.2f} fps arriving, '
-        f'{shot.stamps_hz:.2f} by their stamps; {_drops_text(shot)}; {shot.invalid} invalid',
+        f'{shot.frames} frames in {shot.running_s:.1f} s: {_hz(shot.arrivals_hz)} fps arriving, '
+        f'{_hz(shot.stamps_hz)} by their stamps; {_drops_text(shot)}; {shot.invalid} invalid',
         'latency [ms]   p50     p99',
         *(f'  {stage:<10} {_ms(found.p50):>6}  {_ms(found.p99):>6}' for stage, found in shot.latencies.items()),
     ]
@@ -101,9 +101,9 @@ def summary(shot: Snapshot) -> str:
 def _title(shot: Snapshot) -> Text:
     state = _status_text(shot.force) if shot.force is not None else 'waiting'
     level = int(shot.force.status) if shot.force is not None else 1
-    fps = f'{shot.arrivals_hz:.1f} fps' if not math.isnan(shot.arrivals_hz) else '- fps'
     title = Text.assemble(
-        (f'{shot.namespace.rstrip("/")}/force_distribution', _BOLD), f'  {shot.running_s:6.1f} s  {fps}  '
+        (f'{shot.namespace.rstrip("/")}/force_distribution', _BOLD),
+        f'  {shot.running_s:6.1f} s  {_hz(shot.arrivals_hz)} fps  ',
     )
     title.append(state, _LEVELS[min(level, 2)])
     if shot.age_s > 1:
@@ -199,12 +199,12 @@ def _latency_lines(shot: Snapshot) -> list[Text]:
 
 
 def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
-    for number, text in enumerate(left):
-        if number < len(right):
-            text = text.copy()  # noqa: PLW2901 - padding it in place would change what the caller holds
-            text.pad_right(max(2, _MAP_WIDTH + 2 - text.cell_len))
-            text.append_text(right[number])
-        yield text
+    for one, other in zip_longest(left, right):
+        made = one.copy() if one is not None else Text()
+        if other is not None:
+            made.pad_right(max(2, _MAP_WIDTH + 2 - made.cell_len))
+            made.append_text(other)
+        yield made
 
 
 def _force_line(shot: Snapshot) -> Text:
@@ -217,7 +217,7 @@ def _place_line(shot: Snapshot) -> Text:
 
 def _counts_line(shot: Snapshot) -> Text:
     made = Text.assemble(
-        ('frames   ', _BOLD), f'{shot.frames}, {shot.stamps_hz:.1f} fps by stamps, {_drops_text(shot)}'
+        ('frames   ', _BOLD), f'{shot.frames}, {_hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}'
     )
     if shot.malformed:
         made.append(f', {shot.malformed} malformed', _LEVELS[1])
@@ -287,3 +287,7 @@ def _by_level(health: tuple[NodeHealth, ...]) -> list[NodeHealth]:
 
 def _ms(seconds: float) -> str:
     return '-' if math.isnan(seconds) else f'{seconds * 1000:.2f}'
+
+
+def _hz(rate: float) -> str:
+    return '-' if math.isnan(rate) else f'{rate:.1f}'

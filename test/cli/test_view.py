@@ -1,0 +1,180 @@
+"""The view on a real bus, and in front of a launch."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from running_system import Tactile, wait_until
+from test_view_state import force, received
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.cli import view
+from tactile_nodes.cli.launch_view import Notes, is_worth_seeing
+from tactile_nodes.launching.output import Line
+from tactile_nodes.messages import time_from_ns, types
+
+Repeating = Callable[[Callable[[], None]], None]
+
+
+def publish_forces(bus: ZmqBus, repeating: Repeating, namespace: str = '') -> None:
+    topic = topics.FORCE_DISTRIBUTION
+    publisher = bus.advertise(f'{namespace}/{topic.name}', topic.type_name, topic.qos, '/force_estimator')
+
+    def act() -> None:
+        header = types.Header(stamp=time_from_ns(bus.clock.now_ns()))
+        publisher.publish(types.ForceDistribution(header=header, rows=2, cols=2, normal_force=force(0).normal_force))
+
+    repeating(act)
+
+
+def test_the_plain_view_ends_in_a_summary(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    publish_forces(other, repeating)
+    ended = tactile('view', '--plain', '--duration', '1.1')
+    line, *rest = ended.out.splitlines()
+    assert ended.status == 0
+    assert ' fps  force  0.000 N' in line
+    assert any('lost on the way here' in text for text in rest)
+
+
+def test_the_view_of_a_namespace_sees_its_forces(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    publish_forces(other, repeating, '/left')
+    assert ' fps  force' in tactile('view', '--plain', '--duration', '1.1', '--namespace', 'left').out
+
+
+def test_a_view_of_nothing_says_what_is_missing(tactile: Tactile) -> None:
+    ended = tactile('view', '--plain', '--duration', '1.1')
+    assert ended.status == 0
+    assert 'nobody publishes /force_distribution' in ended.out
+
+
+def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating) -> None:
+    publish_forces(other, repeating)
+    stop = threading.Event()
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, width=100, height=30)
+    state = view.new_state(other)
+    shown = threading.Thread(
+        target=lambda: view.run_view(other, state, plain=False, stop=stop, console=console), name='view'
+    )
+    shown.start()
+    wait_until(lambda: 'latency [ms]' in file.getvalue())
+    stop.set()
+    shown.join(1.0)
+    assert not shown.is_alive()
+
+
+def test_ctrl_c_ends_the_view_with_a_summary(other: ZmqBus, run_folder: Path, repeating: Repeating) -> None:
+    publish_forces(other, repeating)
+    words = [sys.executable, '-m', 'tactile_nodes', 'view']
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        first = process.stdout.readline()
+        start_ns = other.clock.now_ns()
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+        took_s = (other.clock.now_ns() - start_ns) / 1e9
+        assert process.wait(2.0) == 0
+        assert process.stderr.read() == ''
+    assert ' fps' in first
+    assert 'frames in' in rest
+    assert took_s < 1.0  # 0.2 s on a machine that does nothing else
+
+
+def test_bytes_that_are_no_force_are_counted(other: ZmqBus) -> None:
+    topic = topics.FORCE_DISTRIBUTION
+    state = view.new_state(other)
+    feeds = view.Feeds(other, state)
+    other.advertise('/force_distribution', topic.type_name, topic.qos).publish_bytes(b'\x00\x01\x00\x00rubbish')
+    feeds.drain(0)
+    feeds.close()
+    shot = state.snapshot(0)
+    assert (shot.malformed, shot.frames) == (1, 0)
+
+
+def test_every_force_is_counted_however_many_come_between_two_looks(other: ZmqBus) -> None:
+    topic = topics.FORCE_DISTRIBUTION
+    state = view.new_state(other)
+    feeds = view.Feeds(other, state)
+    publisher = other.advertise('/force_distribution', topic.type_name, Qos('queue', 100))
+    for number in range(50):
+        publisher.publish(force(number))
+    feeds.drain(0)
+    feeds.close()
+    assert state.snapshot(0).frames == 50
+    assert received(force(0)).sequence == 1
+
+
+@pytest.mark.parametrize(
+    ('line', 'seen'),
+    [
+        (Line('launch', 'All log files can be found below', 'INFO'), False),
+        (Line('camera_node-1', 'process has died', 'ERROR'), True),
+        (Line('camera_node-1', '[WARN] [12.3] [camera]: dark', '', 'stderr'), False),
+        (Line('camera_node-1', 'camera: /dev/video0 is not there', '', 'stderr'), True),
+        (Line('camera_node-1', 'hello', '', 'stdout'), False),
+    ],
+)
+def test_in_front_of_a_launch_only_what_matters_is_shown(line: Line, seen: bool) -> None:
+    assert is_worth_seeing(line) == seen
+
+
+def test_notes_reach_the_view_and_are_kept_for_the_end() -> None:
+    told: list[str] = []
+    notes = Notes()
+    notes.tell = told.append
+    notes(Line('a-1', 'process has died', 'ERROR'))
+    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died']
+
+
+def launch(run_folder: Path, tmp_path: Path, *commands: str) -> subprocess.Popen[str]:
+    """``tactile launch --view`` of these commands, each of which is required."""
+    text = 'launch:\n' + ''.join(
+        f"  - executable: {{cmd: '{command}', on_exit: shutdown, output: screen}}\n" for command in commands
+    )
+    file = tmp_path / 'test.launch.yaml'
+    file.write_text(text)
+    environment = {**os.environ, 'ROS_LOG_DIR': str(tmp_path / 'log')}
+    words = [sys.executable, '-m', 'tactile_nodes', 'launch', '--view', str(file)]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def test_the_end_of_a_required_process_ends_the_view_with_its_words(run_folder: Path, tmp_path: Path) -> None:
+    with launch(run_folder, tmp_path, 'sh -c "echo the lamp is broken >&2; exit 3"') as process:
+        out, err = process.communicate(timeout=10)
+    assert process.returncode == 1
+    assert 'the lamp is broken' in err
+    assert 'no force yet' in out
+
+
+def test_ctrl_c_in_front_of_a_launch_ends_both(run_folder: Path, tmp_path: Path) -> None:
+    with launch(run_folder, tmp_path, 'sleep 60') as process:
+        assert process.stdout is not None
+        assert 'no force yet' in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=3)
+    assert process.returncode == 0
+    assert 'logs: ' in out
+    assert 'Traceback' not in err
+
+
+def test_a_wrong_launch_file_is_told_before_the_view_begins(run_folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'test.launch.yaml'
+    file.write_text('launch:\n  - nonsense: {}\n')
+    words = [sys.executable, '-m', 'tactile_nodes', 'launch', '--view', str(file)]
+    environment = {**os.environ, 'ROS_LOG_DIR': str(tmp_path / 'log')}
+    ended = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+    assert (ended.returncode, ended.stdout) == (1, '')
+    assert f'{file}:2' in ended.stderr
+    assert ended.stderr.count('\n') == 1

@@ -1,0 +1,286 @@
+"""What the view counts, from messages and times given by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_nodes.bus.protocol import Received
+from tactile_nodes.cli.view_measures import Comparison, Histogram, Recent, StampGaps, stage_times
+from tactile_nodes.cli.view_state import ViewState, reason_names, silent
+from tactile_nodes.messages import time_from_ns, types
+
+MS = 1_000_000
+S = 1_000_000_000
+KIND = 'tactile_nodes/msg/ForceDistribution'
+NAN = math.nan
+
+
+def force(
+    stamp_ms: float, bins: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0), contact_mm: tuple[float, float] | None = None, **kw
+) -> types.ForceDistribution:
+    """A 2 x 2 force distribution; its total is the sum."""
+    x, y = contact_mm or (NAN, NAN)
+    return types.ForceDistribution(
+        header=types.Header(stamp=time_from_ns(round(stamp_ms * MS))),
+        rows=2,
+        cols=2,
+        normal_force=np.array(bins, np.float32),
+        total=float(sum(bins)),
+        in_contact=contact_mm is not None,
+        contact=types.Point(x=x / 1000, y=y / 1000, z=0.0),
+        **kw,
+    )
+
+
+def received(message: object, arrival_ms: float = 0.0, sequence: int = 1, publisher: str = 'a.1') -> Received:
+    arrival_ns = round(arrival_ms * MS)
+    return Received(message.__msgtype__, publisher, sequence, arrival_ns, arrival_ns, message=message)
+
+
+def diagnostics(*parts: tuple[str, int, str]) -> types.DiagnosticArray:
+    return types.DiagnosticArray(
+        status=[types.DiagnosticStatus(name=name, level=level, message=text) for name, level, text in parts]
+    )
+
+
+def log(level: int, name: str, text: str) -> types.Log:
+    return types.Log(level=level, name=name, msg=text)
+
+
+# --- stages and rates -------------------------------------------------------------------------------------------
+
+
+def test_transport_is_what_is_in_no_stage() -> None:
+    stages = types.StageTimes(acquire=0.004, flow=0.005, features=0.001, predict=0.002, transport=0.5)
+    times = stage_times(stages, 0.015)
+    assert times == pytest.approx((0.004, 0.005, 0.001, 0.002, 0.003, 0.015))
+
+
+def test_a_stage_that_was_not_measured_counts_as_transport() -> None:
+    stages = types.StageTimes(acquire=NAN, flow=0.005, features=0.0, predict=0.0, transport=0.0)
+    times = stage_times(stages, 0.015)
+    assert math.isnan(times[0])
+    assert times[4] == pytest.approx(0.010)
+
+
+def test_rates_come_from_arrivals_and_from_stamps() -> None:
+    recent = Recent(5.0)
+    for number in range(11):  # 10 intervals: stamps 20 ms apart, arrivals 25 ms
+        recent.add(number * 25 * MS, number * 20 * MS, (0.0,) * 6)
+    assert recent.rates_hz() == pytest.approx((40.0, 50.0))
+
+
+def test_rates_need_two_frames() -> None:
+    recent = Recent(5.0)
+    recent.add(0, 0, (0.0,) * 6)
+    assert all(math.isnan(rate) for rate in recent.rates_hz())
+
+
+def test_percentiles_interpolate_between_frames_of_the_window() -> None:
+    recent = Recent(1.0)
+    recent.add(0, 0, (9.0,) * 6)  # too old when the last one comes
+    for number in range(1, 102):
+        recent.add(1 * S + number, 0, (number / 1000, NAN, 0.0, 0.0, 0.0, 0.0))
+    found = recent.percentiles()
+    assert found['acquire'].p50 == pytest.approx(0.051)
+    assert found['acquire'].p99 == pytest.approx(0.100)
+    assert math.isnan(found['flow'].p50)
+
+
+def test_the_histogram_is_right_to_half_a_percent() -> None:
+    histogram = Histogram()
+    for number in range(1, 1001):
+        histogram.add(number / 1000)
+    histogram.add(NAN)
+    found = histogram.percentiles()
+    assert histogram.total == 1000
+    assert found.p50 == pytest.approx(0.500, rel=0.005)
+    assert found.p99 == pytest.approx(0.990, rel=0.005)
+
+
+def test_durations_beyond_the_histogram_count_at_its_ends() -> None:
+    histogram = Histogram()
+    histogram.add(-1.0)
+    assert histogram.percentiles().p50 == pytest.approx(1e-6, rel=0.01)
+    for _ in range(99):
+        histogram.add(1e6)
+    assert histogram.percentiles().p99 == pytest.approx(100, rel=0.02)
+
+
+# --- drops ------------------------------------------------------------------------------------------------------
+
+
+def test_gaps_in_the_stamps_are_frames_that_were_skipped() -> None:
+    gaps = StampGaps()
+    for number in (*range(12), 13, 14, 18):  # one is missing, then three
+        gaps.add(number * 16 * MS)
+    assert gaps.total == 4
+
+
+def test_a_few_intervals_are_too_few_to_know_the_usual_one() -> None:
+    gaps = StampGaps()
+    for number in (0, 1, 2, 9):
+        gaps.add(number * 16 * MS)
+    assert gaps.total == 0
+
+
+def test_a_stream_that_begins_again_is_no_gap() -> None:
+    gaps = StampGaps()
+    for number in (*range(100, 112), 3, 4):
+        gaps.add(number * 16 * MS)
+    assert gaps.total == 0
+
+
+def test_forces_that_did_not_come_are_counted_from_their_numbers() -> None:
+    state = ViewState()
+    for sequence in (5, 6, 9):
+        state.add_force(received(force(sequence), sequence, sequence))
+    shot = state.snapshot(10 * MS)
+    assert (shot.frames, shot.lost) == (3, 2)
+
+
+# --- against the truth ------------------------------------------------------------------------------------------
+
+
+def test_estimate_and_truth_meet_by_their_stamp_in_either_order() -> None:
+    comparison = Comparison()
+    comparison.add_truth(1, force(0, (1.0, 0, 0, 0)))
+    comparison.add_force(1, force(0, (1.5, 0, 0, 0)))
+    comparison.add_force(2, force(0, (1.0, 0, 0, 0)))
+    assert comparison.scores().pairs == 1
+    comparison.add_truth(2, force(0, (1.0, 0, 0, 0)))
+    scores = comparison.scores()
+    assert scores.pairs == 2
+    assert scores.rmse_n == pytest.approx(math.sqrt(0.5**2 / 2))
+
+
+def test_the_share_of_right_bins_is_over_frames_in_contact() -> None:
+    comparison = Comparison()
+    right, wrong, nothing = (0.1, 0.9, 0, 0), (0.9, 0.1, 0, 0), (0.0, 0, 0, 0)
+    for stamp, bins in enumerate((right, wrong, right, right)):
+        comparison.add_truth(stamp, force(0, (0, 1.0, 0, 0), (1, 1)))
+        comparison.add_force(stamp, force(0, bins))
+    comparison.add_truth(9, force(0, nothing))
+    comparison.add_force(9, force(0, wrong))
+    scores = comparison.scores()
+    assert (scores.pairs, scores.contact_pairs, scores.right_bin_share) == (5, 4, 0.75)
+
+
+def test_an_estimate_that_calls_itself_invalid_is_not_scored() -> None:
+    comparison = Comparison()
+    comparison.add_truth(1, force(0, (1.0, 0, 0, 0)))
+    comparison.add_force(1, force(0, (9.0, 0, 0, 0), status=types.ForceDistribution.STATUS_INVALID))
+    assert comparison.scores().pairs == 0
+    assert comparison.last is not None
+
+
+def test_truths_without_an_estimate_are_forgotten() -> None:
+    comparison = Comparison()
+    for stamp in range(1000):
+        comparison.add_truth(stamp, force(0))
+    comparison.add_force(1, force(0))
+    assert comparison.scores().pairs == 0
+    comparison.add_force(999, force(0))
+    assert comparison.scores().pairs == 1
+
+
+def test_the_snapshot_shows_estimate_and_truth_of_one_instant() -> None:
+    state = ViewState()
+    state.add_truth(received(force(10, (0, 0.5, 0, 0), (3.0, 4.0)), 11))
+    state.add_force(received(force(10, (0, 0.4, 0, 0), (0.0, 0.0)), 20))
+    state.add_force(received(force(26, (0, 0.7, 0, 0), (0.0, 0.0)), 36, 2))  # its truth has not come yet
+    shot = state.snapshot(40 * MS)
+    assert shot.pair is not None
+    assert shot.pair.error_n == pytest.approx(-0.1)
+    assert shot.pair.distance_mm == pytest.approx(5.0)
+
+
+def test_without_truth_the_last_force_is_shown() -> None:
+    state = ViewState()
+    state.add_force(received(force(10, (0, 0.4, 0, 0)), 20))
+    shot = state.snapshot(40 * MS)
+    assert shot.pair is None
+    assert shot.force.total == pytest.approx(0.4)
+
+
+def test_when_truths_end_the_last_force_is_shown_again() -> None:
+    state = ViewState()
+    state.add_truth(received(force(10), 11))
+    state.add_force(received(force(10), 20))
+    state.add_force(received(force(2000, (0, 0.4, 0, 0)), 2010, 2))
+    shot = state.snapshot(2020 * MS)
+    assert shot.pair is None
+    assert shot.force.total == pytest.approx(0.4)
+
+
+# --- the whole --------------------------------------------------------------------------------------------------
+
+
+def test_latency_is_from_the_capture_to_the_arrival() -> None:
+    state = ViewState()
+    state.add_force(received(force(100), 112.5))
+    assert state.snapshot(120 * MS).latencies['end to end'].p50 == pytest.approx(0.0125)
+
+
+def test_the_age_of_the_last_force_is_known() -> None:
+    state = ViewState()
+    state.add_force(received(force(100), 110))
+    assert state.snapshot(1610 * MS).age_s == pytest.approx(1.5)
+
+
+def test_the_summary_is_of_the_whole_time() -> None:
+    state = ViewState(start_ns=0)
+    for number in range(601):  # 60 s at 10 Hz, more than the window
+        state.add_force(received(force(number * 100), number * 100 + 20, number + 1))
+    shot = state.summary(60 * S)
+    assert shot.arrivals_hz == pytest.approx(10.0)
+    assert shot.latencies['end to end'].p99 == pytest.approx(0.020, rel=0.005)
+    assert state.snapshot(60_000 * MS).frames == 601
+
+
+def test_the_worst_part_of_each_node_is_told() -> None:
+    state = ViewState()
+    state.add_diagnostics(
+        received(diagnostics(('camera: camera', 2, 'unplugged'), ('camera: picture', 0, 'ok'), ('flow: rest', 0, '')))
+    )
+    health = {entry.node: (entry.level, entry.text) for entry in state.snapshot(0).health}
+    assert health == {'/camera': (2, 'camera: unplugged'), '/flow': (0, '')}
+
+
+def test_a_part_that_recovers_is_well_again() -> None:
+    state = ViewState()
+    state.add_diagnostics(received(diagnostics(('camera: camera', 2, 'unplugged'))))
+    state.add_diagnostics(received(diagnostics(('camera: camera', 0, '60 fps'))))
+    assert state.snapshot(0).health[0].level == 0
+
+
+def test_a_node_that_says_nothing_more_is_silent() -> None:
+    state = ViewState()
+    state.add_diagnostics(received(diagnostics(('camera: camera', 0, '')), 0))
+    assert silent(state.snapshot(3000 * MS).health) == []
+    assert [entry.node for entry in silent(state.snapshot(4000 * MS).health)] == ['/camera']
+
+
+def test_nodes_of_another_namespace_are_left_out() -> None:
+    state = ViewState('/left')
+    state.add_diagnostics(received(diagnostics(('left/camera: camera', 0, ''), ('right/camera: camera', 2, 'dark'))))
+    state.add_log(received(log(40, 'right.camera', 'dark')))
+    shot = state.snapshot(0)
+    assert [entry.node for entry in shot.health] == ['/left/camera']
+    assert shot.logs == ()
+
+
+def test_warnings_are_kept_and_repetitions_counted() -> None:
+    state = ViewState()
+    for level, text in ((20, 'fine'), (30, 'dark'), (30, 'dark'), (40, 'lost')):
+        state.add_log(received(log(level, 'camera', text)))
+    assert state.snapshot(0).logs == ('[WARN] [camera]: dark (x2)', '[ERROR] [camera]: lost')
+
+
+def test_reasons_have_names() -> None:
+    kind = types.ForceDistribution
+    assert reason_names(kind.REASON_DARK_IMAGE | kind.REASON_STALE) == ['dark image', 'stale']
+    assert reason_names(0) == []
