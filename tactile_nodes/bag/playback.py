@@ -122,5 +122,7 @@ class Playback:
             return now_ns + _SLICE_NS
         if now_ns >= self._next_tick_ns:
             self._tick_with(self.timeline.bag_ns(now_ns))
-            self._next_tick_ns = max(self._next_tick_ns + round(NS_PER_S / self._tick_hz), now_ns)
+            period_ns = round(NS_PER_S / self._tick_hz)
+            in_step_ns = self._next_tick_ns + period_ns
+            self._next_tick_ns = in_step_ns if in_step_ns > now_ns else now_ns + period_ns
         return min(self._next_tick_ns, now_ns + _SLICE_NS)

@@ -57,7 +57,11 @@ class PlayerNode(Node):
             raise BagError('there is no bag to play; set the parameter bag')
         self.failure: BagError | None = None
         self.reader = BagReader(self.params.bag)
-        self._publishers = self._advertise()
+        try:
+            self._publishers = self._advertise()
+        except TactileError:
+            self.reader.close()
+            raise
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
         rate, hz = self.params.rate, self.params.clock_hz
         self.playback = Playback(

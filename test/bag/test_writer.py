@@ -107,7 +107,7 @@ def test_folder_that_exists_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / 'press' / 'keep').touch()
     with pytest.raises(BagError, match='exists already and is not overwritten'):
         BagWriter(tmp_path / 'press')
-    assert os.listdir(tmp_path / 'press') == ['keep']
+    assert [file.name for file in (tmp_path / 'press').iterdir()] == ['keep']
 
 
 def test_folder_below_a_file_is_refused_in_one_sentence(tmp_path: Path) -> None:

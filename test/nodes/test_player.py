@@ -1,0 +1,183 @@
+"""The player node: what it publishes, under which names, and how it is steered."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from feeding import START_NS
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import BagError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.nodes.player import MEET_S, PlayerNode
+from tactile_nodes.params import Located, NodeParameters
+
+STRING = 'std_msgs/msg/String'
+COUNT = 5
+
+
+class JumpingClock(SteppedClock):
+    """Time that passes only by being slept through."""
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.set_ns(max(self.now_ns(), deadline_ns))
+
+
+@pytest.fixture
+def clock() -> JumpingClock:
+    return JumpingClock(2 * START_NS)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Five texts on /chatter, 100 ms apart, after one latched text on /rest."""
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic(BagTopic.of_type('/rest', STRING, latched=True))
+    writer.add_topic(BagTopic.of_type('/chatter', STRING))
+    writer.add_topic(BagTopic('/odd', 'lab_msgs/msg/Odd', 'int32 x'))
+    writer.write('/rest', text('rest'), START_NS, START_NS)
+    for number in range(COUNT):
+        writer.write('/chatter', text(str(number)), START_NS + number * 100_000_000, START_NS)
+    writer.write('/odd', bytes(8), START_NS, START_NS)
+    writer.close()
+    return tmp_path / 'bag'
+
+
+def text(data: str) -> bytes:
+    return messages.encode(types.String(data=data))
+
+
+@pytest.fixture
+def play(bus: InProcessBus, clock: JumpingClock, bag: Path) -> Iterator[Callable[..., PlayerNode]]:
+    made: list[PlayerNode] = []
+
+    def make(**values: object) -> PlayerNode:
+        located = {name: Located(value, 'test') for name, value in {'bag': str(bag), **values}.items()}
+        made.append(PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock))
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.close()
+
+
+def listen(bus: InProcessBus, topic: str, type_name: str = STRING) -> Subscription:
+    return bus.subscribe(topic, type_name, Qos('queue', 100))
+
+
+def taken(subscription: Subscription) -> list[str]:
+    found = []
+    while (received := subscription.take()) is not None:
+        found.append(received.message.data)
+    return found
+
+
+NUMBERS = [str(number) for number in range(COUNT)]
+
+
+def test_plays_everything_and_ends(bus, play) -> None:
+    chatter = listen(bus, '/chatter')
+    node = play()
+    node.spin()  # returns when all was played
+    assert taken(chatter) == NUMBERS
+    assert node.playback.published == COUNT + 1
+
+
+def test_messages_leave_when_they_are_due(bus, play, clock: JumpingClock) -> None:
+    chatter = listen(bus, '/chatter')
+    begin_ns = clock.now_ns() + round(MEET_S * 1e9)
+    play(rate=2.0).spin()
+    sent = [chatter.take().source_ns - begin_ns for _ in range(COUNT)]
+    assert sent == [number * 50_000_000 for number in range(COUNT)]
+
+
+def test_latched_topic_is_latched_again(bus, play) -> None:
+    play().spin()
+    assert taken(listen(bus, '/rest')) == ['rest']
+
+
+def test_type_that_is_unknown_here_is_left_out_and_said(play, capsys: pytest.CaptureFixture[str]) -> None:
+    play().spin()
+    assert '/odd is not played: lab_msgs/msg/Odd is unknown here' in capsys.readouterr().err
+
+
+def test_plays_only_the_topics_it_is_given_under_their_new_names(bus, play) -> None:
+    rest, again = listen(bus, '/rest'), listen(bus, '/again')
+    play(topics=['/chatter'], remap=['/chatter:=/again']).spin()
+    assert (taken(rest), taken(again)) == ([], NUMBERS)
+
+
+def test_topic_that_is_not_in_the_bag_is_refused(play) -> None:
+    with pytest.raises(BagError, match=r'holds no /wrench; see: tactile bag info'):
+        play(topics=['wrench'])
+
+
+def test_tells_the_time_of_the_bag_on_clock(bus, play) -> None:
+    clock = listen(bus, '/clock', 'rosgraph_msgs/msg/Clock')
+    play(clock_hz=10.0).spin()
+    told = []
+    while (received := clock.take()) is not None:
+        told.append(stamp_ns(received.message.clock) - START_NS)
+    assert told == [number * 100_000_000 for number in range(COUNT)]
+
+
+def test_paused_player_plays_one_message_a_call(bus, play) -> None:
+    chatter = listen(bus, '/chatter')
+    node = play(paused=True, topics=['chatter'])
+    for number in range(2):
+        node.play_next()
+        received = chatter.get(timeout_s=10.0)
+        assert received is not None
+        assert received.message.data == str(number)
+    assert chatter.take() is None
+
+
+def test_paused_player_that_resumes_plays_the_rest(bus, play) -> None:
+    chatter = listen(bus, '/chatter')
+    node = play(paused=True)
+    assert taken(chatter) == []
+    assert node.toggle_paused() == 'playing'
+    node.spin()
+    assert taken(chatter) == NUMBERS
+
+
+def test_next_is_refused_while_playing(play) -> None:
+    node = play(loop=True)
+    with pytest.raises(BagError, match='pause it first'):
+        node.play_next()
+
+
+def test_looping_player_ends_when_it_is_closed(bus, play) -> None:
+    seen = threading.Event()
+    counted = []
+
+    def count() -> None:
+        counted.append(1)
+        if len(counted) > 2 * COUNT:
+            seen.set()
+
+    bus.subscribe('/chatter', STRING, Qos('queue', 10), on_ready=count)
+    node = play(loop=True)
+    assert seen.wait(10.0)
+    node.close()
+    assert not node._thread.is_alive()
+
+
+def test_bag_that_is_not_there_is_refused(play, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match='there is no bag'):
+        play(bag=str(tmp_path / 'none'))
+
+
+def test_no_bag_at_all_is_refused(play) -> None:
+    with pytest.raises(BagError, match='set the parameter bag'):
+        play(bag='')

@@ -1,0 +1,167 @@
+"""The recorder node: what it subscribes to, when, and what it says."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from feeding import START_NS, run
+
+from tactile_nodes import messages
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import BagError, ConfigurationError
+from tactile_nodes.messages import services, types
+from tactile_nodes.nodes.recorder import RecorderNode
+from tactile_nodes.params import Located, NodeParameters
+
+Start = Callable[..., RecorderNode]
+
+
+@pytest.fixture
+def start(bus: InProcessBus, clock: SteppedClock, tmp_path: Path) -> Iterator[Start]:
+    made: list[RecorderNode] = []
+
+    def make(**values: object) -> RecorderNode:
+        located = {name: Located(value, 'test') for name, value in {'bag': str(tmp_path / 'bag'), **values}.items()}
+        made.append(RecorderNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock))
+        return made[-1]
+
+    yield make
+    for node in made:
+        if node.writer is not None:
+            node.close()
+
+
+def advertise(bus: InProcessBus, name: str, type_name: str = 'std_msgs/msg/String', latched: bool = False):
+    return bus.advertise(name, type_name, Qos('latest', 1, latched), '/talker')
+
+
+def content(folder: Path) -> list[tuple[str, str]]:
+    with BagReader(folder) as reader:
+        assert reader.problems == []
+        return [(message.topic, reader.decode(message).data) for message in reader.messages()]
+
+
+def test_records_every_message_of_the_topics_it_is_given(bus, start: Start, tmp_path: Path) -> None:
+    talker, other = advertise(bus, '/chatter'), advertise(bus, '/other')
+    node = start(topics=['chatter'])
+    for number in range(500):  # more than any latest-only subscription would keep
+        talker.publish(types.String(data=str(number)))
+        other.publish(types.String(data='not this'))
+    run(node)
+    node.close()
+    assert content(tmp_path / 'bag') == [('/chatter', str(number)) for number in range(500)]
+
+
+def test_publisher_that_appears_later_is_recorded(bus, clock, start: Start, tmp_path: Path) -> None:
+    node = start(all=True, exclude='rosout|diagnostics')
+    talker = advertise(bus, '/late')
+    clock.advance(0.2)
+    node.spin_once()
+    talker.publish(types.String(data='hello'))
+    run(node)
+    node.close()
+    assert content(tmp_path / 'bag') == [('/late', 'hello')]
+
+
+def test_default_is_what_the_topic_table_marks_in_any_namespace(bus, start: Start) -> None:
+    advertise(bus, '/left/wrench', topics.WRENCH.type_name)
+    advertise(bus, '/clock', topics.CLOCK.type_name)
+    advertise(bus, '/chatter')
+    node = start()
+    recorded = {end.name for end in bus.graph().subscriptions() if end.node == node.full_name}
+    assert recorded == {'/left/wrench', '/rosout', '/diagnostics'}
+
+
+def test_bytes_and_times_are_those_of_the_travelling_message(bus, clock, start: Start, tmp_path: Path) -> None:
+    wrench = advertise(bus, '/wrench', topics.WRENCH.type_name)
+    node = start(topics=['wrench'])
+    message = types.WrenchStamped(header=types.Header(stamp=messages.time_from_ns(START_NS - 5_000_000)))
+    clock.advance(0.25)
+    wrench.publish(message)
+    run(node)
+    node.close()
+    with BagReader(tmp_path / 'bag') as reader:
+        (found,) = reader.messages()
+    assert found.data == messages.encode(message)
+    assert (found.log_ns, found.publish_ns) == (START_NS + 250_000_000, START_NS - 5_000_000)
+
+
+def test_latched_message_from_before_is_received_when_recording_begins(bus, clock, start, tmp_path: Path) -> None:
+    advertise(bus, '/rest', latched=True).publish(types.String(data='rest image'))
+    clock.advance(60.0)
+    node = start(topics=['rest'])
+    run(node)
+    node.close()
+    with BagReader(tmp_path / 'bag') as reader:
+        (found,) = reader.messages()
+        assert reader.topics['/rest'].latched
+    assert found.log_ns == START_NS + 60_000_000_000
+
+
+def test_services_start_and_stop_a_recording(bus, start: Start, tmp_path: Path) -> None:
+    node = start(autostart=False, topics=['chatter'])
+    talker = advertise(bus, '/chatter')
+    talker.publish(types.String(data='before'))
+    assert call(bus, node, 'start').message == f'recording into {tmp_path / "bag"}'
+    talker.publish(types.String(data='meanwhile'))
+    answer = call(bus, node, 'stop')
+    talker.publish(types.String(data='after'))
+    assert answer.success
+    assert answer.message.startswith('wrote 1 messages (0.0 MB, 0.0 s) into ')
+    assert content(tmp_path / 'bag') == [('/chatter', 'meanwhile')]
+
+
+def test_starting_twice_is_refused_with_what_to_do(bus, start: Start) -> None:
+    answer = call(bus, start(), 'start')
+    assert not answer.success
+    assert 'stop it first' in answer.message
+
+
+def test_stopping_nothing_is_refused(bus, start: Start) -> None:
+    answer = call(bus, start(autostart=False), 'stop')
+    assert (answer.success, answer.message) == (False, 'nothing is being recorded')
+
+
+def call(bus: InProcessBus, node: RecorderNode, name: str) -> types.Trigger_Response:
+    thread = threading.Thread(target=node.spin)
+    thread.start()
+    try:
+        return bus.call(f'{node.full_name}/{name}', services.TRIGGER, types.Trigger_Request())
+    finally:
+        node.stop()
+        thread.join()
+
+
+def test_messages_that_were_lost_on_the_way_are_counted_and_said(bus, clock, start: Start) -> None:
+    talker = advertise(bus, '/chatter')
+    node = start(topics=['chatter'])
+    for skipped in (0, 3):
+        talker.sequence += skipped
+        talker.publish(types.String(data='hello'))
+    run(node)
+    clock.advance(0.6)
+    node.spin_once()
+    status = {entry.name: entry for entry in node.diagnostics.message(0).status}['recorder: bag']
+    assert node.missed == 3
+    assert (status.level, status.message) == (Level.WARN, 'messages were lost on their way to the recorder')
+    assert {entry.key: entry.value for entry in status.values}['missed'] == '3'
+
+
+def test_folder_that_exists_ends_the_node_before_it_begins(start: Start, tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(BagError, match='exists already'):
+        start()
+
+
+def test_expression_that_is_none_is_refused(start: Start) -> None:
+    with pytest.raises(ConfigurationError, match='no regular expression'):
+        start(regex='[')
