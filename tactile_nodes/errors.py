@@ -8,7 +8,8 @@
     ├── DeviceError
     │   ├── DeviceNotFoundError     nothing there to open
     │   ├── DeviceLostError         it was there, and is not any more
-    │   └── DeviceTimeoutError      it is there, and does not answer
+    │   ├── DeviceTimeoutError      it is there, and does not answer
+    │   └── DeviceFaultError        it answers that something is wrong: an alarm, a refused command, a status bit
     ├── ImageError                  an image of the wrong size or encoding, or without a picture in it
     ├── MessageError                bytes that are no message of the announced type
     ├── BusError
@@ -60,6 +61,10 @@ class DeviceLostError(DeviceError):
 
 class DeviceTimeoutError(DeviceError):
     """It is there, and does not answer in time."""
+
+
+class DeviceFaultError(DeviceError):
+    """It answers that something is wrong: an alarm, a refused command, a status bit."""
 
 
 class ImageError(TactileError):
