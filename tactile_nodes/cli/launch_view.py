@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tactile_nodes.launching.output import Line
     from tactile_nodes.launching.service import LaunchService
 
+_COMMAND = re.compile(r", cmd '.*'\]", re.DOTALL)  # of a process that died; launch.log has it
 _LOG_LINE = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[')
 
 
@@ -34,9 +35,10 @@ class Notes:
         """Takes a line, from any thread."""
         if not is_worth_seeing(line):
             return
-        self.lines.append(str(line))
+        text = _COMMAND.sub(']', str(line))
+        self.lines.append(text)
         if self.tell is not None:
-            self.tell(str(line))
+            self.tell(text)
 
 
 def is_worth_seeing(line: Line) -> bool:
@@ -65,6 +67,7 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
     thread = threading.Thread(target=launch, name='launch')
     with joined() as bus:
         state = view.new_state(bus, absolute(namespace))
+        state.advice = 'its nodes are starting'
         notes.tell = state.add_note
         thread.start()
         try:
@@ -72,8 +75,9 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
         finally:
             service.shutdown('the view has ended')
             thread.join()
-        view.print_summary(state, bus.clock.now_ns())
-    status = statuses[0] if statuses else 1
+        status = statuses[0] if statuses else 1
+        if status == 0 or state.frames:
+            view.print_summary(state, bus.clock.now_ns())
     if status != 0:
         print('\n'.join(notes.lines), file=sys.stderr)
     print(f'logs: {service.log_folder}')

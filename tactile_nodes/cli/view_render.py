@@ -13,7 +13,7 @@ import numpy as np
 from rich.style import Style
 from rich.text import Text
 
-from tactile_nodes.cli.view_measures import STAGES, strongest
+from tactile_nodes.cli.view_measures import STAGES, Scores, strongest
 from tactile_nodes.cli.view_state import NodeHealth, Snapshot, reason_names, silent
 
 FULL_SCALE_N = 1.0  # what the brightest colour means, whatever is shown: a scale that moves hides how hard one presses
@@ -70,7 +70,7 @@ def waiting(shot: Snapshot) -> str:
     """What is missing while there is no force."""
     topic = f'{shot.namespace.rstrip("/")}/force_distribution'
     if not shot.estimators:
-        return f'no force yet: nobody publishes {topic}; start a sensor with: tactile launch live'
+        return f'no force yet: nobody publishes {topic}; {shot.advice}'
     told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
     return f'no force yet: {", ".join(shot.estimators)} waits; is a camera running? last diagnostics: {told or "none"}'
 
@@ -80,19 +80,23 @@ def summary(shot: Snapshot) -> str:
     if shot.frames == 0:
         return f'{shot.running_s:.1f} s; {waiting(shot)}'
     lines = [
-        f'{shot.frames} frames in {shot.running_s:.1f} s: {_hz(shot.arrivals_hz)} fps arriving, '
-        f'{_hz(shot.stamps_hz)} by their stamps; {_drops_text(shot)}; {shot.invalid} invalid',
+        f'{shot.frames} frames in {shot.running_s:.1f} s, the first after {shot.first_after_s:.1f} s; '
+        f'{_hz(shot.arrivals_hz)} fps arriving, {_hz(shot.stamps_hz)} by stamps',
+        f'{_drops_text(shot)}; {shot.invalid} invalid, {shot.malformed} malformed',
         'latency [ms]   p50     p99',
         *(f'  {stage:<10} {_ms(found.p50):>6}  {_ms(found.p99):>6}' for stage, found in shot.latencies.items()),
+        *_score_lines(shot.scores),
     ]
-    scores = shot.scores
-    if scores.pairs:
-        bins = f'peak in the true bin in {scores.right_bin_share:.1%} of {scores.contact_pairs} frames in contact'
-        against = f'RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames'
-        lines.append(f'total force against the true one: {against}; {bins if scores.contact_pairs else "no contact"}')
-    else:
-        lines.append('no true force to compare with')
     return '\n'.join(lines)
+
+
+def _score_lines(scores: Scores) -> list[str]:
+    if not scores.pairs:
+        return ['no true force to compare with']
+    lines = [f'total force against the true one: RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames']
+    if scores.contact_pairs:
+        lines.append(f'peak in the true bin: {scores.right_bin_share:.1%} of {scores.contact_pairs} frames in contact')
+    return lines
 
 
 # --- lines ------------------------------------------------------------------------------------------------------

@@ -65,6 +65,8 @@ class Snapshot:
     health: tuple[NodeHealth, ...]
     logs: tuple[str, ...]
     estimators: tuple[str, ...]
+    advice: str
+    first_after_s: float
 
     @property
     def pair(self) -> Pair | None:
@@ -79,8 +81,9 @@ class ViewState:
         self.namespace = namespace
         self.malformed = 0
         self.estimators: tuple[str, ...] = ()
+        self.advice = 'start a sensor with: tactile launch live'
         self._start_ns = start_ns
-        self._frames = self._invalid = 0
+        self.frames = self._invalid = 0
         self._force: Any = None
         self._arrival_ns = 0
         self._first_ns: tuple[int, int] | None = None
@@ -99,7 +102,7 @@ class ViewState:
         message = received.message
         captured_ns = stamp_ns(message.header.stamp)
         times = stage_times(message.stages, (received.received_ns - captured_ns) / NS_PER_S)
-        self._frames += 1
+        self.frames += 1
         self._invalid += message.status == message.STATUS_INVALID
         self._force, self._arrival_ns = message, received.received_ns
         self._lost.add(received.publisher, received.sequence)
@@ -154,10 +157,10 @@ class ViewState:
         return Snapshot(
             namespace=self.namespace,
             running_s=(now_ns - self._start_ns) / NS_PER_S,
-            frames=self._frames,
+            frames=self.frames,
             force=force,
             truth=truth,
-            age_s=(now_ns - self._arrival_ns) / NS_PER_S if self._frames else math.nan,
+            age_s=(now_ns - self._arrival_ns) / NS_PER_S if self.frames else math.nan,
             arrivals_hz=rates_hz[0],
             stamps_hz=rates_hz[1],
             latencies=latencies,
@@ -169,6 +172,8 @@ class ViewState:
             health=tuple(heard.health(node, now_ns) for node, heard in sorted(self._health.items())),
             logs=tuple(str(said) for said in self._logs),
             estimators=self.estimators,
+            advice=self.advice,
+            first_after_s=(self._first_ns[0] - self._start_ns) / NS_PER_S if self._first_ns else math.nan,
         )
 
     def _shown(self) -> tuple[Any, Any]:
@@ -179,10 +184,10 @@ class ViewState:
         return self._force, None
 
     def _overall_hz(self) -> tuple[float, float]:
-        if self._first_ns is None or self._frames < 2:
+        if self._first_ns is None or self.frames < 2:
             return math.nan, math.nan
         spans = [(last - first) / NS_PER_S for first, last in zip(self._first_ns, self._last_ns, strict=True)]
-        arrivals, stamps = ((self._frames - 1) / span if span > 0 else math.nan for span in spans)
+        arrivals, stamps = ((self.frames - 1) / span if span > 0 else math.nan for span in spans)
         return arrivals, stamps
 
     def _is_ours(self, node: str) -> bool:

@@ -134,8 +134,8 @@ def test_notes_reach_the_view_and_are_kept_for_the_end() -> None:
     told: list[str] = []
     notes = Notes()
     notes.tell = told.append
-    notes(Line('a-1', 'process has died', 'ERROR'))
-    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died']
+    notes(Line('a-1', "process has died [pid 7, exit code 1, cmd 'a --b']", 'ERROR'))
+    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1]']
 
 
 def launch(run_folder: Path, tmp_path: Path, *commands: str) -> subprocess.Popen[str]:
@@ -155,7 +155,7 @@ def test_the_end_of_a_required_process_ends_the_view_with_its_words(run_folder: 
         out, err = process.communicate(timeout=10)
     assert process.returncode == 1
     assert 'the lamp is broken' in err
-    assert 'no force yet' in out
+    assert 'logs: ' in out
 
 
 def test_ctrl_c_in_front_of_a_launch_ends_both(run_folder: Path, tmp_path: Path) -> None:

@@ -121,15 +121,21 @@ def test_the_summary_tells_frames_latency_drops_and_errors() -> None:
     state.add_truth(received(force(26, (0.0, 0.5, 0.0, 0.0), (3.0, 4.0)), 27, 2))
     state.add_force(received(force(26, (0.5, 0.0, 0.0, 0.0), (0.0, 0.0)), 36, 3))
     text = view_render.summary(state.summary(100 * MS))
-    assert '2 frames in 0.1 s' in text
+    assert '2 frames in 0.1 s, the first after 0.0 s' in text
     assert '1 lost on the way here' in text
     # errors -0.25 and 0 N: sqrt(0.0625 / 2) = 0.1768
     assert 'RMSE 0.1768 N over 2 frames' in text
-    assert 'peak in the true bin in 50.0% of 2 frames in contact' in text
+    assert 'peak in the true bin: 50.0% of 2 frames in contact' in text
 
 
 def test_the_summary_of_nothing_says_what_is_missing() -> None:
     assert 'no force yet' in view_render.summary(ViewState().summary(100 * MS))
+
+
+def test_the_summary_without_truth_says_so() -> None:
+    state = ViewState()
+    state.add_force(received(force(10), 20))
+    assert view_render.summary(state.summary(100 * MS)).endswith('no true force to compare with')
 
 
 def test_the_picture_fits_a_terminal_of_80_columns() -> None:
