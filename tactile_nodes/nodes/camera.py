@@ -19,7 +19,8 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth, open_camera
+from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth
+from tactile_nodes.drivers.camera_opening import open_camera
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter

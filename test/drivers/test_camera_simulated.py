@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import CameraSettings, KnowsTruth, SceneSettings, open_camera
+from tactile_nodes.drivers.camera import CameraSettings, KnowsTruth, SceneSettings
+from tactile_nodes.drivers.camera_opening import open_camera
 from tactile_nodes.drivers.camera_simulated import build_scene
 from tactile_nodes.errors import ConfigurationError
 
