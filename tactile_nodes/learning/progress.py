@@ -32,6 +32,11 @@ class Progress:
 class TerminalProgress(Progress):
     """Bars with the time left, drawn by rich."""
 
+    def __init__(self) -> None:
+        from rich.console import Console
+
+        self._console = Console(highlight=False)
+
     @contextmanager
     def bar(self, title: str, steps: int) -> Iterator[Bar]:
         from rich.console import Group
@@ -52,13 +57,13 @@ class TerminalProgress(Progress):
             below.plain = text
 
         # What a step measured stands in a line of its own: beside the bar an 80 column terminal has no room for it.
-        with Live(Group(rich, below)):
+        with Live(Group(rich, below), console=self._console):
             yield _Shown(show)
+        if not self._console.is_terminal:
+            self._console.print()
 
     def say(self, text: str) -> None:
-        from rich.console import Console
-
-        Console(highlight=False).print(text, markup=False, soft_wrap=True)
+        self._console.print(text, markup=False, soft_wrap=True)
 
 
 class _Silence:

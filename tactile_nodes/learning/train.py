@@ -14,7 +14,7 @@ labels reward (`docs/method.md` has the measurements):
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -169,6 +169,7 @@ class Fit:
     held_out: torch.Tensor
     epoch: int = 0
     best_epoch: int = 0
+    silent_epochs: int = 0
     best_loss: float = float('inf')
     best_weights: dict[str, torch.Tensor] | None = None
 
@@ -180,12 +181,16 @@ class Fit:
         optimiser = torch.optim.NAdam(self.network.parameters(), lr=chosen.learning_rate)
         decay = torch.optim.lr_scheduler.ExponentialLR(optimiser, chosen.decay)
         with progress.bar('training', chosen.epochs) as bar:
-            while self.epoch < chosen.epochs and self.epoch - self.best_epoch < chosen.patience:
+            while self.epoch < chosen.epochs and self._waited() < chosen.patience:
                 self.epoch += 1
                 training = self._one_epoch(optimiser, self._loss(config), chosen.batch)
                 decay.step()
                 measured = self._validate()
                 bar.advance(1, describe(training * scale_n, measured, scale_n))
+
+    def _waited(self) -> int:
+        """Epochs since the best one, without those in which the network said nothing: they are no reason to stop."""
+        return self.epoch - max(self.best_epoch, self.silent_epochs)
 
     def _loss(self, config: TrainConfig) -> Callable[[torch.Tensor, torch.Tensor], torch.Tensor]:
         warming = self.epoch <= config.training.warm_up_epochs
@@ -215,10 +220,16 @@ class Fit:
         with torch.no_grad():
             predicted = self.network(self.inputs[self.held_out]).numpy()
         measured = Validation.of(self.labels[self.held_out].numpy(), predicted)
+        if measured.silent:
+            self.silent_epochs += 1
         if measured.armse < self.best_loss:
             self.best_loss, self.best_epoch = measured.armse, self.epoch
             self.best_weights = {name: value.clone() for name, value in self.network.state_dict().items()}
         return measured
+
+
+SILENT_SHARE = 0.2
+"""Predicted peaks that average less than this share of the true ones are no answer yet."""
 
 
 @dataclass(frozen=True)
@@ -228,6 +239,12 @@ class Validation:
     armse: float
     peak_rmse: float
     right_bin: float
+    peak_share: float
+
+    @property
+    def silent(self) -> bool:
+        """Whether the network still gives the all-zero answer that sparse labels reward."""
+        return self.peak_share < SILENT_SHARE
 
     @classmethod
     def of(cls, true: np.ndarray, predicted: np.ndarray) -> Validation:
@@ -236,6 +253,7 @@ class Validation:
             metrics.armse(true, predicted),
             metrics.peak_rmse_n(true, predicted),
             metrics.right_bin_share(true[touched], predicted[touched]),
+            float(predicted[touched].max(axis=1).mean() / max(true[touched].max(axis=1).mean(), 1e-12)),
         )
 
 
@@ -252,9 +270,10 @@ def armse(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
 
 def describe(training_loss: float, measured: Validation, scale_n: float) -> str:
     """What stands under the bar."""
+    silent = '  (still the all-zero answer)' if measured.silent else ''
     return (
         f'loss {training_loss:.4f}  held out: aRMSE {measured.armse * scale_n:.4f} N  '
-        f'RMSE_mc {measured.peak_rmse * scale_n:.4f} N  right bin {measured.right_bin:.1%}'
+        f'RMSE_mc {measured.peak_rmse * scale_n:.4f} N  right bin {measured.right_bin:.1%}{silent}'
     )
 
 
@@ -269,8 +288,6 @@ def as_mlp(network: torch.nn.Sequential, weights: dict[str, torch.Tensor] | None
 
 def card_of(config: TrainConfig, dataset: Dataset, fit: Fit, scale_n: float, command: str) -> dict[str, Any]:
     """What a stranger needs to know about the model."""
-    from dataclasses import asdict
-
     return {
         'command': command,
         'made_with': f'tactile_nodes {__version__}',

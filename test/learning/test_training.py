@@ -122,7 +122,8 @@ def test_ctrl_c_keeps_the_best_network_so_far(data: Dataset, tmp_path: Path):
     assert card['training']['epochs_run'] == 1
 
 
-def test_training_stops_when_the_loss_no_longer_falls(data: Dataset, tmp_path: Path):
+def test_training_stops_when_the_loss_no_longer_falls(data: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(training, 'SILENT_SHARE', -1.0)  # so small a network says nothing, which is another matter
     config = small_config(tmp_path, learning_rate=0.0, epochs=50, patience=3)
     assert load_model(training.train(config)).card['training']['epochs_run'] == 4  # the best is the first
 
@@ -186,3 +187,16 @@ def test_a_weight_for_each_channel_is_demanded(data: Dataset, tmp_path: Path):
     config = dataclasses.replace(config, network=dataclasses.replace(config.network, channel_gains=(1.0,)))
     with pytest.raises(ConfigurationError, match='channel_gains has 1 values, but polar_mean has 2 channels'):
         training.fit_scaling(data, np.ones(40, bool), config)
+
+
+def test_a_network_that_says_nothing_is_noticed():
+    true = np.zeros((5, 9), np.float32)
+    true[:, 3] = 1.0
+    assert training.Validation.of(true, 0.01 * true).silent
+    assert not training.Validation.of(true, 0.5 * true).silent
+
+
+def test_waiting_on_the_all_zero_answer_is_no_reason_to_stop(data: Dataset, tmp_path: Path):
+    """With a vanishing step the network stays silent, and 6 epochs pass although 3 without progress are the limit."""
+    config = small_config(tmp_path, learning_rate=1e-9, epochs=6, patience=3)
+    assert load_model(training.train(config)).card['training']['epochs_run'] == 6
