@@ -19,7 +19,7 @@ from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import open_bus, run_until
 from tactile_nodes.clock import NS_PER_S, monotonic_s
-from tactile_nodes.errors import BagError, TactileError
+from tactile_nodes.errors import BagError
 from tactile_nodes.nodes.player import PlayerNode
 from tactile_nodes.nodes.recorder import RecorderNode, describe
 from tactile_nodes.params import Located, NodeParameters, Value
@@ -50,7 +50,7 @@ def record(arguments: argparse.Namespace) -> int:
 
         with _watched(done, lambda: _recording_line(node), is_over):
             run_until([node], done)
-        return _status(node.failure)
+        return 0 if node.failure is None else 1  # the node has said why
 
 
 def play(arguments: argparse.Namespace) -> int:
@@ -70,13 +70,7 @@ def play(arguments: argparse.Namespace) -> int:
         node = PlayerNode(bus, _node_arguments(parameters))
         with _keys(node, done), _watched(done, lambda: _playing_line(node)):
             run_until([node], done)
-        return _status(node.failure)
-
-
-def _status(failure: TactileError | None) -> int:
-    if failure is not None:
-        raise failure
-    return 0
+        return 0 if node.failure is None else 1  # the node has said why
 
 
 def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:

@@ -25,7 +25,8 @@ from tactile_nodes.errors import BagError, TactileError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.params import parameter
 
-MEET_S = 0.3  # so that those who are there already are connected when the first message leaves
+MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
+_MEET_AT_MOST_S = 2.1
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay shall lose nothing, also at ten times the rate
 
@@ -132,7 +133,8 @@ class PlayerNode(Node):
 
     def _play(self) -> None:
         try:
-            self.playback.wait(MEET_S + self.params.delay)
+            self._meet()
+            self.playback.wait(self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)
         except (OSError, TactileError) as error:
             self.failure = BagError(f'cannot play on {self.params.bag}: {error}')
@@ -140,6 +142,23 @@ class PlayerNode(Node):
         for problem in self.reader.problems:
             self.log.warn(problem)
         self.stop()
+
+    def _meet(self) -> None:
+        """Let those connect who are there already, so that they hear the first message."""
+        self.playback.wait(MEET_S)
+        for _ in range(round(_MEET_AT_MOST_S / MEET_S)):
+            if self._has_met_all():
+                return
+            self.playback.wait(MEET_S)
+
+    def _has_met_all(self) -> bool:
+        # A process counts once, however many of its nodes listen.
+        peers = self.bus.graph().participants
+        wanted = [what for peer in peers for what in {(end.name, end.type_name) for end in peer.subscriptions}]
+        return all(
+            publisher.listeners >= wanted.count((publisher.topic, publisher.type_name))
+            for publisher in self._publishers.values()
+        )
 
     def _publish(self, message: BagMessage) -> None:
         self._publishers[message.topic].publish_bytes(message.data)

@@ -88,8 +88,8 @@ class RecorderNode(Node):
         if self.writer is None:
             raise BagError('nothing is being recorded')
         self._drain()
-        if self.failure is not None:
-            raise self.failure
+        if self.writer is None:  # the last messages did not fit any more
+            raise self.failure or BagError('nothing was recorded')
         writer = self._let_go()
         totals = writer.close()
         return f'wrote {describe(totals)} into {writer.folder}' + self._losses(totals)
@@ -99,15 +99,18 @@ class RecorderNode(Node):
             try:
                 self.log.info(self.stop_recording())
             except BagError as error:
-                self.failure = error
+                self._fail(error)
 
     def _let_go(self) -> BagWriter:
+        assert self.writer is not None
+        self._unsubscribe()
+        writer, self.writer = self.writer, None
+        return writer
+
+    def _unsubscribe(self) -> None:
         for subscription in self._subscriptions.values():
             subscription.close()
         self._subscriptions.clear()
-        writer, self.writer = self.writer, None
-        assert writer is not None
-        return writer
 
     def _look(self) -> None:
         if self.writer is None:
@@ -156,7 +159,8 @@ class RecorderNode(Node):
 
     def _fail(self, error: BagError) -> None:
         self.failure = error
-        self._let_go()
+        self._unsubscribe()
+        self.writer = None
         self.report('bag', Level.ERROR, str(error))
 
     def _report_health(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -108,34 +109,41 @@ def test_latched_message_from_before_is_received_when_recording_begins(bus, cloc
 
 
 def test_services_start_and_stop_a_recording(bus, start: Start, tmp_path: Path) -> None:
-    node = start(autostart=False, topics=['chatter'])
     talker = advertise(bus, '/chatter')
-    talker.publish(types.String(data='before'))
-    assert call(bus, node, 'start').message == f'recording into {tmp_path / "bag"}'
-    talker.publish(types.String(data='meanwhile'))
-    answer = call(bus, node, 'stop')
-    talker.publish(types.String(data='after'))
+    with spinning(start(autostart=False, topics=['chatter'])) as node:
+        talker.publish(types.String(data='before'))
+        assert call(bus, node, 'start').message == f'recording into {tmp_path / "bag"}'
+        talker.publish(types.String(data='meanwhile'))
+        answer = call(bus, node, 'stop')
+        talker.publish(types.String(data='after'))
     assert answer.success
     assert answer.message.startswith('wrote 1 messages (0.0 MB, 0.0 s) into ')
     assert content(tmp_path / 'bag') == [('/chatter', 'meanwhile')]
 
 
 def test_starting_twice_is_refused_with_what_to_do(bus, start: Start) -> None:
-    answer = call(bus, start(), 'start')
+    with spinning(start()) as node:
+        answer = call(bus, node, 'start')
     assert not answer.success
     assert 'stop it first' in answer.message
 
 
 def test_stopping_nothing_is_refused(bus, start: Start) -> None:
-    answer = call(bus, start(autostart=False), 'stop')
+    with spinning(start(autostart=False)) as node:
+        answer = call(bus, node, 'stop')
     assert (answer.success, answer.message) == (False, 'nothing is being recorded')
 
 
 def call(bus: InProcessBus, node: RecorderNode, name: str) -> types.Trigger_Response:
+    return bus.call(f'{node.full_name}/{name}', services.TRIGGER, types.Trigger_Request())
+
+
+@contextmanager
+def spinning(node: RecorderNode) -> Iterator[RecorderNode]:
     thread = threading.Thread(target=node.spin)
     thread.start()
     try:
-        return bus.call(f'{node.full_name}/{name}', services.TRIGGER, types.Trigger_Request())
+        yield node
     finally:
         node.stop()
         thread.join()
