@@ -1,0 +1,173 @@
+"""How participants find each other, and what becomes of their files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+from agents import NUMBER, Other, until
+
+from tactile_nodes.bus.discovery import Meeting, domain_from_environment
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.errors import BusError, ConfigurationError
+from tactile_nodes.messages import types
+
+Join = Callable[..., ZmqBus]
+QUEUE = Qos('queue', 1000)
+
+
+@pytest.mark.parametrize('text', ['abc', '-1', '233', '1.5', '0x10', '1 2', 'ⅷ'])
+def test_domain_that_is_none_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', text)
+    with pytest.raises(ConfigurationError, match=r'ROS_DOMAIN_ID is .*; set it to a number from 0 to 232'):
+        domain_from_environment()
+
+
+@pytest.mark.parametrize(('text', 'domain'), [('', 0), ('0', 0), (' 7 ', 7), ('232', 232)])
+def test_domain_is_a_number_from_0_to_232(monkeypatch: pytest.MonkeyPatch, text: str, domain: int) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', text)
+    assert domain_from_environment() == domain
+
+
+def test_folder_with_too_long_a_name_is_refused_in_a_sentence(folder: Path) -> None:
+    with pytest.raises(BusError, match='too long a name for sockets; set TACTILE_RUN_DIR'):
+        ZmqBus(7, folder=folder / ('x' * 90))
+
+
+def test_folder_that_cannot_be_made_is_refused_in_a_sentence(folder: Path) -> None:
+    (folder / 'file').write_text('')
+    with pytest.raises(BusError, match=r'cannot join the bus in .*: Not a directory'):
+        ZmqBus(7, folder=folder / 'file')
+
+
+def test_refused_bus_leaves_no_file_thread_or_descriptor_behind(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ZmqBus(7, folder=folder).close()  # what is loaded once is loaded now
+    process = psutil.Process()
+    before = (process.num_fds(), process.num_threads())
+
+    def fail(*_: object) -> None:
+        raise BusError('the disk is full')
+
+    monkeypatch.setattr(Meeting, 'announce', fail)
+    with pytest.raises(BusError, match='the disk is full'):
+        ZmqBus(7, folder=folder)
+    assert (process.num_fds(), process.num_threads()) == before
+    assert list((folder / 'd7').iterdir()) == []
+
+
+def test_closed_bus_leaves_no_file_thread_or_descriptor_behind(folder: Path) -> None:
+    def use() -> None:
+        bus, other = ZmqBus(7, folder=folder), ZmqBus(7, folder=folder)
+        publisher = bus.advertise('/n', NUMBER, QUEUE)
+        subscription = other.subscribe('/n', NUMBER, QUEUE)
+        until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
+        other.close()
+        bus.close()
+
+    use()
+    process = psutil.Process()
+    before = (process.num_fds(), process.num_threads())
+    for _ in range(3):
+        use()
+    assert (process.num_fds(), process.num_threads()) == before
+    assert list((folder / 'd7').iterdir()) == []
+
+
+def test_files_of_a_killed_process_are_removed_by_who_comes_next(
+    folder: Path, start: Callable[..., Other], join: Join
+) -> None:
+    other = start()
+    other.advertise('/n')
+    other.signal(signal.SIGKILL)
+    assert len(list((folder / 'd7').iterdir())) == 4  # lock, record, two sockets
+    bus = join()
+    until(lambda: {file.name.split('.')[0] for file in (folder / 'd7').iterdir()} == {bus.uid})
+
+
+def test_files_whose_lock_is_gone_are_removed_too(folder: Path, join: Join) -> None:
+    (folder / 'd7').mkdir()
+    for name in ('abcdabcd.json', 'abcdabcd.3.sock'):
+        (folder / 'd7' / name).write_text('')
+    join()
+    assert not list((folder / 'd7').glob('abcdabcd.*'))
+
+
+def test_record_written_twice_at_once_is_read_anew(folder: Path, join: Join) -> None:
+    bus, other = join(), join()
+    for number in range(50):  # many of them within one tick of the file system's clock
+        other.add_node(f'/node{number}')
+        assert f'/node{number}' in bus.graph().nodes()
+
+
+def test_participants_meet_again_after_their_folder_was_removed(folder: Path, join: Join) -> None:
+    publishing, listening = join(), join()
+    publisher = publishing.advertise('/n', NUMBER, QUEUE)
+    subscription = listening.subscribe('/n', NUMBER, QUEUE)
+    until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
+    shutil.rmtree(folder / 'd7')
+    until(lambda: len(list(folder.glob('d7/*.lock'))) == 2, 'both to come back')
+    late = join().subscribe('/n', NUMBER, QUEUE)
+    while subscription.take():
+        pass
+    until(lambda: publisher.publish(types.Int64(data=2)) or (late.waiting and subscription.waiting), 'old and new ones')
+
+
+def test_removed_lock_file_alone_is_put_back(folder: Path, join: Join) -> None:
+    bus = join()
+    (folder / 'd7' / f'{bus.uid}.lock').unlink()
+    until((folder / 'd7' / f'{bus.uid}.lock').exists)
+
+
+def test_folder_that_cannot_be_made_again_is_said_once_and_ends_nobody(
+    folder: Path, join: Join, capfd: pytest.CaptureFixture[str]
+) -> None:
+    publishing, listening = join(), join()
+    publisher = publishing.advertise('/n', NUMBER, QUEUE)
+    subscription = listening.subscribe('/n', NUMBER, QUEUE)
+    until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
+    shutil.rmtree(folder / 'd7')
+    (folder / 'd7').write_text('in the way')
+    said = ''
+
+    def has_said() -> str:
+        nonlocal said
+        said += capfd.readouterr().err
+        return said
+
+    until(lambda: has_said().count('cannot join the bus') >= 2, 'both to say so')
+    while subscription.take():
+        pass
+    until(lambda: publisher.publish(types.Int64(data=2)) or subscription.take(), 'connections that stand to go on')
+    (folder / 'd7').unlink()
+    until(lambda: len(list(folder.glob('d7/*.lock'))) == 2, 'both to come back')
+    assert has_said().count('\n') == 2
+
+
+def test_forked_child_does_not_keep_its_dead_parent_alive(folder: Path, join: Join) -> None:
+    bus = join()
+    read, write = os.pipe()
+    parent = os.fork()
+    if parent == 0:
+        meeting = Meeting('abcdabcd', 7, folder)
+        child = os.fork()
+        if child > 0:
+            os.write(write, f'{child}\n'.encode())
+        signal.pause()
+        meeting.leave()
+    child = int(os.read(read, 20))
+    assert (folder / 'd7' / 'abcdabcd.lock').exists()
+    os.kill(parent, signal.SIGKILL)
+    os.waitpid(parent, 0)
+    try:
+        until(lambda: not (folder / 'd7' / 'abcdabcd.lock').exists(), 'the dead one to be cleared away')
+    finally:
+        os.kill(child, signal.SIGKILL)
+    assert bus.peers() == []
+    os.close(read)
+    os.close(write)

@@ -1,0 +1,147 @@
+"""Programs made of nodes: they end when asked to, soon, and say why when they end by themselves."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from agents import until
+from programs import Program, Ready
+
+from tactile_nodes.bus.runtime import run_nodes
+
+SOON_S = 2.0
+Launch = Callable[..., Program]
+
+
+@pytest.fixture
+def launch(folder: Path) -> Iterator[Launch]:
+    programs: list[Program] = []
+
+    def make(*names: str, argv: tuple[str, ...] = (), **environment: str) -> Program:
+        programs.append(Program(folder, list(names), list(argv), environment))
+        return programs[-1]
+
+    yield make
+    for program in programs:
+        program.process.kill()
+        program.process.join()
+
+
+def _running(program: Program, times: int = 1) -> Program:
+    until(lambda: program.output.count('running') >= times, 'the program to run')
+    return program
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_program_cleanly(launch: Launch, number: signal.Signals) -> None:
+    program = _running(launch('Ready'))
+    program.signal(number)
+    assert program.ended(SOON_S) == 0
+    assert 'closed' in program.output
+    assert 'Traceback' not in program.output
+
+
+def test_several_nodes_of_a_program_end_together(launch: Launch) -> None:
+    program = _running(launch('Ready', 'Second'), 2)
+    program.signal(signal.SIGINT)
+    assert program.ended(SOON_S) == 0
+    assert program.output.count('closed') == 2
+
+
+def test_signal_ends_a_program_within_two_seconds_although_a_callback_is_busy(launch: Launch) -> None:
+    program = _running(launch('Busy', 'Ready'), 2)
+    begin = time.monotonic()
+    program.signal(signal.SIGINT)
+    assert program.ended(5.0) == 1
+    assert time.monotonic() - begin < SOON_S
+    assert 'a callback is still busy and is not waited for' in program.output
+    assert program.output.count('closed') == 1  # the one that could be
+
+
+@pytest.mark.parametrize('name', ['SlowToClose', 'SlowToStart'])
+def test_signal_ends_a_program_within_two_seconds_although_a_device_hangs(launch: Launch, name: str) -> None:
+    program = _running(launch(name))
+    begin = time.monotonic()
+    program.signal(signal.SIGTERM)
+    assert program.ended(5.0) == 1
+    assert time.monotonic() - begin < SOON_S + 0.2
+    assert 'not ended within 1.8 s of being asked to; given up' in program.output
+
+
+def test_second_signal_ends_a_program_at_once(launch: Launch) -> None:
+    program = _running(launch('SlowToClose'))
+    program.signal(signal.SIGINT)
+    until(lambda: 'closed' in program.output)
+    begin = time.monotonic()
+    until(lambda: program.signal(signal.SIGINT) or program.ended(0.05) is not None)
+    assert time.monotonic() - begin < 1.0
+    assert program.ended(0.0) == 128 + signal.SIGINT
+
+
+def test_signal_that_comes_twice_at_once_is_taken_for_one(launch: Launch) -> None:
+    program = _running(launch('Ready'))
+    program.signal(signal.SIGINT)
+    program.signal(signal.SIGINT)
+    assert program.ended(SOON_S) == 0
+    assert 'closed' in program.output
+
+
+def test_bug_in_a_callback_ends_the_program_with_its_traceback_in_the_log(launch: Launch) -> None:
+    program = launch('Buggy', 'Ready')
+    assert program.ended(8.0) == 1
+    assert '[FATAL]' in program.output
+    assert 'ZeroDivisionError: the bug' in program.output
+    assert 'programs.py' in program.output
+    assert program.output.count('closed') == 2
+
+
+def test_trouble_of_a_device_in_a_callback_does_not_end_the_program(launch: Launch) -> None:
+    program = _running(launch('Troubled'))
+    until(lambda: 'the camera is gone; plug it in' in program.output)
+    assert program.ended(0.2) is None
+    program.signal(signal.SIGINT)
+    assert program.ended(SOON_S) == 0
+    assert 'Traceback' not in program.output
+
+
+def test_node_that_cannot_start_is_one_sentence_and_closes_those_that_could(launch: Launch) -> None:
+    program = launch('Ready', 'NoDevice')
+    assert program.ended(8.0) == 1
+    assert 'nodevice: there is no camera 7; see: tactile doctor' in program.output
+    assert 'closed' in program.output
+    assert 'Traceback' not in program.output
+
+
+@pytest.mark.parametrize(
+    ('environment', 'sentence'),
+    [
+        ({'ROS_DOMAIN_ID': 'home'}, "ROS_DOMAIN_ID is 'home'; set it to a number from 0 to 232\n"),
+        ({'TACTILE_RUN_DIR': '/proc/nothing'}, 'cannot use /proc/nothing for the sockets of the bus'),
+        ({'TACTILE_RUN_DIR': '/tmp/' + 'x' * 100}, 'too long a name for sockets'),
+    ],
+)
+def test_bus_that_cannot_be_joined_is_one_sentence(launch: Launch, environment: dict[str, str], sentence: str) -> None:
+    program = launch('Ready', **environment)
+    assert program.ended(8.0) == 1
+    assert sentence in program.output
+    assert program.output.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('argv', 'sentence'),
+    [
+        (['--ros-args', '--nonsense'], "'--nonsense' is no flag"),
+        (['rate:=3'], "'rate:=3' is not understood"),
+        (['--ros-args', '--params-file', 'none.yaml'], 'cannot read the parameter file none.yaml'),
+        (['--ros-args', '-p'], '-p needs a value'),
+    ],
+)
+def test_wrong_command_line_is_one_sentence(argv: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_nodes([Ready], argv) == 1
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert error.count('\n') == 1

@@ -1,0 +1,109 @@
+"""Where things are, and who may enter."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
+
+
+@pytest.fixture(autouse=True)
+def _no_run_folder_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('TACTILE_RUN_DIR', raising=False)
+    monkeypatch.delenv('XDG_RUNTIME_DIR', raising=False)
+
+
+def test_share_folder_holds_the_messages_and_the_manifest() -> None:
+    share = paths.share_directory()
+    assert (share / 'package.xml').is_file()
+    assert (share / 'msg' / 'ForceDistribution.msg').is_file()
+
+
+def test_run_folder_is_the_chosen_one_and_is_made_for_its_user_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'run'))
+    assert paths.run_directory() == tmp_path / 'run'
+    assert stat.S_IMODE((tmp_path / 'run').stat().st_mode) == 0o700
+
+
+def test_run_folder_does_not_depend_on_where_a_process_was_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('TACTILE_RUN_DIR', 'run')
+    assert paths.run_directory() == tmp_path / 'run'
+
+
+def test_run_folder_lies_in_the_users_runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(tmp_path))
+    assert paths.run_directory() == tmp_path / 'tactile'
+
+
+def test_run_folder_lies_in_the_temporary_folder_when_there_is_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(tmp_path / 'none'))
+    assert paths.run_directory() == tmp_path / f'tactile-{os.getuid()}'
+
+
+def test_folder_that_others_may_enter_is_refused_saying_how_to_forbid_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tmp_path.chmod(0o755)
+    monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path))
+    with pytest.raises(ConfigurationError, match=r'others may enter .*; forbid it with: chmod 700'):
+        paths.run_directory()
+
+
+def test_symbolic_link_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'link').symlink_to(tmp_path)
+    monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'link'))
+    with pytest.raises(ConfigurationError, match='is not a folder of user'):
+        paths.run_directory()
+
+
+def test_folder_below_a_file_is_refused_saying_what_to_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'file').write_text('')
+    monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'file' / 'run'))
+    with pytest.raises(ConfigurationError, match=r'Not a directory.*; set TACTILE_RUN_DIR to a folder of your own'):
+        paths.run_directory()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason='only root can give a folder away')
+def test_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'theirs').mkdir(mode=0o700)
+    os.chown(tmp_path / 'theirs', 65534, 65534)
+    monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'theirs'))
+    with pytest.raises(ConfigurationError, match='is not a folder of user 0; set TACTILE_RUN_DIR'):
+        paths.run_directory()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason='only root can give a folder away')
+def test_runtime_folder_of_another_user_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'theirs').mkdir(mode=0o700)
+    os.chown(tmp_path / 'theirs', 65534, 65534)
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(tmp_path / 'theirs'))
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
+    assert paths.run_directory() == tmp_path / 'tactile-0'
+
+
+def test_folder_that_cannot_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('TACTILE_RUN_DIR', '/proc/run')  # where not even root may make one
+    with pytest.raises(ConfigurationError, match='cannot use /proc/run for the sockets of the bus'):
+        paths.run_directory()
+
+
+def test_logs_go_where_ros_2_puts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('ROS_LOG_DIR', raising=False)
+    monkeypatch.setenv('ROS_HOME', str(tmp_path))
+    assert paths.log_directory() == tmp_path / 'log'
+    monkeypatch.setenv('ROS_LOG_DIR', '/elsewhere')
+    assert paths.log_directory() == Path('/elsewhere')
