@@ -31,7 +31,7 @@ examples:
   tactile view --namespace /left        the sensor whose topics begin with /left
   tactile view --scale 0.2              colours for light touches: brightest at 0.2 N a bin
 """
-FULL_SCALE_N = 1.0
+FULL_SCALE_N = 1.0  # of the brightest colour, whatever is shown: a scale that moves hides how hard one presses
 REDRAW_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
 QUEUE = 1000  # more than comes between two redraws, so that every frame is counted

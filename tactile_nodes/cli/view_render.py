@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
-from itertools import groupby, zip_longest
-from operator import itemgetter
+from itertools import zip_longest
 from typing import Any
 
-import numpy as np
 from rich.style import Style
 from rich.text import Text
 
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.cli.view import FULL_SCALE_N
+from tactile_nodes.cli.view_map import MAP_WIDTH, map_lines
 from tactile_nodes.cli.view_measures import STAGES, Scores, strongest
 from tactile_nodes.cli.view_state import NodeHealth, Snapshot, reason_names, silent
 
-FULL_SCALE_N = 1.0  # what the brightest colour means, whatever is shown: a scale that moves hides how hard one presses
-_STEPS = 24
-_SHOWN_N = 0.005  # smaller forces would read 0.00
-_FAINT = 0.02  # of the full scale: below, noise would make the map flicker
-_MAP_WIDTH = 45
-# From black over purple and orange to pale yellow; even in lightness, and readable without colour vision.
-_ANCHORS = np.array(
-    [(8, 6, 24), (40, 11, 84), (101, 21, 110), (159, 42, 99), (212, 72, 66), (245, 125, 21), (250, 193, 39),
-     (252, 255, 164)], float
-)  # fmt: skip
 _BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 _LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
 _LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
@@ -38,7 +28,7 @@ def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
     if shot.force is None:
         lines.append(Text(waiting(shot), _LEVELS[1]))
     else:
-        lines += _side_by_side(_map_lines(shot, full_scale_n), _latency_lines(shot))
+        lines += _side_by_side(map_lines(shot.force, _true_bin(shot), full_scale_n), _latency_lines(shot))
         lines += [Text(), _force_line(shot), _place_line(shot), _counts_line(shot), _provenance_line(shot)]
     lines += _health_lines(shot)
     lines += [Text(line, _LEVELS[1]) for line in shot.logs]
@@ -68,7 +58,7 @@ def line(shot: Snapshot) -> str:
 
 def waiting(shot: Snapshot) -> str:
     """What is missing while there is no force."""
-    topic = f'{shot.namespace.rstrip("/")}/force_distribution'
+    topic = _topic(shot)
     if not shot.estimators:
         return f'no force yet: nobody publishes {topic}; {shot.advice}'
     told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
@@ -106,91 +96,13 @@ def _title(shot: Snapshot) -> Text:
     state = _status_text(shot.force) if shot.force is not None else 'waiting'
     level = int(shot.force.status) if shot.force is not None else 1
     title = Text.assemble(
-        (f'{shot.namespace.rstrip("/")}/force_distribution', _BOLD),
+        (_topic(shot), _BOLD),
         f'  {shot.running_s:6.1f} s  {_hz(shot.arrivals_hz)} fps  ',
     )
     title.append(state, _LEVELS[min(level, 2)])
     if shot.age_s > 1:
         title.append(f'  no force for {shot.age_s:.1f} s', _LEVELS[2])
     return title
-
-
-def _map_lines(shot: Snapshot, full_scale_n: float) -> list[Text]:
-    force = shot.force
-    newtons = force.normal_force.reshape(force.rows, force.cols)
-    true_bin = strongest(shot.truth) if shot.truth is not None and shot.truth.in_contact else None
-    if newtons.shape[1] * 5 > _MAP_WIDTH:
-        lines = [_coloured_row(row, full_scale_n) for row in _pooled(newtons)]
-    else:
-        marks = [true_bin - row * force.cols if true_bin is not None else -1 for row in range(force.rows)]
-        lines = [_numbered_row(row, full_scale_n, mark) for row, mark in zip(newtons, marks, strict=True)]
-    return [*lines, _scale_line(full_scale_n)]
-
-
-def _numbered_row(newtons: np.ndarray, full_scale_n: float, true_col: int) -> Text:
-    cells = [
-        (('›' if col == true_col else ' ') + _cell(force_n), _colour(force_n, full_scale_n))
-        for col, force_n in enumerate(newtons.tolist())
-    ]
-    return _joined(cells)
-
-
-def _coloured_row(newtons: np.ndarray, full_scale_n: float) -> Text:
-    return _joined([('  ', _colour(force_n, full_scale_n)) for force_n in newtons.tolist()])
-
-
-def _joined(cells: list[tuple[str, Style]]) -> Text:
-    """One text; neighbours of one style become one piece, which is what drawing costs by."""
-    row = Text()
-    for style, run in groupby(cells, key=itemgetter(1)):
-        row.append(''.join(text for text, _ in run), style)
-    return row
-
-
-def _cell(force_n: float) -> str:
-    """Four characters: 0.12, 12.3, -.12."""
-    if abs(force_n) < _SHOWN_N:
-        return ' .  '
-    return f'{force_n:4.2f}'.replace('-0.', '-.')[:4]
-
-
-def _pooled(newtons: np.ndarray) -> np.ndarray:
-    """A grid of at most 22 columns; each holds the largest force of the bins that it stands for."""
-    factor = math.ceil(newtons.shape[1] * 2 / _MAP_WIDTH)
-    rows, cols = (math.ceil(size / factor) * factor for size in newtons.shape)
-    whole = np.full((rows, cols), -np.inf)
-    whole[: newtons.shape[0], : newtons.shape[1]] = newtons
-    pooled: np.ndarray = whole.reshape(rows // factor, factor, cols // factor, factor).max(axis=(1, 3))
-    return pooled
-
-
-def _scale_line(full_scale_n: float) -> Text:
-    scale = Text('0 ', _DIM)
-    for step in range(0, _STEPS, 2):
-        scale.append(' ', _style(step))
-    return scale.append(f' {full_scale_n:g} N a bin (fixed)   › true bin', _DIM)
-
-
-def _colour(force_n: float, full_scale_n: float) -> Style:
-    if not math.isfinite(force_n):
-        return _LEVELS[3]
-    if abs(force_n) < max(_SHOWN_N, _FAINT * full_scale_n):
-        return _DIM
-    return _style(max(0, min(_STEPS - 1, int(force_n / full_scale_n * _STEPS)))) if force_n > 0 else _negative()
-
-
-@cache
-def _style(step: int) -> Style:
-    place = step / (_STEPS - 1) * (len(_ANCHORS) - 1)
-    rgb = [round(np.interp(place, np.arange(len(_ANCHORS)), _ANCHORS[:, channel])) for channel in range(3)]
-    light = 0.3 * rgb[0] + 0.6 * rgb[1] + 0.1 * rgb[2] > 110
-    return Style(color='#000000' if light else '#ffffff', bgcolor=f'#{rgb[0]:02x}{rgb[1]:02x}{rgb[2]:02x}')
-
-
-@cache
-def _negative() -> Style:
-    """For forces that pull, which a gel under a probe cannot feel: the model is wrong there."""
-    return Style(color='#ffffff', bgcolor='#1f4f8f')
 
 
 def _latency_lines(shot: Snapshot) -> list[Text]:
@@ -206,7 +118,7 @@ def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
     for one, other in zip_longest(left, right):
         made = one.copy() if one is not None else Text()
         if other is not None:
-            made.pad_right(max(2, _MAP_WIDTH + 2 - made.cell_len))
+            made.pad_right(max(2, MAP_WIDTH + 2 - made.cell_len))
             made.append_text(other)
         yield made
 
@@ -287,6 +199,15 @@ def _status_text(force: Any) -> str:
 
 def _by_level(health: tuple[NodeHealth, ...]) -> list[NodeHealth]:
     return sorted(health, key=lambda entry: -entry.level)
+
+
+def _true_bin(shot: Snapshot) -> int | None:
+    comparable = shot.pair is not None and shot.pair.right_bin is not None
+    return strongest(shot.truth) if comparable else None
+
+
+def _topic(shot: Snapshot) -> str:
+    return f'{shot.namespace.rstrip("/")}/{FORCE_DISTRIBUTION.name}'
 
 
 def _ms(seconds: float) -> str:

@@ -22,6 +22,7 @@ from tactile_nodes.cli.view_measures import (
     StampGaps,
     stage_times,
 )
+from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import stamp_ns, types
 
 WINDOW_S = 5.0
@@ -98,8 +99,12 @@ class ViewState:
         self._logs: deque[_Said] = deque(maxlen=4)
 
     def add_force(self, received: Received) -> None:
-        """A force distribution came in."""
-        message = received.message
+        """A force distribution came in.
+
+        Raises:
+            MessageError: its bins do not fill its grid.
+        """
+        message = _checked(received.message)
         captured_ns = stamp_ns(message.header.stamp)
         times = stage_times(message.stages, (received.received_ns - captured_ns) / NS_PER_S)
         self.frames += 1
@@ -115,9 +120,14 @@ class ViewState:
         self._last_ns = (received.received_ns, captured_ns)
 
     def add_truth(self, received: Received) -> None:
-        """A true force distribution came in."""
+        """A true force distribution came in.
+
+        Raises:
+            MessageError: its bins do not fill its grid.
+        """
+        message = _checked(received.message)
         self._truth_ns = received.received_ns
-        self._comparison.add_truth(stamp_ns(received.message.header.stamp), received.message)
+        self._comparison.add_truth(stamp_ns(message.header.stamp), message)
 
     def add_diagnostics(self, received: Received) -> None:
         """Nodes said how they are."""
@@ -126,7 +136,7 @@ class ViewState:
             if self._is_ours(node.replace('.', '/')):
                 heard = self._health.setdefault(f'/{node.lstrip("/")}', _Heard())
                 heard.time_ns = received.received_ns
-                heard.parts[part] = (_level(status.level), status.message)
+                heard.parts[part] = (_level(status.level), _printable(status.message))
 
     def add_log(self, received: Received) -> None:
         """A node said something; warnings and worse are kept."""
@@ -137,6 +147,7 @@ class ViewState:
 
     def add_note(self, text: str) -> None:
         """Something that a person should read; from any thread."""
+        text = _printable(text)
         if self._logs and self._logs[-1].text == text:
             self._logs[-1].times += 1
         else:
@@ -232,6 +243,18 @@ def reason_names(reasons: int) -> list[str]:
 def silent(health: Iterable[NodeHealth]) -> list[NodeHealth]:
     """The nodes that have not said for some time how they are."""
     return [entry for entry in health if entry.age_s > SILENT_AFTER_S]
+
+
+def _checked(message: Any) -> Any:
+    bins = message.normal_force.size
+    if not bins or bins != message.rows * message.cols:
+        raise MessageError(f'a force distribution of {bins} bins on a grid of {message.rows} x {message.cols}')
+    return message
+
+
+def _printable(text: str) -> str:
+    """On one line, and without what a terminal would take for an instruction."""
+    return ''.join(letter if letter.isprintable() else ' ' for letter in text)
 
 
 def _level(level: Any) -> int:

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from test_view_state import MS, diagnostics, force, received
 
-from tactile_nodes.cli import view_render
+from tactile_nodes.cli import view_map, view_render
 from tactile_nodes.cli.view_state import ViewState
 from tactile_nodes.messages import types
 
@@ -40,15 +40,15 @@ def test_the_scale_is_stated_and_does_not_follow_the_force() -> None:
 
 
 def test_a_bin_has_the_colour_of_its_force_on_the_fixed_scale() -> None:
-    colours = [view_render._colour(force_n, 1.0).bgcolor for force_n in (0.3, 0.6, 1.0, 7.0)]
+    colours = [view_map._colour(force_n, 1.0).bgcolor for force_n in (0.3, 0.6, 1.0, 7.0)]
     assert colours[0] != colours[1] != colours[2]
     assert colours[2] == colours[3]
-    assert view_render._colour(0.3, 0.3) == view_render._colour(1.0, 1.0)
+    assert view_map._colour(0.3, 0.3) == view_map._colour(1.0, 1.0)
 
 
 @pytest.mark.parametrize(('force_n', 'cell'), [(0.004, ' .  '), (0.126, '0.13'), (12.34, '12.3'), (-0.126, '-.13')])
 def test_a_cell_holds_four_characters(force_n: float, cell: str) -> None:
-    assert view_render._cell(force_n) == cell
+    assert view_map._cell(force_n) == cell
 
 
 def test_force_error_place_and_provenance_are_shown() -> None:
@@ -89,7 +89,7 @@ def test_a_map_too_wide_for_numbers_is_drawn_in_colours_alone() -> None:
 def test_pooling_keeps_the_largest_force() -> None:
     newtons = np.zeros((30, 30))
     newtons[29, 29] = 0.7
-    pooled = view_render._pooled(newtons)
+    pooled = view_map._pooled(newtons)
     assert pooled.shape == (15, 15)
     assert pooled[14, 14] == 0.7
 

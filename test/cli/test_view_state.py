@@ -10,6 +10,7 @@ import pytest
 from tactile_nodes.bus.protocol import Received
 from tactile_nodes.cli.view_measures import Comparison, Histogram, Recent, StampGaps, stage_times
 from tactile_nodes.cli.view_state import ViewState, reason_names, silent
+from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import time_from_ns, types
 
 MS = 1_000_000
@@ -278,6 +279,20 @@ def test_warnings_are_kept_and_repetitions_counted() -> None:
     for level, text in ((20, 'fine'), (30, 'dark'), (30, 'dark'), (40, 'lost')):
         state.add_log(received(log(level, 'camera', text)))
     assert state.snapshot(0).logs == ('[WARN] [camera]: dark (x2)', '[ERROR] [camera]: lost')
+
+
+def test_bins_that_do_not_fill_their_grid_are_refused() -> None:
+    state = ViewState()
+    for bins in ((), (0.0, 0.0, 0.0)):
+        with pytest.raises(MessageError, match=f'{len(bins)} bins on a grid of 2 x 2'):
+            state.add_force(received(force(0, bins)))
+    assert state.frames == 0
+
+
+def test_what_nodes_say_cannot_command_the_terminal() -> None:
+    state = ViewState()
+    state.add_note('two\nlines \x1b[2J')
+    assert state.snapshot(0).logs == ('two lines  [2J',)
 
 
 def test_reasons_have_names() -> None:
