@@ -124,7 +124,8 @@ def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
 
 
 def _force_line(shot: Snapshot) -> Text:
-    return Text.assemble(('force    ', _BOLD), _total_text(shot).removeprefix('force '))
+    overall = f'  RMSE {shot.scores.rmse_n:.3f} N' if shot.scores.pairs else ''
+    return Text.assemble(('force    ', _BOLD), _total_text(shot).removeprefix('force '), overall)
 
 
 def _place_line(shot: Snapshot) -> Text:
@@ -137,8 +138,6 @@ def _counts_line(shot: Snapshot) -> Text:
     )
     if shot.malformed:
         made.append(f', {shot.malformed} malformed', _LEVELS[1])
-    if shot.scores.pairs:
-        made.append(f', RMSE {shot.scores.rmse_n:.3f} N')
     return made
 
 
