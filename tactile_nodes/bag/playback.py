@@ -37,6 +37,7 @@ class Playback:
         tick_hz: float = 0.0,
     ) -> None:
         self.timeline = Timeline(rate)
+        self.timeline.start(clock.now_ns(), reader.extent.start_ns)
         self.published = 0
         self.latest_ns = 0
         self._reader = reader

@@ -1,0 +1,154 @@
+"""`tactile bag`: what it prints, which flags it takes, and how it ends."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.cli import bag as command
+from tactile_nodes.messages import types
+
+FORCE = 'tactile_nodes/msg/ForceDistribution'
+START_NS = 1_585_866_235_112_411_371
+PROGRAM = """
+import argparse, sys
+from tactile_nodes.cli import bag
+from tactile_nodes.errors import TactileError
+parser = argparse.ArgumentParser()
+bag.add_arguments(parser)
+try:
+    sys.exit(bag.run(parser.parse_args()))
+except TactileError as error:
+    sys.exit(str(error))
+"""
+
+
+@pytest.fixture(autouse=True)
+def _in_utc(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv('TZ', 'UTC')
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+def make(folder: Path, *totals: float) -> Path:
+    """A bag of forces 1.5 s apart."""
+    writer = BagWriter(folder)
+    writer.add_topic(BagTopic.of_type('/force_distribution', FORCE))
+    for number, total in enumerate(totals):
+        now_ns = START_NS + number * 1_500_000_000
+        header = types.Header(stamp=messages.time_from_ns(now_ns))
+        writer.write(
+            '/force_distribution', messages.encode(types.ForceDistribution(header=header, total=total)), now_ns, 0
+        )
+    writer.close()
+    return folder
+
+
+def parsed(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return parser.parse_args(words)
+
+
+def test_info_prints_the_lines_of_ros2_bag_info(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = make(tmp_path / 'press', 0.5, 1.0)
+    size = (folder / 'press_0.mcap').stat().st_size
+    assert command.run(parsed('info', str(folder))) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        '',
+        'Files:             press_0.mcap',
+        f'Bag size:          {size / 1024:.1f} KiB',
+        'Storage id:        mcap',
+        'Duration:          1.500000000s',
+        'Start:             Apr  2 2020 22:23:55.112411371 (1585866235.112411371)',
+        'End:               Apr  2 2020 22:23:56.612411371 (1585866236.612411371)',
+        'Messages:          2',
+        f'Topic information: Topic: /force_distribution | Type: {FORCE} | Count: 2 | Serialization Format: cdr',
+        '',
+    ]
+
+
+def test_info_warns_when_metadata_and_files_differ(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = make(tmp_path / 'press', 0.5, 1.0)
+    metadata = folder / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('message_count: 2', 'message_count: 3'))
+    assert command.run(parsed('info', str(folder))) == 0
+    assert capsys.readouterr().err == f'Warning: {metadata} announces 3 messages, the files hold 2\n'
+
+
+@pytest.mark.parametrize(
+    ('size', 'shown'), [(0, '0.0 B'), (1023, '1023.0 B'), (12880, '12.6 KiB'), (3 << 30, '3.0 GiB')]
+)
+def test_sizes_are_shown_as_ros2_bag_shows_them(size: int, shown: str) -> None:
+    assert command.size_text(size) == shown
+
+
+def test_compare_says_how_many_stamps_are_identical(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.0)
+    assert command.run(parsed('compare', str(first), str(second))) == 0
+    assert capsys.readouterr().out == '2 of 2 common stamps bit-identical\n'
+
+
+def test_compare_exits_1_when_a_number_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.5)
+    assert command.run(parsed('compare', str(first), str(second))) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        '1 of 2 common stamps bit-identical',
+        'numbers that differ, at how many stamps: total (1); largest difference 0.5',
+    ]
+
+
+def test_record_takes_the_flags_of_ros2_bag_record() -> None:
+    found = parsed('record', '-o', 'press', '-e', 'image', '-x', 'raw', '-b', '1000', '-d', '60', '/a', '/b')
+    assert (found.output, found.regex, found.exclude, found.topics) == ('press', 'image', 'raw', ['/a', '/b'])
+    assert (found.max_bag_size, found.max_bag_duration, found.all) == (1000, 60.0, False)
+
+
+def test_play_takes_the_flags_of_ros2_bag_play() -> None:
+    found = parsed('play', 'press', '-r', '2', '-l', '--start-offset', '3', '--remap', '/a:=/b', '--topics', '/a', '/c')
+    assert (found.bag, found.rate, found.loop, found.start_offset) == ('press', 2.0, True, 3.0)
+    assert (found.remap, found.topics, found.clock) == (['/a:=/b'], ['/a', '/c'], 0.0)
+
+
+def test_clock_without_a_number_is_40_hz_as_in_ros2_bag_play() -> None:
+    assert parsed('play', 'press', '--clock').clock == 40.0
+    assert parsed('play', 'press', '--clock', '100').clock == 100.0
+
+
+def started(*words: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, '-c', PROGRAM, *words], stderr=subprocess.PIPE, text=True)
+
+
+def test_ctrl_c_ends_a_recording_and_says_what_was_written(tmp_path: Path) -> None:
+    process = started('record', '-o', str(tmp_path / 'press'), '-a')
+    said = process.stderr.readline()
+    while 'recording into' not in said:
+        said += process.stderr.readline()
+    os.kill(process.pid, signal.SIGINT)
+    said += process.communicate(timeout=10)[1]
+    with BagReader(tmp_path / 'press') as reader:
+        assert reader.problems == []
+        assert f'wrote {reader.extent.messages} messages' in said
+    assert process.returncode == 0
+
+
+def test_folder_that_exists_is_one_sentence_and_exit_status_1(tmp_path: Path) -> None:
+    process = started('record', '-o', str(tmp_path))
+    assert (
+        process.communicate(timeout=20)[1] == f'{tmp_path} exists already and is not overwritten; choose another name\n'
+    )
+    assert process.returncode == 1
