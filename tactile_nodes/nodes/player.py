@@ -27,6 +27,7 @@ from tactile_nodes.params import parameter
 
 MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
 _MEET_AT_MOST_S = 2.1
+_REST_S = 0.5  # in which others finish what follows from the last message, before a launch ends with this node
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay shall lose nothing, also at ten times the rate
 
@@ -136,6 +137,7 @@ class PlayerNode(Node):
             self._meet()
             self.playback.wait(self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)
+            self.playback.wait(_REST_S)
         except (OSError, TactileError) as error:
             self.failure = BagError(f'cannot play on {self.params.bag}: {error}')
             self.report('bag', Level.ERROR, str(self.failure))
