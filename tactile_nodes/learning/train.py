@@ -7,8 +7,8 @@ labels reward (`docs/method.md` has the measurements):
 * Inputs are standardised, and regions without markers silenced; outputs are learned in units of their size.
 * Weights start four times larger than Glorot's and biases such that every unit starts balanced, which makes a
   logistic layer behave as a tanh layer at the start. (A logistic unit's slope is a quarter, its mean a half.)
-* A few epochs of squared error come first: its gradient points to the peak, while that of the aRMSE, divided by
-  each bin's own error, does so only once the network says something.
+* Squared error comes first, or stays: its gradient points to the peak, while that of the aRMSE, divided by each
+  bin's own error, forgets it.
 """
 
 from __future__ import annotations

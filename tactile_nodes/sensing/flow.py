@@ -80,8 +80,8 @@ class DisFlow:
     """Dense inverse search (Kroeger et al., ECCV 2016) as OpenCV implements it: the paper's method.
 
     The paper names neither preset nor scale. OpenCV's presets `fast` and `ultrafast` stop at a quarter of the
-    resolution (finest scale 2), where they read about half of a motion far below a pixel, which is what a light
-    touch makes. So the default takes `ultrafast` one scale further: `docs/method.md` has the comparison.
+    resolution (finest scale 2), where they lose a quarter of the motion and more. So the default takes `ultrafast`
+    one scale further: `docs/method.md` has the comparison.
     """
 
     name = 'dis'
