@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import signal
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -94,8 +95,10 @@ def _blocks(config: TrainConfig, folder: Path) -> list[_Block]:
 def _render(blocks: list[_Block], processes: int, progress: Progress) -> None:
     if not blocks:
         return
+    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
+    deaf = signal.SIGINT, signal.SIG_IGN
     with (
-        multiprocessing.get_context('spawn').Pool(min(processes, len(blocks))) as pool,
+        multiprocessing.get_context('spawn').Pool(min(processes, len(blocks)), signal.signal, deaf) as pool,
         progress.bar('rendering presses', sum(block.presses for block in blocks)) as bar,
     ):
         for presses in pool.imap_unordered(_render_block, blocks):
