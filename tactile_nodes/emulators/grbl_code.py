@@ -1,0 +1,196 @@
+"""What a G-code line means to Grbl: words, modal groups, and the error number for each way to get it wrong.
+
+Arcs, tool offsets and inverse-time feed are left out (error 20): an indentation rig has no use for them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+
+MM_PER_INCH = 25.4
+AXES = 'XYZ'
+MOTIONS = {0.0: 'G0', 1.0: 'G1', 38.2: 'G38.2', 38.3: 'G38.3', 80.0: 'G80'}
+NON_MODAL = {4.0, 10.0, 28.0, 28.1, 30.0, 30.1, 53.0, 92.0, 92.1}
+GROUPS: dict[float, str] = {
+    **{float(number): 'plane' for number in (17, 18, 19)},
+    **{float(number): 'units' for number in (20, 21)},
+    **{float(number): 'distance' for number in (90, 91)},
+    **{float(number): 'system' for number in range(54, 60)},
+    94.0: 'feed_mode', 40.0: 'cutter', 49.0: 'tool_length', 61.0: 'path',
+}  # fmt: skip
+M_GROUPS = {0: 'program', 1: 'program', 2: 'program', 30: 'program', 3: 'spindle', 4: 'spindle', 5: 'spindle',
+            8: 'coolant', 9: 'coolant'}  # fmt: skip
+JOG_CODES = {20.0, 21.0, 53.0, 90.0, 91.0}
+WORD = re.compile(r'([A-Z])([-+]?\d*\.?\d*)')
+
+
+class GrblError(Exception):
+    """The number after ``error:``."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f'error:{number}')
+        self.number = number
+
+
+@dataclass(frozen=True)
+class Modal:
+    """What holds until something else is said; the defaults are those after a reset."""
+
+    motion: str = 'G0'
+    system: int = 54
+    plane: int = 17
+    units: int = 21
+    distance: int = 90
+    spindle: int = 5
+    coolant: int = 9
+    feed: float = 0.0
+    speed: float = 0.0
+
+    def report(self) -> str:
+        """The answer to ``$G``."""
+        words = f'{self.motion} G{self.system} G{self.plane} G{self.units} G{self.distance} G94'
+        return f'[GC:{words} M{self.spindle} M{self.coolant} T0 F{self.feed:.0f} S{self.speed:.0f}]'
+
+
+@dataclass(frozen=True)
+class Command:
+    """One line, understood. Axes and feed are in mm."""
+
+    modal: Modal
+    motion: str | None = None
+    axes: dict[int, float] = field(default_factory=dict)
+    non_modal: float | None = None
+    values: dict[str, float] = field(default_factory=dict)
+    spindle: bool = False
+    coolant: bool = False
+    program: int | None = None
+
+
+def words_of(text: str) -> list[tuple[str, float]]:
+    """The words of a line without spaces and comments."""
+    words, place = [], 0
+    while place < len(text):
+        match = WORD.match(text, place)
+        if match is None:
+            raise GrblError(1)
+        if not re.search(r'\d', match.group(2)):
+            raise GrblError(2)
+        words.append((match.group(1), float(match.group(2))))
+        place = match.end()
+    return words
+
+
+def understand(text: str, modal: Modal) -> Command:
+    """The command in a G-code line.
+
+    Raises:
+        GrblError: with Grbl's number.
+    """
+    codes, values = _sorted_words(words_of(text))
+    chosen: dict[str, float] = {}
+    for letter, number in codes:
+        group = _group(letter, number)
+        if group in chosen:
+            raise GrblError(21)
+        chosen[group] = number
+    return _command(chosen, values, modal)
+
+
+def understand_jog(text: str, modal: Modal) -> Command:
+    """The command after ``$J=``, which leaves the modal state alone."""
+    codes, values = _sorted_words(words_of(text))
+    if any(letter != 'G' or number not in JOG_CODES for letter, number in codes):
+        raise GrblError(16)
+    chosen = {_group(letter, number): number for letter, number in codes}
+    units = chosen.get('units', float(modal.units))
+    axes = _axes(values, units)
+    if not axes:
+        raise GrblError(26)
+    if values.get('F', 0.0) <= 0:
+        raise GrblError(22)
+    mode = replace(modal, distance=int(chosen.get('distance', modal.distance)), feed=values['F'] * _factor(units))
+    return Command(mode, 'G1', axes, chosen.get('non_modal'))
+
+
+def _sorted_words(words: list[tuple[str, float]]) -> tuple[list[tuple[str, float]], dict[str, float]]:
+    codes = [(letter, number) for letter, number in words if letter in 'GM']
+    values: dict[str, float] = {}
+    for letter, number in words:
+        if letter in 'GM':
+            continue
+        if letter not in 'XYZFSPLNTR':
+            raise GrblError(20)
+        if letter in values:
+            raise GrblError(25)
+        values[letter] = number
+    return codes, values
+
+
+def _group(letter: str, number: float) -> str:
+    if letter == 'M':
+        if number not in M_GROUPS:
+            raise GrblError(20)
+        return M_GROUPS[int(number)]
+    if number in MOTIONS:
+        return 'motion'
+    if number in NON_MODAL:
+        return 'non_modal'
+    if number not in GROUPS:
+        raise GrblError(20)
+    return GROUPS[number]
+
+
+def _command(chosen: dict[str, float], values: dict[str, float], modal: Modal) -> Command:
+    units = chosen.get('units', float(modal.units))
+    axes, non_modal = _axes(values, units), chosen.get('non_modal')
+    new = _new_modal(chosen, values, modal, units)
+    uses_axes = non_modal in {10.0, 28.0, 30.0, 92.0}
+    if uses_axes and 'motion' in chosen and axes:
+        raise GrblError(24)
+    motion = new.motion if (axes or chosen.get('motion', 80.0) != 80.0) and not uses_axes else None
+    _check_motion(motion, chosen, axes, new, non_modal, values)
+    return Command(new, motion, axes, non_modal, values, 'spindle' in chosen, 'coolant' in chosen, _program(chosen))
+
+
+def _program(chosen: dict[str, float]) -> int | None:
+    return int(chosen['program']) if 'program' in chosen else None
+
+
+def _new_modal(chosen: dict[str, float], values: dict[str, float], modal: Modal, units: float) -> Modal:
+    changes = {
+        name: int(chosen[name]) for name in ('system', 'plane', 'distance', 'spindle', 'coolant') if name in chosen
+    }
+    feed = values['F'] * _factor(units) if 'F' in values else modal.feed
+    motion = MOTIONS[chosen['motion']] if 'motion' in chosen else modal.motion
+    return replace(modal, **changes, units=int(units), motion=motion, feed=feed, speed=values.get('S', modal.speed))
+
+
+def _check_motion(
+    motion: str | None,
+    chosen: dict[str, float],
+    axes: dict[int, float],
+    modal: Modal,
+    non_modal: float | None,
+    values: dict[str, float],
+) -> None:
+    if non_modal == 4.0 and 'P' not in values:
+        raise GrblError(28)
+    if non_modal == 53.0 and modal.motion not in {'G0', 'G1'}:
+        raise GrblError(30)
+    if motion is None:
+        return
+    if motion == 'G80':
+        raise GrblError(31)
+    if motion != 'G0' and modal.feed <= 0:
+        raise GrblError(22)
+    if not axes and motion != 'G0' and 'motion' in chosen and motion.startswith('G38'):
+        raise GrblError(26)
+
+
+def _axes(values: dict[str, float], units: float) -> dict[int, float]:
+    return {AXES.index(letter): number * _factor(units) for letter, number in values.items() if letter in AXES}
+
+
+def _factor(units: float) -> float:
+    return MM_PER_INCH if units == 20.0 else 1.0

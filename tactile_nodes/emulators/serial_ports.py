@@ -1,0 +1,140 @@
+"""How a host reaches an emulated serial device: through a pseudo terminal, or within its own thread."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import pty
+import select
+import threading
+import tty
+from pathlib import Path
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.serial_device import SerialDevice
+from tactile_nodes.errors import DeviceLostError
+
+LONGEST_WAIT_S = 0.01  # how late the device may notice that a stepped clock has moved, or that a host has opened it
+
+
+class PtyPort:
+    """A device behind a pseudo terminal, served by a thread of its own.
+
+    Args:
+        device: what answers.
+        link: where a symbolic link to the terminal shall be, whose name stays the same over unplugging.
+        reset_on_open: opening the port restarts the device, as it does on boards of the Arduino kind.
+    """
+
+    def __init__(self, device: SerialDevice, clock: Clock, link: Path, reset_on_open: bool = False) -> None:
+        self._device = device
+        self._clock = clock
+        self._reset_on_open = reset_on_open
+        self._master = -1
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.path = link
+
+    def __enter__(self) -> PtyPort:
+        self.plug()
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self.unplug()
+
+    def plug(self) -> None:
+        """Make the port appear."""
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        name = os.ttyname(slave)
+        os.close(slave)  # from now on the master reports a hang-up for as long as no host has it open
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(name)
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._serve, name=f'emulated {self.path.name}', daemon=True)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """Make the port disappear under whoever has it open; the device itself goes on."""
+        if self._thread is None:
+            return
+        self._stopping.set()
+        self._thread.join()
+        self._thread = None
+        os.close(self._master)
+        self.path.unlink(missing_ok=True)
+
+    def _serve(self) -> None:
+        poller, opened = select.poll(), False
+        poller.register(self._master, select.POLLIN)
+        while not self._stopping.is_set():
+            events = poller.poll(1000 * self._patience_s())
+            flags = events[0][1] if events else 0
+            if flags & select.POLLIN:
+                self._device.receive(_read(self._master))
+            if (present := not flags & select.POLLHUP) != opened:
+                opened = present
+                if opened and self._reset_on_open:
+                    self._device.power_cycle()
+            self._exchange(opened)
+            if not opened:
+                self._stopping.wait(LONGEST_WAIT_S)  # a hang-up makes poll return at once
+
+    def _exchange(self, opened: bool) -> None:
+        self._device.run()
+        if (data := self._device.take_output()) and opened:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, data)
+
+    def _patience_s(self) -> float:
+        due_ns = self._device.next_event_ns()
+        wait_s = LONGEST_WAIT_S if due_ns is None else (due_ns - self._clock.now_ns()) / NS_PER_S
+        return min(max(wait_s, 0.0005), LONGEST_WAIT_S)
+
+
+def _read(descriptor: int) -> bytes:
+    try:
+        return os.read(descriptor, 4096)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        return b''
+
+
+class DirectPort:
+    """The device as a driver's port, without a thread: reading lets the time pass until it has said something.
+
+    With a clock that jumps over what is slept, a dialogue takes no real time and is the same every time.
+    """
+
+    def __init__(self, device: SerialDevice, clock: Clock, name: str = 'the emulated port') -> None:
+        self._device = device
+        self._clock = clock
+        self.name = name
+        self.unplugged = False
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the device."""
+        self._check()
+        self._device.receive(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        """What the device says, at once if it has; empty after the timeout."""
+        self._check()
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while True:
+            self._device.run()
+            if data := self._device.take_output():
+                return data
+            if self._clock.now_ns() >= deadline_ns:
+                return b''
+            due_ns = self._device.next_event_ns()
+            self._clock.sleep_until(deadline_ns if due_ns is None else min(due_ns, deadline_ns))
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _check(self) -> None:
+        if self.unplugged:
+            raise DeviceLostError(f'{self.name} was unplugged; plug it in again')
