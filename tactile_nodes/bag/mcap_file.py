@@ -6,6 +6,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from tactile_nodes.bag.growing_file import GrowingFile
@@ -60,7 +62,21 @@ class McapFile:
             self._schemas[topic.type_name] = schema
         facts = {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash}
         schema = self._schemas[topic.type_name]
-        self._channels[topic.name] = self._writer.register_channel(topic.name, topic.encoding, schema, facts)
+        channel = self._writer.register_channel(topic.name, topic.encoding, schema, facts)
+        self._channels[topic.name] = channel
+        self._describe_outside_of_chunks(topic, Channel(channel, topic.name, topic.encoding, facts, schema))
+
+    def _describe_outside_of_chunks(self, topic: BagTopic, channel: Channel) -> None:
+        """The writer does so in a chunk; where that one is damaged, this keeps the others readable."""
+        builder = RecordBuilder()
+        Schema(
+            id=channel.schema_id,
+            name=topic.type_name,
+            encoding=topic.definition_format,
+            data=topic.definition.encode(),
+        ).write(builder)
+        channel.write(builder)
+        self._stream.write(builder.end())  # type: ignore[no-untyped-call]
 
     def add(self, entry: Entry) -> None:
         """Take in one message; it is in the file after the next `flush`."""

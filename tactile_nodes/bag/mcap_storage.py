@@ -6,7 +6,7 @@ import heapq
 import itertools
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -128,10 +128,19 @@ class McapStorage:
         last.counts[message.channel] += 1
 
     def _find_channels(self) -> None:
-        """Descriptions stand in the summary, or else in the chunk where they are first needed."""
+        """Descriptions stand in the summary, or else in some chunk before they are first needed."""
+        unread: list[_Block] = []
         for block in self._blocks:
-            if not block.counts or any(channel not in self._channels for channel in block.counts):
-                self._count(block)
+            unread.append(block)
+            if not block.counts:
+                self._count(unread.pop())
+            while unread and not self._describes(block.counts):
+                self._count(unread.pop())
+
+    def _describes(self, channels: Iterable[int]) -> bool:
+        return all(
+            channel in self._channels and self._channels[channel].schema_id in self._schemas for channel in channels
+        )
 
     def _count(self, block: _Block) -> None:
         block.counts = Counter(message.channel for message in self._messages_of(block))

@@ -94,6 +94,20 @@ def test_killed_bag_is_read_by_the_mcap_package(killed) -> None:
         assert len(list(mcap.reader.make_reader(file).iter_messages())) == reader.extent.messages
 
 
+def test_damage_in_the_first_chunk_of_a_killed_bag_costs_that_chunk_only(killed, tmp_path: Path) -> None:
+    folder, _ = killed
+    with BagReader(folder) as reader:
+        content = list(reader.messages())
+    data = bytearray((folder / 'press_0.mcap').read_bytes())
+    data[data.index(content[0].data) + 100] ^= 1
+    (tmp_path / 'damaged.mcap').write_bytes(data)
+    with BagReader(tmp_path / 'damaged.mcap') as reader:
+        found = list(reader.messages())
+        assert 'its checksum is wrong' in reader.problems[0]
+    assert len(content) / 2 < len(found) < len(content)  # a chunk is a fifth of a second of more than one
+    assert found == content[-len(found) :]
+
+
 def test_killed_bag_says_when_its_metadata_is_older_than_its_file(killed) -> None:
     folder, _ = killed
     metadata = folder / 'metadata.yaml'

@@ -102,6 +102,23 @@ def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path) -> None:
     assert read(tmp_path / 'wild.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(10)], [])
 
 
+def test_topic_described_in_a_chunk_of_others_is_found_without_a_summary(tmp_path: Path) -> None:
+    with (tmp_path / 'cut.mcap').open('wb') as file:
+        writer = mcap.writer.Writer(file)
+        writer.start('ros2')
+        first = writer.register_channel('/a', 'cdr', writer.register_schema(STRING, 'ros2msg', b'string data'))
+        writer.add_message(first, START_NS, text(0), START_NS)
+        second = writer.register_channel('/b', 'cdr', writer.register_schema('lab/msg/Odd', 'ros2msg', b'int32 x'))
+        writer.flush()
+        writer.add_message(first, START_NS + 1, text(1), START_NS)
+        writer.flush()
+        writer.add_message(second, START_NS + 2, text(2), START_NS)
+        writer.flush()
+    with BagReader(tmp_path / 'cut.mcap') as reader:
+        assert [(m.topic, m.type_name) for m in reader.messages()] == [('/a', STRING)] * 2 + [('/b', 'lab/msg/Odd')]
+        assert reader.counts == {'/a': 2, '/b': 1}
+
+
 # --- choosing ----------------------------------------------------------------------------------------------------
 
 
