@@ -213,7 +213,7 @@ class LocalPublisher:
         self._shut = False
 
     def publish(self, message: Any) -> None:
-        if messages.type_name(message) != self.type_name:
+        if message.__msgtype__ != self.type_name:
             raise BusError(f'{self.topic} carries {self.type_name}, not {messages.type_name(message)}')
         freeze_arrays(message)
         self._send(message, None)
@@ -241,7 +241,7 @@ class LocalPublisher:
             number = self.sequence + 1
             received = Received(self.type_name, self.gid, number, now_ns, now_ns, message=message, data=data)
             if self.qos.latched:
-                assert received.data  # what cannot be encoded is refused before anybody has it
+                assert received.view  # what cannot be encoded is refused before anybody has it
             self.sequence = number
             self._deliver(received)
 

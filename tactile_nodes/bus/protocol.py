@@ -205,6 +205,12 @@ class Received:
     @property
     def data(self) -> bytes:
         """The CDR bytes that travelled (or would have)."""
+        view = self.view
+        return view if isinstance(view, bytes) else bytes(view)
+
+    @property
+    def view(self) -> bytes | memoryview:
+        """The same without the copy that making `bytes` of it may cost."""
         if self._data is None:
-            self._data = messages.encode(self._message)
-        return self._data if isinstance(self._data, bytes) else bytes(self._data)
+            self._data = messages.encode_view(self._message)
+        return self._data

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import zmq
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.zeromq import ZmqBus
 
 SHORTEST_QUEUE = 8
-ZERO_COPY_BYTES = 65536  # below, a copy is cheaper than keeping ZeroMQ's buffer alive
 _CHECK_LIVES_EVERY_S = 0.5
 _LOOK_AT_MOST = 20  # looking takes a twentieth of the time, however many there are to look at,
 _LOOK_AT_ONCE = 4  # or a quarter when this process itself has changed what it wants
@@ -109,7 +108,7 @@ class Hub(Loop):
         for key, depth in wanted.items():
             if key not in self._receivers:
                 receiver = self._receivers[key] = Receiver(self._bus, *key, depth)
-                self.watch(receiver.socket, receiver.drain)
+                self.watch(receiver.socket, receiver.take_in)
             self._receivers[key].connect_to(offered.get(key, []))
 
     def _drop(self, key: Key) -> None:
@@ -134,7 +133,6 @@ class Receiver:
         self._leaving_s: dict[str, float] = {}
         self._senders: dict[bytes, Outlet] = {}
         self._latched: dict[str, Received] = {}
-        self._large = False
 
     def connect_to(self, outlets: list[Outlet]) -> None:
         """Be connected to these, and for a moment still to those who have gone."""
@@ -158,32 +156,27 @@ class Receiver:
         """The last message of each latched publisher."""
         return list(self._latched.values())
 
-    def drain(self) -> None:
-        """Take what has come in, without waiting."""
-        for _ in range(SHORTEST_QUEUE):  # then let the others have their turn
-            try:
-                frames = self.socket.recv_multipart(zmq.NOBLOCK, copy=not self._large)
-            except zmq.Again:
-                return
-            self._accept([frame.buffer if isinstance(frame, zmq.Frame) else frame for frame in frames])
-
-    def _accept(self, frames: list[Any]) -> None:
+    def take_in(self) -> None:
+        """Take one message, without waiting; then the others have their turn, and who waited for this one."""
+        try:
+            first = self.socket.recv(zmq.NOBLOCK)
+            rest = self.socket.recv_multipart(zmq.NOBLOCK, copy=False) if self.socket.rcvmore else []
+        except zmq.Again:
+            return
         now_ns = self._bus.clock.now_ns()
         try:
-            header, outlet = self._header_of(frames)
+            header, outlet = self._header_of(first)
+            data = _data_of(first, rest)
         except MessageError:
             self._count_foreign()
             return
-        self._large = len(frames[1]) >= ZERO_COPY_BYTES
-        received = Received(self.type_name, outlet.gid, header.sequence, header.source_ns, now_ns, data=frames[1])
+        received = Received(self.type_name, outlet.gid, header.sequence, header.source_ns, now_ns, data=data)
         if outlet.latched:
             self._latched[outlet.gid] = received
         self._bus.deliver(self.topic, received)
 
-    def _header_of(self, frames: list[Any]) -> tuple[wire.Header, Outlet]:
-        if len(frames) != 2:
-            raise MessageError(f'a message of {len(frames)} frames')
-        header = wire.unpack_header(frames[0])
+    def _header_of(self, first: bytes) -> tuple[wire.Header, Outlet]:
+        header = wire.unpack_header(first)
         outlet = self._senders.get(header.gid)
         if outlet is None:
             raise MessageError('a message of a publisher that nobody announced')
@@ -195,3 +188,12 @@ class Receiver:
         self._bus.foreign += 1
         for subscription in self._bus.subscriptions_of(self.topic, self.type_name):
             subscription.malformed += 1
+
+
+def _data_of(first: bytes, rest: list[zmq.Frame]) -> memoryview:
+    """The bytes behind the header, in the same frame or in the next."""
+    if not rest and len(first) > wire.HEADER_SIZE:
+        return memoryview(first)[wire.HEADER_SIZE :]
+    if len(rest) != 1 or len(first) != wire.HEADER_SIZE:
+        raise MessageError(f'a message of {1 + len(rest)} frames')
+    return rest[0].buffer

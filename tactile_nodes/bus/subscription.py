@@ -37,7 +37,9 @@ class Subscription:
         self.malformed = 0
         self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
         self._newest: dict[str, int] = {}
-        self._arrived = threading.Condition(threading.Lock())
+        self._lock = threading.Lock()
+        self._arrived = threading.Condition(self._lock)
+        self._getting = 0
         self._on_ready = on_ready
         self._on_close = on_close
         self._closed = False
@@ -48,7 +50,7 @@ class Subscription:
         A message that a publisher's newer one has overtaken is passed over: a latched one that was sent again for
         somebody else, or one that has come by two ways.
         """
-        with self._arrived:
+        with self._lock:
             if self._closed or received.sequence <= self._newest.get(received.publisher, 0):
                 return
             self._newest[received.publisher] = received.sequence
@@ -57,7 +59,8 @@ class Subscription:
             self.received += 1
             self.dropped += len(self._waiting) == self._waiting.maxlen
             self._waiting.append(received)
-            self._arrived.notify()
+            if self._getting:  # asking a Condition costs more than all the rest here
+                self._arrived.notify()
         if self._on_ready is not None:
             self._on_ready()
 
@@ -68,13 +71,15 @@ class Subscription:
 
     def take(self) -> Received | None:
         """The oldest waiting message, or None."""
-        with self._arrived:
+        with self._lock:
             return self._waiting.popleft() if self._waiting else None
 
     def get(self, timeout_s: float | None = None) -> Received | None:
         """The oldest waiting message, waiting for one; None after `timeout_s` or when closed."""
         with self._arrived:
+            self._getting += 1
             self._arrived.wait_for(lambda: self._waiting or self._closed, timeout_s)
+            self._getting -= 1
             return self._waiting.popleft() if self._waiting else None
 
     def close(self) -> None:

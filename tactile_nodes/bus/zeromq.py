@@ -20,12 +20,13 @@ from tactile_nodes.bus.calls import CallServer, bind_again, call_remote, ping_re
 from tactile_nodes.bus.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher, require_type
 from tactile_nodes.bus.protocol import Graph, Participant, Qos, Received, ServiceHandler
-from tactile_nodes.bus.receiving import SHORTEST_QUEUE, ZERO_COPY_BYTES, Hub, Key
+from tactile_nodes.bus.receiving import SHORTEST_QUEUE, Hub, Key
 from tactile_nodes.bus.records import Outlet, Record
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import BusError, ServiceUnavailableError
 
+LARGE_BYTES = 65536  # below, a copy is cheaper than a second frame
 _LINGER_MS = 200  # so that the last message of a process that ends still leaves
 _MANY_FILES = 8192  # each connection is one
 
@@ -216,6 +217,7 @@ class ZmqPublisher(LocalPublisher):
         super().__init__(bus, topic, type_name, qos, node)
         self._meeting = bus.meeting
         self._key = wire.type_key(type_name)
+        self._sender = self.gid.encode()
         self._listeners = 0
         self.address = self._meeting.socket_address(self.number)
         self._socket = bus.context.socket(zmq.XPUB)
@@ -253,15 +255,17 @@ class ZmqPublisher(LocalPublisher):
         return self._listeners + super().listeners
 
     def _send_beyond(self, received: Received) -> None:
-        self._count_listeners()
-        if self._listeners > 0:
+        if self._listeners > 0:  # counted at each look around, so that publishing need not
             self._transmit(received)
 
     def _transmit(self, received: Received) -> None:
-        header = wire.pack_header(self.gid, self._key, received.sequence, received.source_ns)
-        data = received.data
-        self._socket.send(header, zmq.SNDMORE)
-        self._socket.send(data, 0, len(data) < ZERO_COPY_BYTES)
+        header = wire.pack_header(self._sender, self._key, received.sequence, received.source_ns)
+        data = received.view
+        if len(data) < LARGE_BYTES:
+            self._socket.send(b''.join((header, data)))
+        else:
+            self._socket.send(header, zmq.SNDMORE)
+            self._socket.send(data, 0, False)
 
     def _count_listeners(self) -> bool:
         """Take in who came and went; whether somebody came."""
@@ -287,6 +291,7 @@ class ZmqRelay(ZmqPublisher):
     def __init__(self, bus: ZmqBus, outlet: Outlet) -> None:
         super().__init__(bus, outlet.topic, outlet.type_name, Qos('queue', 100, outlet.latched), '')
         self.gid = outlet.gid
+        self._sender = self.gid.encode()
 
     def repeat(self, sequence: int, source_ns: int, data: bytes) -> None:
         """Publish what the other said as its message number `sequence`."""

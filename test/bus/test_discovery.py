@@ -57,7 +57,8 @@ def test_refused_bus_leaves_no_file_thread_or_descriptor_behind(folder: Path, mo
     monkeypatch.setattr(Meeting, 'announce', fail)
     with pytest.raises(BusError, match='the disk is full'):
         ZmqBus(7, folder=folder)
-    assert (process.num_fds(), process.num_threads()) == before
+    # Threads of others may have been ending just when they were counted.
+    until(lambda: process.num_fds() <= before[0] and process.num_threads() <= before[1], 'all to be given back')
     assert list((folder / 'd7').iterdir()) == []
 
 
@@ -75,7 +76,8 @@ def test_closed_bus_leaves_no_file_thread_or_descriptor_behind(folder: Path) -> 
     before = (process.num_fds(), process.num_threads())
     for _ in range(3):
         use()
-    assert (process.num_fds(), process.num_threads()) == before
+    # Threads of others may have been ending just when they were counted.
+    until(lambda: process.num_fds() <= before[0] and process.num_threads() <= before[1], 'all to be given back')
     assert list((folder / 'd7').iterdir()) == []
 
 

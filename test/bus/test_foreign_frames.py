@@ -61,7 +61,7 @@ class Forger:
     def send_payload(self, payload: bytes) -> None:
         """A message whose header is in order."""
         self._number += 1
-        self.send([wire.pack_header(self.gid, self._key, self._number, 1), payload])
+        self.send([wire.pack_header(self.gid.encode(), self._key, self._number, 1), payload])
 
     def close(self) -> None:
         self._socket.close()
@@ -95,10 +95,10 @@ def _still_hears(subscription: Subscription, forger: Forger) -> None:
         pytest.param([b'hello'], id='one frame'),
         pytest.param([b'hello', b'world'], id='no header'),
         pytest.param([b'', b'', b''], id='three frames'),
-        pytest.param([wire.pack_header(Forger.gid, wire.type_key(IMAGE), 1, 1), b''], id='another type'),
-        pytest.param([wire.pack_header('abcdabcd.1', wire.type_key(NUMBER), 1, 1), b''], id='unknown publisher'),
-        pytest.param([wire.pack_header(Forger.gid, wire.type_key(NUMBER), 1, 1)[:-1], b''], id='a header cut short'),
-        pytest.param([wire.pack_header(Forger.gid, wire.type_key(NUMBER), 1, 1)], id='a header without a message'),
+        pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(IMAGE), 1, 1), b''], id='another type'),
+        pytest.param([wire.pack_header(b'abcdabcd.1', wire.type_key(NUMBER), 1, 1), b''], id='unknown publisher'),
+        pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)[:-1], b''], id='a header cut short'),
+        pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)], id='a header without a message'),
     ],
 )
 def test_foreign_frame_is_counted_and_dropped(forger: Forger, subscription: Subscription, frames: list[bytes]) -> None:

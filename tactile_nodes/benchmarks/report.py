@@ -1,0 +1,99 @@
+"""What every benchmark reports besides its numbers, and how numbers are summed up and shown."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import share_directory
+
+_PACKAGES = ('numpy', 'pyzmq', 'rosbags', 'opencv-contrib-python-headless')
+
+
+def surroundings(command: str) -> dict[str, Any]:
+    """Machine, load, versions and commit: without them a time means nothing."""
+    return {
+        'command': command,
+        'machine': {
+            'processor': _processor(),
+            'cores': os.cpu_count(),
+            'cores_allowed': len(os.sched_getaffinity(0)),
+            'system': platform.platform(),
+            'load_before': [round(load, 2) for load in os.getloadavg()],
+        },
+        'versions': {'python': platform.python_version(), **_versions()},
+        'commit': _commit(),
+    }
+
+
+def percentiles(values: Sequence[float]) -> dict[str, float]:
+    """Median, p90 and p99."""
+    return {f'p{level}': float(np.percentile(values, level)) for level in (50, 90, 99)}
+
+
+def spread(values: Sequence[float]) -> dict[str, float]:
+    """Median and range over the rounds of a run."""
+    return {'median': float(np.median(values)), 'low': float(min(values)), 'high': float(max(values))}
+
+
+def write_json(file: Path, result: dict[str, Any]) -> None:
+    """Keep a result.
+
+    Raises:
+        ConfigurationError: the file cannot be written.
+    """
+    try:
+        file.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
+    except OSError as error:
+        raise ConfigurationError(f'cannot write the result to {file}: {error.strerror}') from error
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table whose columns line up: the first to the left, the others to the right."""
+    lines = [list(heads), *map(list, rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(heads))]
+    rule = ['-' * widths[0], *('-' * (width - 1) + ':' for width in widths[1:])]
+    return '\n'.join(_row(line, widths) for line in [lines[0], rule, *lines[1:]])
+
+
+def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
+    padded = [
+        cells[0].ljust(widths[0]),
+        *(cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True)),
+    ]
+    return f'| {" | ".join(padded)} |'
+
+
+def _processor() -> str:
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.partition(':')[2].strip() for line in lines if line.startswith('model name')), platform.machine())
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:  # not all of them are needed everywhere
+            continue
+    return found
+
+
+def _commit() -> str:
+    command = ['git', '-C', str(share_directory()), 'describe', '--always', '--dirty', '--abbrev=12']
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):  # installed rather than checked out
+        return importlib.metadata.version('tactile_nodes')

@@ -1,0 +1,26 @@
+"""``tactile bench``: measure this machine with the benchmarks that the documentation quotes."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
+BENCHMARKS = {
+    'bus': 'latency and throughput of the bus beside plain pyzmq',
+    'fingers': 'two fingers that squeeze one object: do their readings agree?',
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """One subcommand a benchmark; each is a module of `tactile_nodes.benchmarks` with `add_arguments` and `run`."""
+    benchmarks = parser.add_subparsers(dest='benchmark', required=True, metavar='benchmark')
+    for name, text in BENCHMARKS.items():
+        module = importlib.import_module(f'tactile_nodes.benchmarks.{name}')
+        module.add_arguments(benchmarks.add_parser(name, help=text, description=module.__doc__))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the chosen one."""
+    status: int = importlib.import_module(f'tactile_nodes.benchmarks.{arguments.benchmark}').run(arguments)
+    return status
