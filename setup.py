@@ -38,7 +38,7 @@ setup(
     install_requires=[
         'argcomplete>=3.5,<4',
         'jaxtyping>=0.3,<0.4',
-        'mcap>=1.2,<2',
+        'mcap>=1.5,<2',
         'numpy>=1.26,<3',
         'opencv-contrib-python-headless>=4.10,<6',
         'psutil>=6,<8',
