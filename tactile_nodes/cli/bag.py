@@ -10,6 +10,7 @@ from datetime import datetime
 from tactile_nodes.bag.compare import TIMINGS, compare
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.clock import NS_PER_S
 
 DESCRIPTION = 'Record topics into rosbag2 MCAP folders, and play them again.'
@@ -84,7 +85,7 @@ def _add_play(parser: argparse.ArgumentParser) -> None:
 def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('first')
     parser.add_argument('second')
-    parser.add_argument('--topic', default='force_distribution', help='a full name, or its last part')
+    parser.add_argument('--topic', default=FORCE_DISTRIBUTION.name, help='a full name, or its last part')
     parser.add_argument('--ignore', nargs='*', default=sorted(TIMINGS), metavar='FIELD', help='fields that may differ')
     parser.set_defaults(bag_run=_compare)
 
