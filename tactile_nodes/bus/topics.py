@@ -66,6 +66,20 @@ TRUE_FORCE = Topic(
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'how each node is', Qos('queue', 100), 1.0)
 ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'what each node says', Qos('queue', 1000))
 CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'the time while a bag is replayed', _LATEST, recorded=False)
+FORCE_TORQUE = Topic(
+    'force_torque',
+    'geometry_msgs/msg/WrenchStamped',
+    'every sample of the force/torque sensor, untared, in its own axes [N, N m]',
+    Qos('queue', 10000),
+    1000.0,
+)
+PRESS_IMAGE = Topic(
+    'press_image',
+    'sensor_msgs/msg/Image',
+    'the images of a press, taken while everything is at rest',
+    Qos('queue', 100),
+)
+PRESS = Topic('press', 'tactile_nodes/msg/Press', 'each press of a plan, when it is over', Qos('queue', 100))
 RIG_STATE = Topic('rig_state', 'tactile_nodes/msg/RigState', 'where the pressing machine is', Qos('queue', 100), 10.0)
 SYNC_EDGE = Topic('sync_edge', 'tactile_nodes/msg/SyncEdge', 'edges of the digital line', Qos('queue', 1000))
 
@@ -73,7 +87,7 @@ TOPICS = {
     topic.name: topic
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, DIAGNOSTICS, ROSOUT,
-        CLOCK, RIG_STATE, SYNC_EDGE,
+        CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE,
     )
 }  # fmt: skip
 

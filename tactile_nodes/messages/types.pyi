@@ -833,6 +833,30 @@ class ForceDistribution(Message):
     stages: StageTimes
     def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
 
+class Press(Message):
+    STATUS_RECORDED: ClassVar[int]
+    STATUS_REJECTED: ClassVar[int]
+    header: Header
+    plan_id: str
+    press: int
+    attempt: int
+    position: Point
+    depth: float
+    depth_reported: float
+    indenter: str
+    window_start: Time
+    window_end: Time
+    frames: int
+    samples: int
+    wrench: Wrench
+    wrench_deviation: Wrench
+    tare: Wrench
+    tare_id: str
+    force_rate: float
+    status: int
+    reason: str
+    def __init__(self, header: Header = ..., plan_id: str = ..., press: int = ..., attempt: int = ..., position: Point = ..., depth: float = ..., depth_reported: float = ..., indenter: str = ..., window_start: Time = ..., window_end: Time = ..., frames: int = ..., samples: int = ..., wrench: Wrench = ..., wrench_deviation: Wrench = ..., tare: Wrench = ..., tare_id: str = ..., force_rate: float = ..., status: int = ..., reason: str = ...) -> None: ...
+
 class Provenance(Message):
     model: str
     model_id: str
