@@ -56,6 +56,7 @@ class Node:
         self._order = itertools.count()
         self._ends: list[Closing] = []
         self._stopping = self._closed = False
+        self.failure: TactileError | None = None
         self.spinning = False
         self.clock: Clock = clock or (SteppedClock() if self.params.use_sim_time else SystemClock())
         self.log = Log(self.full_name, arguments.log_level, self.clock)
@@ -123,6 +124,12 @@ class Node:
         """Say how a part of this node is; when that gets better or worse it is also logged."""
         if self.diagnostics.report(part, level, text, **values) and text:
             {Level.OK: self.log.info, Level.WARN: self.log.warn}.get(level, self.log.error)(f'{part}: {text}')
+
+    def fail(self, part: str, error: TactileError) -> None:
+        """End this node because it cannot do its work any more; its program then ends with status 1. From any thread."""
+        self.failure = error
+        self.report(part, Level.ERROR, str(error))
+        self.stop()
 
     def on_close(self) -> None:
         """Release what the subclass holds."""

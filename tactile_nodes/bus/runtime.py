@@ -98,7 +98,7 @@ def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
             failed.append(node)
     for node in nodes:
         _close(node)
-    return 1 if failed else 0
+    return 1 if failed or any(node.failure for node in nodes) else 0
 
 
 def _close(node: Node) -> None:

@@ -79,8 +79,7 @@ class CameraNode(Node):
             except DeviceTimeoutError:
                 continue  # the camera's health says it, and goes on saying it
             except TactileError as error:
-                self.report('camera', Level.ERROR, str(error))
-                self.stop()
+                self.fail('camera', error)
                 return
             if frame is None:
                 self.report('recording', Level.OK, f'{self.params.source} has ended after {self._frames} frames')

@@ -57,7 +57,6 @@ class PlayerNode(Node):
         super().__init__(bus, arguments, clock)
         if not self.params.bag:
             raise BagError('there is no bag to play; set the parameter bag')
-        self.failure: BagError | None = None
         self.reader = BagReader(self.params.bag)
         try:
             self._publishers = self._advertise()

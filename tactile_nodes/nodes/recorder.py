@@ -55,7 +55,6 @@ class RecorderNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
-        self.failure: BagError | None = None
         self.writer: BagWriter | None = None
         self.missed = self.malformed = 0
         self._gaps = GapCounter()
