@@ -126,7 +126,7 @@ class Node:
             {Level.OK: self.log.info, Level.WARN: self.log.warn}.get(level, self.log.error)(f'{part}: {text}')
 
     def fail(self, part: str, error: TactileError) -> None:
-        """End this node because it cannot do its work any more; its program then ends with status 1. From any thread."""
+        """End this node because it cannot do its work any more; its program ends with status 1. From any thread."""
         self.failure = error
         self.report(part, Level.ERROR, str(error))
         self.stop()

@@ -114,7 +114,16 @@ class ZmqBus(InProcessBus):
         self._check_open()
         if service in self._services:
             return super().call(service, type_name, request, timeout_s)
-        record = self._server_of(service, type_name)
+        return self._call(self._server_of(service, type_name, beyond=True), service, type_name, request, timeout_s)
+
+    def call_here(self, service: str, type_name: str, request: Any, timeout_s: float) -> Any:
+        """The same for services of this host only. Raises what `call` raises."""
+        self._check_open()
+        if service in self._services:
+            return super().call(service, type_name, request, timeout_s)
+        return self._call(self._server_of(service, type_name, beyond=False), service, type_name, request, timeout_s)
+
+    def _call(self, record: Record, service: str, type_name: str, request: Any, timeout_s: float) -> Any:
         is_alive = partial(self._meets, record.participant.uid)
         return call_remote(self.context, record.service_address, service, type_name, request, timeout_s, is_alive)
 
@@ -125,11 +134,11 @@ class ZmqBus(InProcessBus):
                 return ping_remote(self.context, record.service_address, timeout_s)
         return 0.0 if uid == self.uid else None
 
-    def _server_of(self, service: str, type_name: str) -> Record:
-        """Who answers `service`: somebody on this host rather than a bridge to another."""
+    def _server_of(self, service: str, type_name: str, *, beyond: bool) -> Record:
+        """Who answers `service`: somebody on this host rather than a bridge to another (`beyond`)."""
         records = self.peers()
         offers = [(record, record.participant) for record in records]
-        offers += [(record, far) for record in records for far in record.remotes]
+        offers += [(record, far) for record in records for far in record.remotes if beyond]
         for record, participant in offers:
             for offer in participant.services:
                 if offer.name == service:
@@ -154,6 +163,10 @@ class ZmqBus(InProcessBus):
     def attach(self, far: FarSide | None) -> None:
         """Speak for the nodes of another machine, or cease to."""
         self._far = far
+        self.tell()
+
+    def tell(self) -> None:
+        """Tell the others that those whom we speak for have changed."""
         self._changed()
 
     def close(self) -> None:
@@ -185,8 +198,12 @@ class ZmqBus(InProcessBus):
     def announce(self) -> None:
         """Tell the others what we offer and receive."""
         with self._lock:
-            outlets = tuple(publisher.outlet() for publisher in self._sockets())
-            self.meeting.announce(Record(self.own_participant(), outlets, self.server.address, self._remotes()))
+            record = Record(self.own_participant(), self.outlets(), self.server.address, self._remotes())
+            self.meeting.announce(record)
+
+    def outlets(self) -> tuple[Outlet, ...]:
+        """Where the messages of this process can be had, those that it repeats included."""
+        return tuple(publisher.outlet() for publisher in self._sockets())
 
     def _sockets(self) -> list[ZmqPublisher]:
         with self._lock:
@@ -265,7 +282,7 @@ class ZmqPublisher(LocalPublisher):
             self._socket.send(b''.join((header, data)))
         else:
             self._socket.send(header, zmq.SNDMORE)
-            self._socket.send(data, 0, False)
+            self._socket.send(data)
 
     def _count_listeners(self) -> bool:
         """Take in who came and went; whether somebody came."""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from tactile_nodes.bus.parameters import to_message
 from tactile_nodes.bus.protocol import Publisher, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.zeromq import ZmqBus
@@ -62,6 +63,8 @@ class Agent:
         self.publishers: dict[str, Publisher] = {}
         self.subscriptions: dict[str, Subscription] = {}
         self.heard_so_far: dict[str, list[int]] = {}
+        self.marks_so_far: dict[str, list[tuple[str, int, int]]] = {}
+        self.said_so_far: dict[str, list[int]] = {}
         self.published = 0
         self.calls = 0
 
@@ -70,6 +73,7 @@ class Agent:
 
     def say(self, topic: str, *numbers: int) -> None:
         made = self.publishers[topic]
+        self.said_so_far.setdefault(topic, []).extend(numbers)
         for number in numbers:
             made.publish(types.Int64(data=number) if made.type_name == NUMBER else image(number))
 
@@ -90,12 +94,22 @@ class Agent:
     def listen(self, topic: str, type_name: str = NUMBER, qos: Qos = QUEUE) -> None:
         self.subscriptions[topic] = self.bus.subscribe(topic, type_name, qos, '/agent')
         self.heard_so_far[topic] = []
+        self.marks_so_far[topic] = []
 
     def heard(self, topic: str) -> list[int]:
         """All numbers that were received since `listen`."""
         while (received := self.subscriptions[topic].take()) is not None:
             self.heard_so_far[topic].append(number_of(received))
+            self.marks_so_far[topic].append((received.publisher, received.sequence, received.source_ns))
         return self.heard_so_far[topic]
+
+    def marks(self, topic: str) -> list[tuple[str, int, int]]:
+        """Publisher, number and stamp of all that was received since `listen`."""
+        self.heard(topic)
+        return self.marks_so_far[topic]
+
+    def said(self, topic: str) -> list[int]:
+        return self.said_so_far.get(topic, [])
 
     def dropped(self, topic: str) -> int:
         return self.subscriptions[topic].dropped
@@ -122,6 +136,14 @@ class Agent:
             return str(self.bus.call(name, services.TRIGGER, types.Trigger_Request(), timeout_s).message)
         except TactileError as error:
             return f'{type(error).__name__}: {error}'
+
+    def set_parameter(self, node: str, name: str, value: float) -> tuple[bool, str] | None:
+        request = types.SetParameters_Request(parameters=[types.Parameter(name=name, value=to_message(value))])
+        try:
+            (result,) = self.bus.call(f'{node}/set_parameters', services.SET_PARAMETERS, request).results
+        except TactileError:
+            return None
+        return result.successful, result.reason
 
     def add_node(self, name: str) -> None:
         self.bus.add_node(name)

@@ -6,15 +6,21 @@ import multiprocessing
 import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.runtime import run_nodes
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
+from tactile_nodes.nodes.bridge import BridgeNode
+from tactile_nodes.params import parameter
 
 CONTEXT = multiprocessing.get_context('forkserver')
 CONTEXT.set_forkserver_preload(['agents', 'programs', 'tactile_nodes.bus.runtime'])
+
+
+__all__ = ['CONTEXT', 'BridgeNode', 'Program', 'Ready', 'run']
 
 
 class Ready(Node):
@@ -34,6 +40,19 @@ class Ready(Node):
 
     def on_close(self) -> None:
         self.log.info('closed')
+
+
+@dataclass(frozen=True)
+class TunableParams(NodeParams):
+    """Something to set."""
+
+    rate: float = parameter(1.0, 'a rate', minimum=0.0)
+
+
+class Tunable(Ready):
+    """Has a parameter."""
+
+    PARAMS = TunableParams
 
 
 class Second(Ready):

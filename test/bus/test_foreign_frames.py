@@ -97,8 +97,12 @@ def _still_hears(subscription: Subscription, forger: Forger) -> None:
         pytest.param([b'', b'', b''], id='three frames'),
         pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(IMAGE), 1, 1), b''], id='another type'),
         pytest.param([wire.pack_header(b'abcdabcd.1', wire.type_key(NUMBER), 1, 1), b''], id='unknown publisher'),
-        pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)[:-1], b''], id='a header cut short'),
-        pytest.param([wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)], id='a header without a message'),
+        pytest.param(
+            [wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)[:-1], b''], id='a header cut short'
+        ),
+        pytest.param(
+            [wire.pack_header(Forger.gid.encode(), wire.type_key(NUMBER), 1, 1)], id='a header without a message'
+        ),
     ],
 )
 def test_foreign_frame_is_counted_and_dropped(forger: Forger, subscription: Subscription, frames: list[bytes]) -> None:

@@ -1,0 +1,307 @@
+"""Joins the bus of this machine with those of others, over one TCP port.
+
+Each bridge tells the other which nodes live on its machine and what they want; only that is sent. A message passes
+exactly one bridge: one is forwarded only on the machine where it was published, and arrives under its publisher's gid,
+number and stamp, so no arrangement of bridges makes a loop, and what comes by two ways is recognised as one. Stamps are
+those of the sender's clock; how far the clocks are apart is measured, not mended.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactile_nodes import messages
+from tactile_nodes.bus import wire
+from tactile_nodes.bus.bridge_calls import BridgeCalls
+from tactile_nodes.bus.bridge_talk import MALFORMED, ClockOffset, State
+from tactile_nodes.bus.link import Link
+from tactile_nodes.bus.loop import Loop
+from tactile_nodes.bus.protocol import Participant, Qos, Reply, ServiceHandler
+from tactile_nodes.bus.receiving import Key
+from tactile_nodes.bus.records import Outlet, Record
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import default_qos
+from tactile_nodes.bus.zeromq import ZmqBus, ZmqRelay
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import MessageError, ServiceUnavailableError
+from tactile_nodes.params import matches
+
+FORWARDING = '(bridge)'
+"""The node under which a bridge receives what it forwards: nobody's wish of its own."""
+_LOOK_EVERY_S = 0.1
+_SPEAK_EVERY_S = 1.0
+_GONE_AFTER_S = 3.5
+_AT_ONCE = 64
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Patterns (``*`` one level, ``**`` any depth) of the topics given and taken, and of the services to be called."""
+
+    send: tuple[str, ...] = ('/**',)
+    receive: tuple[str, ...] = ('/**',)
+    serve: tuple[str, ...] = ('/**',)
+
+
+@dataclass
+class Forward:
+    """One topic on its way to one peer; what does not fit in the connection waits here, bounded."""
+
+    subscription: Subscription
+    unsent: list[Any] | None = None
+
+
+@dataclass
+class Peer:
+    """The bridge at the other end."""
+
+    key: bytes
+    state: State
+    heard_s: float
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    forwards: dict[Key, Forward] = field(default_factory=dict)
+    relays: dict[str, ZmqRelay] = field(default_factory=dict)
+    words: deque[list[Any]] = field(default_factory=deque)
+
+
+class Bridge(Loop):
+    """Does the work of a bridge in a thread of its own; `close` ends it."""
+
+    def __init__(self, bus: ZmqBus, link: Link, choice: Choice) -> None:
+        super().__init__('bridge')
+        self.malformed = 0
+        self._bus = bus
+        self._link = link
+        self._choice = choice
+        self._peers: dict[bytes, Peer] = {}
+        self._records: list[Record] = []
+        self._spoken: State | None = None
+        self._look_s = self._speak_s = 0.0
+        self._remotes: tuple[Participant, ...] = ()
+        self._calls = BridgeCalls()
+        self._blocked = False
+        link.watch_with(self.watch, self._take_in)
+        bus.attach(self)
+        self.start()
+
+    @property
+    def refused(self) -> int:
+        """How often somebody was kept out whose key is not allowed."""
+        return self._link.refused
+
+    def connected(self) -> list[tuple[str, ClockOffset]]:
+        """The machines at the other end, and how far their clocks are from ours."""
+        return [(peer.state.host, peer.clock) for peer in list(self._peers.values())]
+
+    def participants(self) -> tuple[Participant, ...]:
+        return self._remotes
+
+    def service(self, name: str, type_name: str) -> ServiceHandler | None:
+        for peer in list(self._peers.values()):
+            for offer in (offer for far in peer.state.participants for offer in far.services):
+                if (offer.name, offer.type_name) == (name, type_name):
+                    return self._passing_on(peer, name, type_name)
+        return None
+
+    def close(self) -> None:
+        """Leave; the others are told."""
+        self._bus.attach(None)
+        self.stop()
+
+    # --- the loop -------------------------------------------------------------------------------------------
+
+    def wait_ms(self) -> int:
+        return 2 if self._blocked else round(_LOOK_EVERY_S * 1000)
+
+    def tick(self) -> None:
+        now_s = monotonic_s()
+        if now_s >= self._look_s:
+            self._look_s = now_s + _LOOK_EVERY_S
+            self._look_around(now_s)
+        self._blocked = False
+        for peer in self._peers.values():
+            self._blocked |= not self._flush(peer)
+
+    def finish(self) -> None:
+        for peer in list(self._peers.values()):
+            self._link.send(peer.key, [b'bye'])
+            self._drop(peer)
+        self._link.close()
+
+    def _look_around(self, now_s: float) -> None:
+        self._records = self._bus.meeting.look(trusting=True)
+        for peer in [peer for peer in self._peers.values() if now_s - peer.heard_s > _GONE_AFTER_S]:
+            self._drop(peer)
+        state = self._state()
+        if state != self._spoken or now_s >= self._speak_s:
+            self._spoken, self._speak_s = state, now_s + _SPEAK_EVERY_S
+            for key in self._peers.keys() | ({b''} if not self._link.listens else set()):
+                self._speak(key)
+        for peer in self._peers.values():
+            self._adjust(peer)
+
+    def _speak(self, key: bytes) -> None:
+        assert self._spoken is not None
+        stamps = self._peers[key].clock.ask(self._bus.clock.now_ns()) if key in self._peers else [0, 0, 0]
+        self._link.send(key, [b'state', self._spoken.to_json(stamps)])
+
+    def _state(self) -> State:
+        own = self._bus.own_participant()
+        here = (own, *(record.participant for record in self._records))
+        wishes = {(end.name, end.type_name) for peer in here for end in peer.subscriptions if end.node != FORWARDING}
+        wants = tuple(sorted(wish for wish in wishes if _fits(wish[0], self._choice.receive)))
+        return State(self._bus.uid, own.host, here, self._outlets(), wants)
+
+    def _outlets(self) -> tuple[Outlet, ...]:
+        """The publishers of this machine's own nodes that may be forwarded."""
+        offers = [(self._bus.uid, outlet) for outlet in self._bus.outlets()]
+        offers += [(record.participant.uid, outlet) for record in self._records for outlet in record.outlets]
+        return tuple(
+            outlet for uid, outlet in offers if _sender(outlet.gid) == uid and _fits(outlet.topic, self._choice.send)
+        )
+
+    # --- what the peer wants, and what we want of it ---------------------------------------------------------
+
+    def _adjust(self, peer: Peer) -> None:
+        offered = {(outlet.topic, outlet.type_name): outlet for outlet in self._outlets()}
+        wanted = offered.keys() & set(peer.state.wants)
+        for key in peer.forwards.keys() - wanted:
+            peer.forwards.pop(key).subscription.close()
+        for key in wanted - peer.forwards.keys():
+            qos = default_qos(key[0])
+            qos = Qos(qos.keep, max(qos.depth, 8 if offered[key].latched else 1))
+            made = self._bus.subscribe(*key, qos, FORWARDING, lambda: self.post(_nothing))
+            peer.forwards[key] = Forward(made)
+        assert self._spoken is not None
+        given = {out.gid: out for out in peer.state.outlets if (out.topic, out.type_name) in self._spoken.wants}
+        for gid in peer.relays.keys() - given.keys():
+            peer.relays.pop(gid).close()
+        for gid in given.keys() - peer.relays.keys():
+            peer.relays[gid] = self._bus.relay(given[gid])
+
+    def _flush(self, peer: Peer) -> bool:
+        """Send what waits, a message of each topic at a time; false when the connection takes no more."""
+        while peer.words:
+            if not self._link.send(peer.key, peer.words[0]):
+                return False
+            peer.words.popleft()
+        busy = True
+        while busy:
+            busy = False
+            for forward in peer.forwards.values():
+                forward.unsent = forward.unsent or self._next(forward.subscription)
+                if forward.unsent is None:
+                    continue
+                if not self._link.send(peer.key, forward.unsent):
+                    return False
+                forward.unsent = None
+                busy = True
+        return True
+
+    def _next(self, subscription: Subscription) -> list[Any] | None:
+        here = {self._bus.uid, *(record.participant.uid for record in self._records)}
+        while (received := subscription.take()) is not None:
+            if _sender(received.publisher) in here:  # else another bridge has brought it
+                key = wire.type_key(received.type_name)
+                header = wire.pack_header(received.publisher.encode(), key, received.sequence, received.source_ns)
+                return [b'message', header, received.view]
+        return None
+
+    # --- what comes in --------------------------------------------------------------------------------------
+
+    def _take_in(self) -> None:
+        for _ in range(_AT_ONCE):
+            came = self._link.receive()
+            if came is None:
+                return
+            try:
+                self._handle(*came)
+            except MALFORMED:
+                self.malformed += 1
+
+    def _handle(self, key: bytes, frames: list[bytes]) -> None:
+        kind, *rest = frames
+        if kind == b'state':
+            self._hear_state(key, *rest)
+            return
+        peer = self._peers[key]
+        peer.heard_s = monotonic_s()
+        if kind == b'message':
+            header = wire.unpack_header(rest[0])
+            relay = peer.relays.get(header.gid.decode())
+            if relay is not None:
+                relay.repeat(header.sequence, header.source_ns, rest[1])
+        elif kind == b'call':
+            self._calls.answer(self._bus, _fits(rest[1].decode(), self._choice.serve), rest, self._sending(peer))
+        elif kind == b'answer':
+            self._calls.hear(*rest)
+        elif kind == b'bye':
+            self._drop(peer)
+        else:
+            raise MessageError(f'{kind!r} is nothing that a bridge says')
+
+    def _hear_state(self, key: bytes, text: bytes) -> None:
+        now_ns = self._bus.clock.now_ns()
+        state, stamps = State.from_json(text.decode())
+        known = self._peers.get(key)
+        if known is not None and known.state.uid != state.uid:  # it was started again, and has forgotten everything
+            self._drop(known)
+            known = None
+        peer = self._peers[key] = known or Peer(key, state, 0.0)
+        peer.clock.hear(stamps, now_ns)
+        peer.heard_s = monotonic_s()
+        changed, peer.state = peer.state != state or known is None, state
+        if known is None:
+            self._speak_s = self._look_s = 0.0
+        if changed:
+            self._show()
+            self._look_s = 0.0
+
+    def _drop(self, peer: Peer) -> None:
+        del self._peers[peer.key]
+        for forward in peer.forwards.values():
+            forward.subscription.close()
+        for relay in peer.relays.values():
+            relay.close()
+        self._calls.lose(peer.key, peer.state.host)
+        self._show()
+
+    def _passing_on(self, peer: Peer, name: str, type_name: str) -> ServiceHandler:
+        """What passes calls of a service on to the machine at the other end; used by the thread of the bus."""
+
+        def handle(request: Any, reply: Reply) -> None:
+            data = messages.encode(request)
+
+            def ask() -> None:
+                if self._peers.get(peer.key) is peer:
+                    peer.words.append(self._calls.ask(peer.key, name, type_name, data, reply))
+                else:
+                    reply(ServiceUnavailableError(f'nobody who serves {name} is connected any more'))
+
+            self.post(ask)
+
+        return handle
+
+    def _sending(self, peer: Peer) -> Callable[[list[Any]], None]:
+        return lambda frames: self.post(lambda: peer.words.append(frames))
+
+    def _show(self) -> None:
+        """Let the nodes of this machine see those of the others."""
+        found = {far.uid: far for peer in self._peers.values() for far in peer.state.participants}
+        self._remotes = tuple(found.values())
+        self._bus.tell()
+
+
+def _sender(gid: str) -> str:
+    return gid.partition('.')[0]
+
+
+def _fits(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(matches(pattern, name) for pattern in patterns)
+
+
+def _nothing() -> None:
+    """The loop looks after its topics whenever it is woken."""

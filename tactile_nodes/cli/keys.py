@@ -1,0 +1,40 @@
+"""``tactile keys``: the keys by which machines know each other when a bridge connects them."""
+
+from __future__ import annotations
+
+import argparse
+
+DESCRIPTION = 'Make and show the keys by which machines know each other; see the parameters of bridge_node.'
+EPILOG = """\
+on each of two machines:
+  tactile keys create robot           (lab, on the other one)
+  tactile keys show                   prints the public key: give it to the other machine as robot.key
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    actions = parser.add_subparsers(dest='action', required=True, metavar='create|show')
+    create = actions.add_parser('create', help='make a pair of keys; those that exist are never overwritten')
+    create.add_argument('name', help="the machine's name, say")
+    show = actions.add_parser('show', help='print public keys; the secret ones stay where they are')
+    show.add_argument('name', nargs='?', help='of this name only')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Make keys, or show them."""
+    from tactile_nodes.bus.keys import create_keys, keys_directory, read_public
+    from tactile_nodes.errors import ConfigurationError
+
+    if arguments.action == 'create':
+        public, secret = create_keys(arguments.name)
+        print(f'public key, for the other machine:  {public}\nsecret key, for this machine alone: {secret}')
+        return 0
+    folder = keys_directory()
+    names = [arguments.name] if arguments.name else sorted(file.stem for file in folder.glob('*.key'))
+    if not names:
+        raise ConfigurationError(f'there are no keys in {folder}; make some with: tactile keys create NAME')
+    for name in names:
+        mine = 'own' if (folder / f'{name}.key_secret').exists() else 'of another machine'
+        print(f'{name}  {read_public(name).decode()}  {mine}')
+    return 0

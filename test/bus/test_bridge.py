@@ -1,0 +1,348 @@
+"""Bridges between machines: here two folders of sockets, which know nothing of each other, and TCP on loopback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zmq
+from agents import IMAGE, NUMBER, Other, until
+from programs import Program
+
+from tactile_nodes.bus.keys import create_keys
+from tactile_nodes.bus.link import PLAIN_TCP, Address, Link, Security
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.errors import AddressInUseError, ConfigurationError
+
+LATCHED = Qos('latest', 1, latched=True)
+HERE = '127.0.0.1'
+
+
+class Machine:
+    """A folder of sockets, and what runs there."""
+
+    def __init__(self, keys: Path) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix='tb', ignore_cleanup_errors=True)
+        self.path = Path(self._folder.name)
+        self._keys = keys
+        self._others: list[Other] = []
+        self.programs: list[Program] = []
+
+    def agent(self) -> Other:
+        self._others.append(Other(self.path, 0))
+        return self._others[-1]
+
+    def run(self, name: str, *parameters: str, node: str = '') -> Program:
+        words = [word for parameter in parameters for word in ('-p', parameter)]
+        words += ['-r', f'__node:={node}'] if node else []
+        environment = {'TACTILE_KEYS': str(self._keys), 'TACTILE_RUN_DIR': str(self.path)}
+        place = Path(tempfile.mkdtemp(dir=self.path))
+        self.programs.append(Program(place, [name], ['--ros-args', *words], environment))
+        return self.programs[-1]
+
+    def bridge(self, *parameters: str, node: str = '') -> Program:
+        return self.run('BridgeNode', *parameters, node=node)
+
+    def close(self) -> None:
+        for program in self.programs:
+            program.process.kill()
+            program.process.join()
+        for other in self._others:
+            other.end()
+        self._folder.cleanup()
+
+
+@pytest.fixture(scope='session')
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('keys')
+    for name in ('robot', 'lab', 'stranger'):
+        create_keys(name, folder)
+    return folder
+
+
+@pytest.fixture
+def machine(keys: Path) -> Iterator[Callable[[], Machine]]:
+    machines: list[Machine] = []
+
+    def make() -> Machine:
+        machines.append(Machine(keys))
+        return machines[-1]
+
+    yield make
+    for made in machines:
+        made.close()
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind((HERE, 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def joined(machine: Callable[[], Machine], port: int) -> tuple[Machine, Machine]:
+    """Two machines with a bridge between them, with keys."""
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}', 'key:=robot', 'peers:=[lab]')
+    lab.bridge(f'connect:={HERE}:{port}', 'key:=lab', 'peers:=[robot]')
+    return robot, lab
+
+
+def _heard(talker: Other, listener: Other, topic: str) -> None:
+    numbers = iter(range(1, 100_000))
+    until(lambda: talker.say(topic, next(numbers)) or listener.heard(topic), f'{topic} to cross the bridge')
+
+
+def test_topic_crosses_the_bridge_both_ways(joined: tuple[Machine, Machine]) -> None:
+    here, there = (machine.agent() for machine in joined)
+    for talker, listener, topic in ((here, there, '/a'), (there, here, '/b')):
+        talker.advertise(topic)
+        listener.listen(topic)
+    for talker, listener, topic in ((here, there, '/a'), (there, here, '/b')):
+        _heard(talker, listener, topic)
+        start = max(listener.heard(topic))
+        talker.say(topic, *range(start + 1000, start + 1050))
+        until(lambda: listener.heard(topic)[-1] == start + 1049)  # noqa: B023
+        assert listener.heard(topic)[-50:] == list(range(start + 1000, start + 1050))
+
+
+def test_latched_message_reaches_those_who_come_late_over_there_once(joined: tuple[Machine, Machine]) -> None:
+    talker = joined[0].agent()
+    talker.advertise('/ref', IMAGE, LATCHED)
+    talker.say('/ref', 7)
+    for _ in range(2):
+        late = joined[1].agent()
+        late.listen('/ref', IMAGE)
+        until(lambda: late.heard('/ref') == [7])  # noqa: B023
+
+
+def test_message_keeps_its_publisher_its_number_and_its_stamp(joined: tuple[Machine, Machine]) -> None:
+    talker, near, far = joined[0].agent(), joined[0].agent(), joined[1].agent()
+    talker.advertise('/n')
+    near.listen('/n')
+    far.listen('/n')
+    _heard(talker, far, '/n')
+    shared = until(lambda: set(near.marks('/n')) & set(far.marks('/n')))
+    assert len(shared) >= 1
+
+
+def test_nodes_of_the_other_machine_are_seen_and_their_services_called(joined: tuple[Machine, Machine]) -> None:
+    here, there = joined[0].agent(), joined[1].agent()
+    there.add_node('/lab/rig')
+    there.serve('/lab/rig/home', 'answer')
+    there.serve('/lab/rig/stop', 'refuse')
+    until(lambda: '/lab/rig' in here.nodes())
+    until(lambda: here.call('/lab/rig/home', 5.0) == f'from {there.pid()}')
+    assert here.call('/lab/rig/stop', 5.0) == 'ServiceError: /lab/rig/stop: /lab/rig/stop: not today'
+    assert here.call('/lab/none').startswith('ServiceUnavailableError')
+
+
+def test_parameters_of_a_node_of_the_other_machine_are_set(joined: tuple[Machine, Machine]) -> None:
+    here = joined[0].agent()
+    joined[1].run('Tunable')
+    until(lambda: '/tunable' in here.nodes())
+    assert until(lambda: here.set_parameter('/tunable', 'rate', 30.0)) == (True, '')
+    successful, reason = here.set_parameter('/tunable', 'rate', -1.0)
+    assert not successful
+    assert "'rate' must be at least 0.0" in reason
+
+
+def test_only_what_is_chosen_crosses_the_bridge(machine: Callable[[], Machine], port: int) -> None:
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}', 'send:=[/skin/*, /both]', "serve:=['/allowed']")
+    lab.bridge(f'connect:={HERE}:{port}', 'receive:=[/skin/**, /other]')
+    talker, listener = robot.agent(), lab.agent()
+    for topic in ('/both', '/other', '/skin/deep/force', '/skin/force'):
+        talker.advertise(topic)
+        listener.listen(topic)
+    for service in ('/allowed', '/forbidden'):
+        talker.serve(service, 'answer')
+    for topic in ('/both', '/other', '/skin/deep/force'):
+        talker.say(topic, 1)
+    _heard(talker, listener, '/skin/force')
+    for topic in ('/both', '/other', '/skin/deep/force'):
+        talker.say(topic, 2)
+    until(lambda: listener.call('/allowed', 5.0).startswith('from'))
+    assert 'may not be called from other machines' in listener.call('/forbidden', 5.0)
+    assert [listener.heard(topic) for topic in ('/both', '/other', '/skin/deep/force')] == [[], [], []]
+
+
+def test_two_bridges_between_two_machines_neither_loop_nor_double(machine: Callable[[], Machine], port: int) -> None:
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}', node='one')
+    lab.bridge(f'connect:={HERE}:{port}', node='one_too')
+    robot.bridge(f'connect:={HERE}:{port + 1}', node='two')
+    lab.bridge(f'listen:={HERE}:{port + 1}', node='two_too')
+    here, there = robot.agent(), lab.agent()
+    for agent in (here, there):
+        agent.listen('/n')
+        agent.advertise('/n')
+    until(lambda: {'/one', '/one_too', '/two', '/two_too'} <= set(here.nodes()), 'all bridges')
+    numbers = iter(range(1, 100_000))
+    until(lambda: here.say('/n', next(numbers)) or there.heard('/n'))
+    until(lambda: there.say('/n', next(numbers)) or len(set(here.heard('/n'))) > len(set(here.said('/n'))))
+    for agent in (here, there):
+        assert len(agent.heard('/n')) == len(set(agent.heard('/n')))
+    assert len(here.nodes()) == len(set(here.nodes()))
+
+
+def test_killed_bridge_is_forgotten_and_a_restarted_one_joins_again(machine: Callable[[], Machine], port: int) -> None:
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}')
+    here, there = robot.agent(), lab.agent()
+    here.advertise('/ref', NUMBER, LATCHED)
+    here.say('/ref', 1)
+    here.add_node('/camera')
+    for number in (1, 2):
+        bridge = lab.bridge(f'connect:={HERE}:{port}')
+        until(lambda: '/camera' in there.nodes())
+        late = lab.agent()
+        late.listen('/ref')
+        until(lambda: late.heard('/ref') == [number])  # noqa: B023
+        bridge.signal(signal.SIGKILL)
+        until(lambda: '/camera' not in there.nodes())
+        here.say('/ref', number + 1)
+
+
+def test_bridge_that_listens_may_come_later_and_come_back(machine: Callable[[], Machine], port: int) -> None:
+    robot, lab = machine(), machine()
+    lab.bridge(f'connect:={HERE}:{port}')
+    here, there = robot.agent(), lab.agent()
+    here.advertise('/n')
+    there.listen('/n')
+    for _ in range(2):
+        before = len(there.heard('/n'))
+        bridge = robot.bridge(f'listen:={HERE}:{port}')
+        numbers = iter(range(1, 100_000))
+        until(lambda: here.say('/n', next(numbers)) or len(there.heard('/n')) > before)  # noqa: B023
+        bridge.signal(signal.SIGKILL)
+        bridge.process.join()
+
+
+@pytest.mark.parametrize('stranger', ['key:=stranger', 'plain', 'wrong server'])
+def test_whoever_has_no_key_that_is_allowed_gets_nothing(
+    machine: Callable[[], Machine], port: int, stranger: str
+) -> None:
+    robot, other = machine(), machine()
+    robot_bridge = robot.bridge(f'listen:={HERE}:{port}', 'key:=robot', 'peers:=[lab]')
+    words = {'plain': [], 'wrong server': ['key:=lab', 'peers:=[stranger]']}.get(stranger, [stranger, 'peers:=[robot]'])
+    theirs = other.bridge(f'connect:={HERE}:{port}', *words)
+    here, there = robot.agent(), other.agent()
+    here.add_node('/camera')
+    here.advertise('/n', NUMBER, LATCHED)
+    here.say('/n', 1)
+    there.listen('/n')
+    until(lambda: f'no answer from {HERE}:{port}' in theirs.output)
+    if stranger == 'key:=stranger':
+        until(lambda: 'somebody was kept out whose key is not among the parameter peers' in robot_bridge.output)
+    assert (there.heard('/n'), [node for node in there.nodes() if node == '/camera']) == ([], [])
+    # … and the one who may is let in all the same.
+    lab = machine()
+    lab.bridge(f'connect:={HERE}:{port}', 'key:=lab', 'peers:=[robot]')
+    friend = lab.agent()
+    friend.listen('/n')
+    until(lambda: friend.heard('/n') == [1])
+
+
+def test_nonsense_from_a_peer_does_not_end_a_bridge(machine: Callable[[], Machine], port: int) -> None:
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}')
+    with zmq.Context() as context, context.socket(zmq.DEALER) as raw:
+        raw.set(zmq.LINGER, 0)
+        raw.connect(f'tcp://{HERE}:{port}')
+        for frames in (
+            [b''],
+            [b'state'],
+            [b'state', b'{}'],
+            [b'message', b'x', b'y'],
+            [b'call'] * 5,
+            [b'answer'],
+            [b'bye'],
+        ):
+            raw.send_multipart(frames)
+        lab.bridge(f'connect:={HERE}:{port}')
+        here, there = robot.agent(), lab.agent()
+        here.advertise('/n')
+        there.listen('/n')
+        _heard(here, there, '/n')
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'sentence'),
+    [
+        ([], 'set either listen or connect'),
+        (['listen:=0.0.0.0:7461'], f"set plain_tcp to '{PLAIN_TCP}'"),
+        (['connect:=192.0.2.1:7461'], 'could be read and used by anyone on the network'),
+        (['connect:=nowhere'], "'nowhere' is no address; write host:port"),
+        (['listen:=127.0.0.1:7461', 'key:=robot'], 'set peers to the public keys'),
+        (['listen:=127.0.0.1:7461', 'key:=nobody', 'peers:=[lab]'], 'cannot read the key'),
+        (['listen:=192.0.2.1:7461', 'key:=robot', 'peers:=[lab]'], 'is it an address of this machine?'),
+    ],
+)
+def test_bridge_that_cannot_or_should_not_be_is_one_sentence(
+    machine: Callable[[], Machine], parameters: list[str], sentence: str
+) -> None:
+    program = machine().bridge(*parameters)
+    assert program.ended(8.0) == 1
+    assert sentence in program.output
+    assert 'Traceback' not in program.output
+
+
+def test_port_that_is_taken_is_named_with_what_to_do(machine: Callable[[], Machine], port: int) -> None:
+    with socket.socket() as taken:
+        taken.bind((HERE, port))
+        taken.listen()
+        program = machine().bridge(f'listen:={HERE}:{port}')
+        assert program.ended(8.0) == 1
+        assert f'port {port} is taken on {HERE}; end the program that listens there' in program.output
+        with pytest.raises(AddressInUseError):
+            Link(Address(HERE, port), listens=True, name='x', security=Security())
+
+
+def test_plain_tcp_on_a_network_needs_the_words(port: int) -> None:
+    with pytest.raises(ConfigurationError, match='could be read and used by anyone'):
+        Link(Address('*', port), listens=True, name='x', security=Security(), plain_tcp='yes')
+    Link(Address('*', port), listens=True, name='x', security=Security(), plain_tcp=PLAIN_TCP).close()
+
+
+@pytest.mark.parametrize(
+    ('text', 'loopback'),
+    [
+        ('127.0.0.1:1', True),
+        ('localhost:1', True),
+        ('[::1]:1', True),
+        ('*:1', False),
+        ('0.0.0.0:1', False),
+        ('robot:1', False),
+    ],
+)
+def test_loopback_is_told_from_networks(text: str, loopback: bool) -> None:
+    assert Address.parse(text).is_loopback() is loopback
+
+
+@pytest.mark.parametrize('text', ['', ':1', 'a', 'a:', 'a:0', 'a:65536', 'a:b', 'udp://a:1', 'a b:1'])
+def test_address_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(ConfigurationError, match='is no address; write host:port'):
+        Address.parse(text)
+
+
+def _listeners(pid: int) -> list[Any]:
+    import psutil
+
+    return [entry.laddr for entry in psutil.Process(pid).net_connections('inet') if entry.status == 'LISTEN']
+
+
+def test_bridge_listens_at_one_port_and_the_connecting_one_at_none(joined: tuple[Machine, Machine], port: int) -> None:
+    here = joined[0].agent()
+    until(lambda: here.nodes().count('/bridge') == 2)
+    (robot,), (lab,) = (machine.programs for machine in joined)
+    assert [tuple(entry) for entry in _listeners(robot.process.pid or 0)] == [(HERE, port)]
+    assert _listeners(lab.process.pid or 0) == []
+    assert os.getpid() != robot.process.pid

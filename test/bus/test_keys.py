@@ -1,0 +1,105 @@
+"""Keys: made once, readable by their user alone, never overwritten, and told apart."""
+
+from __future__ import annotations
+
+import argparse
+import stat
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.bus.bridge_talk import ClockOffset
+from tactile_nodes.bus.keys import create_keys, read_pair, read_public
+from tactile_nodes.cli import keys as verb
+from tactile_nodes.errors import ConfigurationError
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv('TACTILE_KEYS', str(tmp_path / 'keys'))
+    return tmp_path / 'keys'
+
+
+def _run(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    verb.add_arguments(parser)
+    return verb.run(parser.parse_args(words))
+
+
+def test_created_keys_can_be_read_and_fit_together(place: Path) -> None:
+    public, secret = create_keys('robot')
+    pair = read_pair('robot')
+    assert read_pair(str(secret)) == pair
+    assert pair.public == read_public('robot') == read_public(str(public)) == read_public(pair.public.decode())
+    assert pair.secret not in public.read_bytes()
+    assert pair.secret.decode() not in repr(pair)
+
+
+def test_keys_and_their_folder_are_the_users_alone(place: Path) -> None:
+    for file in create_keys('robot'):
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert stat.S_IMODE(place.stat().st_mode) == 0o700
+
+
+def test_keys_are_not_overwritten(place: Path) -> None:
+    public, secret = create_keys('robot')
+    before = secret.read_bytes()
+    for _ in range(2):
+        with pytest.raises(ConfigurationError, match="there are keys named 'robot'"):
+            create_keys('robot')
+        public.unlink(missing_ok=True)
+    assert secret.read_bytes() == before
+
+
+@pytest.mark.parametrize('name', ['', '../robot', 'a/b', 'a b'])
+def test_name_that_would_leave_the_folder_is_refused(place: Path, name: str) -> None:
+    with pytest.raises(ConfigurationError, match='cannot be the name of keys'):
+        create_keys(name)
+
+
+def test_secret_key_that_others_may_read_is_refused(place: Path) -> None:
+    _, secret = create_keys('robot')
+    secret.chmod(0o644)
+    with pytest.raises(ConfigurationError, match=r'others may read the secret key .*; forbid it with: chmod 600'):
+        read_pair('robot')
+
+
+def test_secret_key_in_the_place_of_a_public_one_is_refused(place: Path) -> None:
+    _, secret = create_keys('robot')
+    with pytest.raises(ConfigurationError, match='the secret one must not leave its machine'):
+        read_public(str(secret))
+
+
+def test_missing_and_damaged_keys_say_what_to_do(place: Path) -> None:
+    with pytest.raises(ConfigurationError, match='tactile keys create NAME'):
+        read_pair('robot')
+    with pytest.raises(ConfigurationError, match=r'copy the public key .* to .*lab\.key'):
+        read_public('lab')
+    place.mkdir()
+    (place / 'lab.key').write_text('no key')
+    with pytest.raises(ConfigurationError, match='holds no key'):
+        read_public('lab')
+
+
+def test_command_makes_and_shows_keys(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run('create', 'robot') == 0
+    assert str(place / 'robot.key') in capsys.readouterr().out
+    assert _run('show') == 0
+    assert capsys.readouterr().out == f'robot  {read_public("robot").decode()}  own\n'
+
+
+def test_command_says_that_there_are_none(place: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r'there are no keys in .*; make some with: tactile keys create NAME'):
+        _run('show')
+
+
+def test_clock_of_another_machine_is_measured_by_the_quickest_exchange() -> None:
+    ahead_ns, quick_ns, slow_ns = 5_000_000, 200, 90_000
+    clock = ClockOffset()
+    now_ns = 1_000
+    for there_ns, back_ns in ((slow_ns, 0), (quick_ns // 2, quick_ns // 2), (0, slow_ns)):
+        asked_ns = now_ns
+        theirs_ns = asked_ns + there_ns + ahead_ns
+        now_ns = asked_ns + there_ns + back_ns
+        clock.hear([theirs_ns, asked_ns, 0], now_ns)
+    assert (clock.ahead_ns, clock.round_trip_ns) == (ahead_ns, quick_ns)
