@@ -27,6 +27,8 @@ VERBS = {
     'bag': 'record topics, play recordings, say what is in them',
     'train': 'make a force model from simulated presses',
     'evaluate': 'score a force model on presses that it never saw',
+    'bench': 'measure this machine with the benchmarks that the documentation quotes',
+    'keys': 'make and show the keys by which machines know each other',
     'doctor': 'say what this machine lacks, and what to do about it',
     'completion': 'print what a shell needs to complete this command',
 }
