@@ -180,18 +180,24 @@ class Timeline:
         return segment.speed(time_ns) if segment is not None else 0.0
 
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
-        """Come to rest along the present line; None: on the spot. Gives the time of rest."""
+        """Come to rest along the present line, None: on the spot; later lines are forgotten. Gives the time of rest."""
         segment = self._segment(time_ns)
         if segment is None or segment.end_ns <= time_ns:
+            self._forget_after(time_ns)
             return time_ns
         speed, place = segment.speed(time_ns), segment.position(time_ns)
         if deceleration is None:
             stop = Segment(time_ns, place, segment.unit, Trapezoid(0.0, 1.0, 1.0))
         else:
             stop = Segment(time_ns, place, segment.unit, Braking(speed, deceleration))
+        self._forget_after(time_ns)
         self._segments[-1] = Segment(segment.start_ns, segment.origin, segment.unit, Until(segment, time_ns))
         self.append(stop)
         return stop.end_ns
+
+    def _forget_after(self, time_ns: int) -> None:
+        kept = bisect.bisect_right(self._starts, time_ns)
+        del self._segments[kept:], self._starts[kept:]
 
     def _segment(self, time_ns: int) -> Segment | None:
         index = bisect.bisect_right(self._starts, time_ns) - 1

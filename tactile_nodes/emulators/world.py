@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple, Protocol
 
-from tactile_nodes.emulators.motion import Segment, Timeline, Vector, plus
+from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
@@ -102,6 +102,15 @@ class World:
         with self._lock:
             self._motor.append(segment)
 
+    def go(self, target: Vector, feed_mm_s: float, time_ns: int, acceleration: float = 200.0) -> int:
+        """The motors go on to a place once they have arrived where they were sent; gives the time of arrival."""
+        with self._lock:
+            start_ns = max(time_ns, self._motor.end_ns)
+            rates = (acceleration, acceleration, acceleration)
+            segment = line(start_ns, self._motor.end, target, feed_mm_s, rates)
+            self._motor.append(segment)
+            return segment.end_ns
+
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
         """The motors come to rest with a deceleration in mm/s², or on the spot; gives the time of rest."""
         with self._lock:
@@ -122,6 +131,11 @@ class World:
         with self._lock:
             if level != (self._edges[-1].level if self._edges else False):
                 self._edges.append(Edge(time_ns, level))
+
+    @property
+    def room_mm(self) -> Vector:
+        """The way from the lower to the upper end switch of each axis."""
+        return as_vector(self.settings.room_mm)
 
     # What happens to the machine.
 

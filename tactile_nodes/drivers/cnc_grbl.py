@@ -1,0 +1,285 @@
+"""Grbl 1.1, grblHAL and FluidNC over a serial line.
+
+Every motion line is absolute, in machine coordinates and complete (``G21 G90 G53 G1 X… F…``), so no modal state left
+by a probe or a reset can change its meaning. `wait_idle` after moves is ``G4 P0.01``, whose ``ok`` comes when the
+planner is empty; after jogs it is a report. `stop` cancels a jog with 0x85, else holds with ``!``, waits for rest, and
+resets with 0x18, which at rest keeps the place. No setting is written, and ``$X`` is never sent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.cnc import CncSettings, CncState, CncStatus, Identity, Place, Switched, Traffic
+from tactile_nodes.drivers.cnc_envelope import AXES, guard
+from tactile_nodes.drivers.cnc_grbl_check import (
+    acceleration_of,
+    buffer_bytes,
+    check,
+    identity_of,
+    travel,
+    without_homing,
+)
+from tactile_nodes.drivers.cnc_grbl_dialogue import HOLD, JOG_CANCEL, RESUME, GrblDialogue, inches, is_moving
+from tactile_nodes.drivers.cnc_grbl_words import NEEDS_RESET, Report, setting_of
+from tactile_nodes.drivers.cnc_guarded import GuardedCnc
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+
+PREAMBLE = 'G21 G90 G94 G17 G54'
+BARRIER = 'G4 P0.01'
+REST_S = 3.0  # within which any feed comes to rest
+RESET_S = 3.0
+POLL_S = 0.03
+
+
+class GrblCnc(GuardedCnc):
+    """One controller.
+
+    Args:
+        settings: what it may do.
+        clock: the host's.
+        port: opens the port.
+        traffic: told every byte.
+        threaded: false lets whoever waits listen, for emulators in the same thread.
+    """
+
+    def __init__(
+        self,
+        settings: CncSettings,
+        clock: Clock,
+        port: Callable[[], Port],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        super().__init__(settings, clock, settings.source)
+        self._open_port = port
+        self._traffic = traffic
+        self._threaded = threaded
+        self._dialogue: GrblDialogue | None = None
+        self._identity = Identity('unknown', '')
+        self._memory: dict[int, str] = {}
+        self._warnings: list[str] = []
+        self._stops = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """Firmware, options, every setting of the controller."""
+        base = {'source': self._settings.source, 'kind': f'CNC, {self._identity.firmware} {self._identity.version}'}
+        said = {f'${number}': value for number, value in self._memory.items()}
+        return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **said}
+
+    @property
+    def health(self) -> Health:
+        """ERROR when lost, locked, restarted or silent."""
+        dialogue = self._dialogue
+        if dialogue is None:
+            return Health(Level.STALE, f'{self._name} is not connected')
+        if dialogue.link.lost is not None:
+            return Health(Level.ERROR, str(dialogue.link.lost))
+        if dialogue.fault or dialogue.silent:
+            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
+        state = dialogue.report.word if dialogue.report is not None else 'connected'
+        where = state if self._homed else f'{state}, not homed'
+        return Health(
+            Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])
+        )
+
+    def connect(self) -> None:
+        """As `Cnc.connect`."""
+        self._homed = False
+        self._dialogue = dialogue = GrblDialogue(
+            self._open_port(), self._clock, self._settings, self._traffic, self._threaded
+        )
+        self._greet(dialogue)
+        self._identity = identity_of(dialogue.ask('$I', self._settings.answer_s).lines, dialogue.banner)
+        report = dialogue.fresh_report(self._settings.answer_s)
+        if is_moving(report) or report.state is CncState.HOLD:
+            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+        self._read_settings(dialogue)
+        if report.state is not CncState.ALARM:
+            dialogue.ask(PREAMBLE, self._settings.answer_s)
+        dialogue.polling = True
+
+    def identify(self) -> Identity:
+        """As `Cnc.identify`."""
+        self._talk()
+        return self._identity
+
+    def home(self) -> None:
+        """As `Cnc.home`."""
+        dialogue = self._talk()
+        if dialogue.alarm in NEEDS_RESET or dialogue.busy:
+            dialogue.reset(RESET_S)
+        dialogue.forgive()
+        self._at_rest()
+        if not without_homing(self._memory, self._settings):
+            self._find_switches(dialogue)
+        dialogue.ask(PREAMBLE, self._settings.answer_s)
+        dialogue.place_lost, dialogue.polling = False, True
+        self._homed = True
+        self._target = self.status().position_mm
+
+    def stop(self) -> None:
+        """As `Cnc.stop`: jog cancel, or hold, rest and reset."""
+        dialogue = self._talk()
+        self._stops += 1
+        dialogue.link.send(JOG_CANCEL if self._jogging else HOLD)  # before anything else
+        dialogue.abandon('was broken off by a stop')
+        if dialogue.homing:
+            dialogue.reset(RESET_S)
+        elif dialogue.alarm is None:
+            self._come_to_rest(dialogue)
+        self._at_rest()
+        self._after_stop(dialogue)
+
+    def hold(self) -> None:
+        """As `Cnc.hold`."""
+        dialogue = self._talk()
+        dialogue.link.send(HOLD)
+        if not dialogue.poll_until(_resting, REST_S):
+            dialogue.require_sound()
+            raise DeviceTimeoutError(f'{self._name} does not come to rest after a hold; use the emergency stop')
+
+    def resume(self) -> None:
+        """As `Cnc.resume`."""
+        dialogue = self._talk()
+        dialogue.require_sound()
+        dialogue.link.send(RESUME)
+
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`."""
+        dialogue, stops = self._talk(), self._stops
+        self._require_ready()
+        patience_s = self._patience_s() if timeout_s is None else timeout_s
+        if self._jogging:
+            if not dialogue.poll_until(lambda report: not is_moving(report), patience_s):
+                dialogue.require_sound()
+                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+        else:
+            dialogue.ask(BARRIER, patience_s)
+        if stops != self._stops:
+            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+        self._arrived()
+
+    def status(self) -> CncStatus:
+        """As `Cnc.status`."""
+        dialogue = self._talk()
+        report = dialogue.fresh_report(self._settings.answer_s)
+        position = dialogue.position
+        if position is None:
+            raise DeviceFaultError(f'{self._name} reports no place in machine coordinates; set $10=1')
+        homed = self._homed and not dialogue.place_lost
+        return CncStatus(report.state, position, homed, dialogue.report_ns, dialogue.uncertainty_ns)
+
+    def close(self) -> None:
+        """As `Cnc.close`."""
+        if self._dialogue is not None:
+            self._dialogue.close()
+            self._dialogue = None
+            self._homed = False
+
+    # Connecting.
+
+    def _greet(self, dialogue: GrblDialogue) -> None:
+        """Wait for the banner of a board that restarts when its port is opened; else see whether somebody is there."""
+        if not dialogue.link.wait(lambda: dialogue.restarts > 0, self._settings.boot_s):
+            try:
+                with contextlib.suppress(DeviceFaultError):  # '$' spoils what another host may have left half said
+                    dialogue.ask('$', self._settings.answer_s)
+            except DeviceTimeoutError as error:
+                raise DeviceTimeoutError(
+                    f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable, baud, and '
+                    'the setting dtr, as some boards are in reset while the port is open'
+                ) from error
+
+    def _read_settings(self, dialogue: GrblDialogue) -> None:
+        lines = dialogue.ask('$$', self._settings.answer_s).lines
+        self._memory = dict(pair for line in lines if (pair := setting_of(line)) is not None)
+        self._warnings = check(self._name, self._identity, self._memory, self._settings)
+        self._guard = guard(self._settings, travel(self._identity, self._memory))
+        self._acceleration = acceleration_of(self._memory, self._acceleration)
+        dialogue.factor = inches(self._memory.get(13, '0'))
+        if self._settings.streaming == 'character-counting':
+            dialogue.window = buffer_bytes(self._identity) - 1
+
+    def _find_switches(self, dialogue: GrblDialogue) -> None:
+        self._homed, dialogue.homing = False, True
+        try:
+            dialogue.ask(self._settings.home_command or '$H', self._settings.home_s)
+        finally:
+            dialogue.homing = False
+
+    # Motion.
+
+    def _send_move(self, target: Place, feed: float) -> None:
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
+
+    def _send_jog(self, way: Place, feed: float) -> None:
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, way, strict=True) if value)
+        self._talk().ask(f'$J=G91 G21 {words} F{feed:.1f}', self._patience_s())
+
+    def _send(self, line: str) -> None:
+        dialogue = self._talk()
+        if dialogue.window:
+            dialogue.post(line, self._patience_s())
+        else:
+            dialogue.ask(line, self._patience_s())
+
+    def _switch(self, level: bool) -> Switched:
+        on, off = self._settings.line_on or 'M8', self._settings.line_off or 'M9'
+        request = self._talk().ask(on if level else off, self._settings.answer_s)
+        return Switched(level, request.sent_ns, request.answered_ns)
+
+    def _come_to_rest(self, dialogue: GrblDialogue) -> None:
+        if self._jogging:
+            if self._cancel_jog(dialogue):
+                return
+            dialogue.link.send(HOLD)
+        dialogue.poll_until(_resting, REST_S)
+        dialogue.reset(RESET_S)  # at rest it keeps the place; else alarm 3 tells that it did not
+
+    def _cancel_jog(self, dialogue: GrblDialogue) -> bool:
+        """Cancel until it is idle: a jog may still have been in its buffer when the first cancel came."""
+        for _ in range(round(REST_S / POLL_S)):
+            quiet = not dialogue.busy
+            with contextlib.suppress(DeviceTimeoutError):
+                state = dialogue.fresh_report(self._settings.answer_s).state
+                if quiet and state is CncState.IDLE:
+                    return True
+            if dialogue.alarm is not None:
+                return False
+            dialogue.link.send(JOG_CANCEL)
+            dialogue.link.wait(lambda: dialogue.alarm is not None, POLL_S)
+        return False
+
+    def _after_stop(self, dialogue: GrblDialogue) -> None:
+        """Where it is now, and the modal state again."""
+        if dialogue.alarm in NEEDS_RESET:
+            return
+        dialogue.refusal = ''
+        self._target = self.status().position_mm
+        if dialogue.report is not None and dialogue.report.state is CncState.ALARM and not dialogue.fault:
+            dialogue.fault, dialogue.place_lost = 'is locked after a stop; look at it, then home it', True
+        if not dialogue.fault:
+            dialogue.ask(PREAMBLE, self._settings.answer_s)
+            dialogue.polling = True
+
+    def _require_ready(self) -> None:
+        dialogue = self._talk()
+        if dialogue.place_lost:
+            self._homed = False
+        dialogue.require_sound()
+
+    def _talk(self) -> GrblDialogue:
+        if self._dialogue is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._dialogue
+
+
+def _resting(report: Report) -> bool:
+    return report.held or not is_moving(report)

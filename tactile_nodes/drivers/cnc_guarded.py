@@ -1,0 +1,173 @@
+"""What all machines share: the rules of motion, where the tip will be, how long it may take, and the retract."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc import CncSettings, CncStatus, Envelope, Place, Switched
+from tactile_nodes.drivers.cnc_envelope import AXES, Guard, distance_mm
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+
+ARRIVED_MM = 0.02
+UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time that motion may take
+MARGIN = 1.5
+
+
+class GuardedCnc(ABC):
+    """A machine whose every move is checked first. What is abstract here speaks to the machine."""
+
+    def __init__(self, settings: CncSettings, clock: Clock, name: str) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._name = name
+        self._guard: Guard | None = None
+        self._homed = False
+        self._target: Place | None = None
+        self._jogging = False
+        self._moving = False
+        self._busy_until_ns = 0
+        self._acceleration = UNKNOWN_ACCELERATION
+
+    @property
+    def limits(self) -> Envelope:
+        """As `Cnc.limits`."""
+        return self._rules().envelope
+
+    @property
+    def blind_step_mm(self) -> float | None:
+        """As `Cnc.blind_step_mm`."""
+        return None
+
+    def move(self, x: float | None = None, y: float | None = None, z: float | None = None, *, feed: float) -> None:
+        """As `Cnc.move`."""
+        rules, start = self._rules(), self._known_place()
+        target = (start[0] if x is None else x, start[1] if y is None else y, start[2] if z is None else z)
+        rules.check(start, target, feed)
+        if self._jogging:
+            self.wait_idle()
+        self._moving = True
+        self._expect(distance_mm(start, target), feed)
+        self._send_move(target, feed)
+        self._target = target
+
+    def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        """As `Cnc.jog`."""
+        rules, way = self._rules(), (dx, dy, dz)
+        length = distance_mm((0.0, 0.0, 0.0), way)
+        self._check_blind(length)
+        self._require_ready()
+        target = None
+        if not self._homed:
+            rules.check_up(way, feed)
+        else:
+            start = self._known_place()
+            target = (start[0] + dx, start[1] + dy, start[2] + dz)
+            rules.check(start, target, feed)
+        if self._moving and not self._jogging:
+            self.wait_idle()
+        self._moving = self._jogging = True
+        self._expect(length, feed)
+        self._send_jog(way, feed)
+        self._target = target
+
+    def retract(self) -> None:
+        """As `Cnc.retract`."""
+        rules = self._rules()
+        self.stop()
+        self._require_ready()
+        z = self._known_place()[2]
+        if z < rules.safe_z_mm:
+            self._go_up(rules.safe_z_mm - z, self._settings.retract_mm_min)
+            self.wait_idle()
+
+    def set_line(self, level: bool) -> Switched:
+        """As `Cnc.set_line`."""
+        if self._moving:
+            self.wait_idle()
+        self._require_ready()
+        return self._switch(level)
+
+    @abstractmethod
+    def stop(self) -> None:
+        """As `Cnc.stop`."""
+
+    @abstractmethod
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`."""
+
+    @abstractmethod
+    def status(self) -> CncStatus:
+        """As `Cnc.status`."""
+
+    @abstractmethod
+    def _require_ready(self) -> None:
+        """Raise what keeps the machine from obeying."""
+
+    @abstractmethod
+    def _send_move(self, target: Place, feed: float) -> None: ...
+
+    @abstractmethod
+    def _send_jog(self, way: Place, feed: float) -> None: ...
+
+    @abstractmethod
+    def _switch(self, level: bool) -> Switched: ...
+
+    def _go_up(self, distance: float, feed: float) -> None:
+        self.jog(dz=distance, feed=feed)
+
+    def _rules(self) -> Guard:
+        if self._guard is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._guard
+
+    def _known_place(self) -> Place:
+        """Where the tip will be when all that was asked for is done."""
+        self._require_ready()
+        if not self._homed or self._target is None:
+            raise DeviceFaultError(f'{self._name} does not know where it is; home it first')
+        return self._target
+
+    def _check_blind(self, length: float) -> None:
+        longest = self.blind_step_mm
+        if longest is not None and length > longest + 1e-9:
+            raise ConfigurationError(
+                f'{self._name} could not stop a jog of {length:g} mm in time; jog at most {longest:g} mm, '
+                'then wait and look at the force'
+            )
+
+    def _expect(self, length: float, feed: float) -> None:
+        speed = feed / 60
+        duration_s = length / speed + speed / self._acceleration
+        start_ns = max(self._clock.now_ns(), self._busy_until_ns)
+        self._busy_until_ns = start_ns + round(duration_s * NS_PER_S)
+
+    def _patience_s(self) -> float:
+        """How long an answer may take that comes when the motion is done."""
+        left_s = max(0, self._busy_until_ns - self._clock.now_ns()) / NS_PER_S
+        return MARGIN * left_s + self._settings.answer_s
+
+    def _arrived(self) -> None:
+        """Motion is over: it must have led where it was sent.
+
+        Raises:
+            DeviceFaultError: it did not; lines were lost, or somebody else moves the machine.
+        """
+        status, target = self.status(), self._target
+        self._at_rest()
+        if target is None or distance_mm(status.position_mm, target) <= ARRIVED_MM:
+            return
+        self._target = status.position_mm
+        raise DeviceFaultError(
+            f'{self._name} came to rest at {told(status.position_mm)} instead of {told(target)}; '
+            'commands were lost or somebody else moves it: look at it, then home it'
+        )
+
+    def _at_rest(self) -> None:
+        self._moving = self._jogging = False
+        self._busy_until_ns = 0
+
+
+def told(place: Place) -> str:
+    """A place for a sentence."""
+    return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

@@ -1,0 +1,224 @@
+"""Marlin over a serial line: 3D printers as rigs.
+
+What differs from Grbl. Marlin does not tell its limits, so the box must be given. Its ``G28`` may drive the tip into
+the gel, so the homing command must be given. It answers one question at a time, so `status` during `wait_idle` waits
+with it, and while it moves it tells the target. It has no feed hold. Only with its emergency parser does ``M410`` stop
+it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps of 0.05 mm.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.cnc import (
+    BLIND_STEP_MM,
+    NO_HOMING,
+    CncSettings,
+    CncState,
+    CncStatus,
+    Identity,
+    Place,
+    Switched,
+    Traffic,
+)
+from tactile_nodes.drivers.cnc_envelope import AXES, guard
+from tactile_nodes.drivers.cnc_guarded import GuardedCnc
+from tactile_nodes.drivers.cnc_marlin_dialogue import MarlinDialogue
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError
+
+PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
+STOP_S = 10.0
+
+
+class MarlinCnc(GuardedCnc):
+    """One controller; the arguments are those of `GrblCnc`."""
+
+    def __init__(
+        self,
+        settings: CncSettings,
+        clock: Clock,
+        port: Callable[[], Port],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        super().__init__(settings, clock, settings.source)
+        self._open_port = port
+        self._traffic = traffic
+        self._threaded = threaded
+        self._dialogue: MarlinDialogue | None = None
+        self._identity = Identity('unknown', '')
+        self._stops = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """Firmware and capabilities."""
+        kind = f'CNC, {self._identity.firmware} {self._identity.version}'
+        return {'source': self._settings.source, 'kind': kind, 'options': ' '.join(self._identity.options)}
+
+    @property
+    def health(self) -> Health:
+        """ERROR when lost, halted, restarted or hung."""
+        dialogue = self._dialogue
+        if dialogue is None:
+            return Health(Level.STALE, f'{self._name} is not connected')
+        if dialogue.link.lost is not None:
+            return Health(Level.ERROR, str(dialogue.link.lost))
+        if dialogue.fault:
+            return Health(Level.ERROR, f'{self._name} {dialogue.fault}')
+        state = self._state().value
+        return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
+
+    @property
+    def blind_step_mm(self) -> float | None:
+        """As `Cnc.blind_step_mm`: a step, unless the emergency parser is there."""
+        return None if 'EMERGENCY_PARSER:1' in self._identity.options else BLIND_STEP_MM
+
+    def connect(self) -> None:
+        """As `Cnc.connect`."""
+        self._homed = False
+        self._guard = guard(self._settings, None)
+        self._dialogue = dialogue = MarlinDialogue(self._open_port(), self._clock, self._traffic, self._threaded)
+        dialogue.link.wait(lambda: dialogue.starts > 0, self._settings.boot_s)
+        try:
+            dialogue.begin(self._settings.answer_s)
+        except DeviceTimeoutError as error:
+            raise DeviceTimeoutError(
+                f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable and baud '
+                '(Marlin often has 250000)'
+            ) from error
+        dialogue.connected = True
+        self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
+        for line in PREAMBLE:
+            dialogue.ask(line, self._settings.answer_s)
+
+    def identify(self) -> Identity:
+        """As `Cnc.identify`."""
+        self._talk()
+        return self._identity
+
+    def home(self) -> None:
+        """As `Cnc.home`, with the command that the settings give."""
+        dialogue = self._talk()
+        dialogue.require_sound()
+        if self._settings.home_command:
+            dialogue.ask(self._settings.home_command, self._settings.home_s)
+        elif NO_HOMING not in self._settings.accept:
+            raise ConfigurationError(
+                f'{self._name} has no homing command, as G28 may drive the tip into the gel; set home_command to one '
+                'that is safe on this machine'
+            )
+        dialogue.place_lost = False
+        self._homed = True
+        self._target = self.status().position_mm
+        self._at_rest()
+
+    def stop(self) -> None:
+        """As `Cnc.stop`: M410, which is at once with the emergency parser and after the buffers without."""
+        dialogue = self._talk()
+        self._stops += 1
+        if not dialogue.fault:
+            dialogue.interrupt('M410', STOP_S)
+            dialogue.ask('M400', STOP_S)
+            dialogue.ask('G90', STOP_S)
+        self._at_rest()
+        self._target = self.status().position_mm if self._homed and not dialogue.fault else None
+
+    def hold(self) -> None:
+        """Marlin cannot pause.
+
+        Raises:
+            DeviceFaultError: always.
+        """
+        raise DeviceFaultError(f'{self._name} cannot pause a motion; stop it instead')
+
+    def resume(self) -> None:
+        """As `hold`.
+
+        Raises:
+            DeviceFaultError: always.
+        """
+        raise DeviceFaultError(f'{self._name} was not paused, as Marlin cannot; send it on with a new move')
+
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`: M400."""
+        stops = self._stops
+        self._require_ready()
+        self._talk().ask('M400', self._patience_s() if timeout_s is None else timeout_s)
+        if stops != self._stops:
+            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+        self._arrived()
+
+    def status(self) -> CncStatus:
+        """As `Cnc.status`: M114, which tells the target while it moves."""
+        dialogue = self._talk()
+        request = dialogue.ask('M114', self._patience_s())
+        place = next((found for line in request.lines if (found := marlin_place(line)) is not None), None)
+        if place is None:
+            raise DeviceFaultError(f'{self._name} did not tell its place when asked with M114; look at its firmware')
+        stamp_ns = (request.sent_ns + request.answered_ns) // 2
+        homed = self._homed and not dialogue.place_lost
+        return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
+
+    def close(self) -> None:
+        """As `Cnc.close`."""
+        if self._dialogue is not None:
+            self._dialogue.close()
+            self._dialogue = None
+            self._homed = False
+
+    def _state(self) -> CncState:
+        if self._dialogue is not None and self._dialogue.killed:
+            return CncState.ALARM
+        if not self._moving:
+            return CncState.IDLE
+        return CncState.JOG if self._jogging else CncState.RUN
+
+    def _send_move(self, target: Place, feed: float) -> None:
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s())
+
+    def _send_jog(self, way: Place, feed: float) -> None:
+        if self._target is not None:  # absolute, so that whatever comes in between, G91 is not left behind
+            x, y, z = (here + by for here, by in zip(self._target, way, strict=True))
+            self._send_move((x, y, z), feed)
+            return
+        for line in ('G91', f'G1 Z{way[2]:.3f} F{feed:.1f}', 'G90'):  # only up is allowed from an unknown place
+            self._talk().ask(line, self._patience_s())
+
+    def _switch(self, level: bool) -> Switched:
+        on, off = self._settings.line_on or 'M106 S255', self._settings.line_off or 'M107'
+        request = self._talk().ask(on if level else off, self._settings.answer_s)
+        return Switched(level, request.sent_ns, request.answered_ns)
+
+    def _go_up(self, distance: float, feed: float) -> None:
+        """As a move: upwards it need not be stopped, so it needs no steps."""
+        self.move(z=self._known_place()[2] + distance, feed=feed)
+
+    def _require_ready(self) -> None:
+        dialogue = self._talk()
+        if dialogue.place_lost:
+            self._homed = False
+        dialogue.require_sound()
+
+    def _talk(self) -> MarlinDialogue:
+        if self._dialogue is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._dialogue
+
+
+def marlin_identity(lines: list[str]) -> Identity:
+    """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
+    text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
+    match = re.match(r'FIRMWARE_NAME:(\S+)\s+(\S+)', text)
+    name, version = match.groups() if match else ('Marlin', '')
+    return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
+
+
+def marlin_place(line: str) -> Place | None:
+    """The place in ``X:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000``; None: it is no such line."""
+    match = re.match(r'X:\s*(-?[\d.]+) Y:\s*(-?[\d.]+) Z:\s*(-?[\d.]+)', line)
+    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None

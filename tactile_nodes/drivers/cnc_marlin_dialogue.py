@@ -1,0 +1,192 @@
+"""The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc import Traffic
+from tactile_nodes.drivers.cnc_link import Link, Request
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
+
+BUSY_S = 5.0  # it says that it is busy every two seconds
+MOST_RESENDS = 5
+LONGEST_LINE = 90
+
+
+class _Numbered(Request):
+    """A request with its line number and what the controller asked to hear again."""
+
+    number = 0
+    resend = 0
+    attempts = 0
+
+
+class MarlinDialogue:
+    """One line in flight, but for the emergency commands."""
+
+    def __init__(self, port: Port, clock: Clock, traffic: Traffic | None = None, threaded: bool = True) -> None:
+        self._clock = clock
+        self._unanswered: deque[_Numbered] = deque()
+        self._number = 0
+        self._busy_ns = 0
+        self._generation = 0
+        self.name = port.name
+        self.starts = 0
+        self.connected = False
+        self.killed = False
+        self.fault = ''
+        self.place_lost = False
+        self.garbled = 0
+        self.link = Link(port, clock, self._hear, lambda: None, traffic, threaded)
+        self.link.start()
+
+    def begin(self, timeout_s: float) -> None:
+        """Agree on the line number."""
+        with self.link.changed:
+            self._number = -1
+            self.ask('M110 N0', timeout_s)
+
+    def ask(self, line: str, timeout_s: float) -> Request:
+        """Send a line and wait for its ``ok``; signs of life extend the time.
+
+        Raises:
+            DeviceFaultError: it is not known to this Marlin, or a stop or a restart came in between.
+            DeviceTimeoutError: no answer.
+            DeviceLostError: the port is gone.
+        """
+        assert line.isascii() and len(line) <= LONGEST_LINE
+        with self.link.changed:
+            generation = self._generation
+            self._wait(lambda: not self._unanswered or generation != self._generation, line, timeout_s)
+            self.require_sound()
+            if generation != self._generation:
+                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
+            request = self._numbered(line)
+            self._unanswered.append(request)
+            request.sent_ns = self._send(request)
+            self._wait(lambda: request.done, line, timeout_s)
+        if request.error is not None:
+            raise request.error
+        return request
+
+    def interrupt(self, line: str, timeout_s: float) -> None:
+        """Send a line past what is unanswered, which fails; returns when everything is answered."""
+        with self.link.changed:
+            self._generation += 1
+            for waiting in self._unanswered:
+                waiting.error = DeviceFaultError(f'{self.name}: {waiting.text!r} was broken off by a stop')
+            request = _Numbered(line)
+            self._unanswered.append(request)
+            request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
+            self.link.changed.notify_all()
+            self._wait(lambda: not self._unanswered, line, timeout_s)
+
+    def require_sound(self) -> None:
+        """Raise what is wrong, if something is."""
+        if self.fault:
+            raise DeviceFaultError(f'{self.name} {self.fault}')
+
+    def close(self) -> None:
+        """Let go of the port."""
+        with self.link.changed:
+            self._break_off('was given up because the port was closed')
+        self.link.close()
+
+    def _numbered(self, line: str) -> _Numbered:
+        request = _Numbered(line)
+        self._number += 1
+        request.number = self._number
+        return request
+
+    def _send(self, request: _Numbered) -> int:
+        text = f'N{request.number} {request.text}'
+        checksum = 0
+        for byte in text.encode('ascii'):
+            checksum ^= byte
+        return self.link.send(f'{text}*{checksum}\n'.encode('ascii'))
+
+    def _wait(self, done: Callable[[], bool], line: str, timeout_s: float) -> None:
+        begin_ns = self._clock.now_ns()
+        while not self.link.wait(done, timeout_s):
+            if self._clock.now_ns() - max(begin_ns, self._busy_ns) < BUSY_S * NS_PER_S and self._busy_ns > begin_ns:
+                continue
+            self.fault = 'stopped answering, so its place is not known; cut its power, look at it, and connect again'
+            self.place_lost = True
+            raise DeviceTimeoutError(
+                f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; '
+                'it hangs: cut its power and connect again'
+            )
+
+    # Listening; all under the link's lock.
+
+    def _hear(self, line: str, stamp_ns: int) -> None:
+        if line == 'ok' or line.startswith('ok '):
+            self._answered(stamp_ns)
+        elif line.startswith('echo:busy'):
+            self._busy_ns = stamp_ns
+        elif line.startswith(('Resend:', 'rs ')):
+            self._asked_again(line)
+        elif line == 'start':
+            self._started()
+        elif line.startswith('Error:') and ('kill' in line or 'halted' in line):
+            self._halted(line)
+        elif self._unanswered:
+            self._unanswered[0].lines.append(line)
+        elif not line.startswith(('echo:', '//', 'Marlin')):
+            self.garbled += 1
+
+    def _answered(self, stamp_ns: int) -> None:
+        if not self._unanswered:
+            return
+        request = self._unanswered[0]
+        if request.resend and request.error is None:
+            self._repeat(request)
+            if not request.done:
+                return
+        self._unanswered.popleft()
+        request.answered_ns = stamp_ns
+        if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
+            request.error = DeviceFaultError(f'{self.name} does not know {request.text!r}; this Marlin lacks it')
+
+    def _asked_again(self, line: str) -> None:
+        match = re.search(r'\d+', line)
+        if self._unanswered and match is not None:
+            self._unanswered[0].resend = int(match.group())
+
+    def _repeat(self, request: _Numbered) -> None:
+        """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""
+        wanted, request.resend = request.resend, 0
+        if wanted == request.number + 1:
+            request.answered_ns = self._clock.now_ns()
+            return
+        request.attempts += 1
+        if wanted != request.number or request.attempts > MOST_RESENDS:
+            request.error = DeviceFaultError(
+                f'{self.name} asks again for line {wanted}, sent was {request.number} ({request.text!r}); '
+                'the line is too noisy or somebody else talks to it'
+            )
+            return
+        self._send(request)
+
+    def _started(self) -> None:
+        self.starts += 1
+        if self.connected:
+            self.place_lost = True
+            self.fault = 'restarted by itself, so its place is not known; look at its supply, then connect again'
+        self._break_off('was lost in a restart of the controller')
+        self._unanswered.clear()
+
+    def _halted(self, line: str) -> None:
+        self.place_lost, self.killed = True, True
+        self.fault = f'halted itself ({line}); cut its power, look at it, and connect again'
+        self._break_off('was broken off because the controller halted')
+        self._unanswered.clear()
+
+    def _break_off(self, why: str) -> None:
+        for request in self._unanswered:
+            request.error = request.error or DeviceFaultError(f'{self.name}: {request.text!r} {why}')
+        self.link.changed.notify_all()
