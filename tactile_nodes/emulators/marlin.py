@@ -81,6 +81,8 @@ class Marlin(SerialDevice):
     # The line.
 
     def _byte(self, byte: int) -> None:
+        if self._killed:
+            return
         if byte not in b'\r\n':
             self._partial.append(byte)
             return
