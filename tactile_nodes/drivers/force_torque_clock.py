@@ -1,0 +1,109 @@
+"""When a sample was measured, from the sensor's own counter and the times at which samples arrived.
+
+A sample arrives late by a constant and by what the network, the USB adapter and the scheduler add, which is never
+negative. So the arrivals, drawn over the counter, lie above a straight line, and touch it when nothing was in the way:
+the lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of
+clock skew from network delay measurements", 1999.)
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.sensing.sync_envelope import lower_line
+
+BLOCK_NS = 250_000_000
+WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the warming of a crystal
+SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
+RECENT_BLOCKS = 8
+MOST_DRIFT = 500e-6
+SETTLED_AFTER = 8  # samples
+SETTLED_AFTER_NS = 100_000_000
+
+
+class TickClock:
+    """Turns counter readings into stamps on the host's time base.
+
+    Args:
+        rate_hz: nominal ticks a second.
+        bits: width of the counter, which wraps.
+        delay_ns: constant time from measurement to arrival, taken off every stamp.
+    """
+
+    def __init__(self, rate_hz: float, bits: int = 32, delay_ns: int = 0) -> None:
+        self._ns_per_tick = NS_PER_S / rate_hz
+        self._modulus = 1 << bits
+        self._delay_ns = delay_ns
+        self._ticks: int | None = None
+        self._origin = (0, 0)
+        self._seen = 0
+        self._blocks: deque[tuple[float, float]] = deque(maxlen=WINDOW_BLOCKS)
+        self._block: tuple[float, float] | None = None
+        self._block_ends = 0.0
+        self._line = (0.0, 0.0)
+        self._stamp_ns = 0
+
+    @property
+    def settled(self) -> bool:
+        """Whether enough samples were seen for the stamps to be good."""
+        return self._seen >= SETTLED_AFTER and self._elapsed_ns() >= SETTLED_AFTER_NS
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much too fast the sensor's clock runs against the host's, as far as seen."""
+        return -self._line[1] * 1e6
+
+    def unwrapped(self, reading: int) -> int:
+        """The reading as a number that goes on where the counter wraps; of a late one, the smaller number.
+
+        After 2³² - 1, a reading of 1 is 2³² + 1.
+        """
+        if self._ticks is None:
+            self._ticks = reading
+            return reading
+        ahead = (reading - self._ticks) % self._modulus
+        if ahead >= self._modulus // 2:
+            return self._ticks - (self._modulus - ahead)
+        self._ticks += ahead
+        return self._ticks
+
+    def stamp(self, ticks: int, arrival_ns: int) -> int:
+        """When the sample with these unwrapped ticks was measured; later than the one before, never after arrival."""
+        if self._seen == 0:
+            self._origin = (ticks, arrival_ns)
+        self._seen += 1
+        x = (ticks - self._origin[0]) * self._ns_per_tick
+        y = arrival_ns - self._origin[1] - x
+        self._observe(x, y)
+        line_ns = self._origin[1] + round(x + min(y, self._line[0] + self._line[1] * x))
+        self._stamp_ns = max(self._stamp_ns + 1, line_ns - self._delay_ns)
+        return self._stamp_ns
+
+    def _observe(self, x: float, y: float) -> None:
+        if self._block is None or x >= self._block_ends:
+            self._end_block()
+            self._block, self._block_ends = (x, y), x + BLOCK_NS
+            self._refit()
+        elif y < self._block[1]:
+            self._block = (x, y)
+            if y < self._line[0] + self._line[1] * x:
+                self._refit()
+
+    def _end_block(self) -> None:
+        if self._block is not None:
+            self._blocks.append(self._block)
+
+    def _refit(self) -> None:
+        points = [*self._blocks, *([self._block] if self._block else [])]
+        if len(self._blocks) < SLOPE_AFTER_BLOCKS:
+            self._line = (min(y for _, y in points[-RECENT_BLOCKS:]), 0.0)
+            return
+        array = np.array(points)
+        at, slope = lower_line(array[:, 0], array[:, 1], MOST_DRIFT)
+        self._line = (at, slope)
+
+    def _elapsed_ns(self) -> float:
+        return 0.0 if self._ticks is None else (self._ticks - self._origin[0]) * self._ns_per_tick

@@ -1,0 +1,143 @@
+"""RDT, the protocol in which an ATI Net F/T box streams: requests, records, and which of them are missing.
+
+A request is eight bytes, a record 36, all numbers big-endian; the box acknowledges no request. `rdt_sequence` counts
+the records of a stream from 1, `ft_sequence` the internal samples (7000 a second) since the box was switched on.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import NamedTuple
+
+STOP, START_REALTIME, START_BUFFERED, RESET_LATCH = 0x0000, 0x0002, 0x0003, 0x0041
+HEADER = 0x1234
+REQUEST = struct.Struct('>HHI')
+RECORD = struct.Struct('>3I6i')
+U32 = 1 << 32
+HALF = 1 << 31
+YOUNG = 64  # a stream that has just begun has no higher numbers than this, losses included
+
+
+class Record(NamedTuple):
+    """One record as it came."""
+
+    rdt_sequence: int
+    ft_sequence: int
+    status: int
+    counts: tuple[int, ...]
+
+
+def request(command: int, count: int = 0) -> bytes:
+    """Start with count 0, which is endless: 12 34 00 02 00 00 00 00."""
+    return REQUEST.pack(HEADER, command, count)
+
+
+def records(datagram: bytes) -> list[Record] | None:
+    """The records in a datagram; None if it holds no whole number of them."""
+    if not datagram or len(datagram) % RECORD.size:
+        return None
+    return [Record(rdt, ft, status, tuple(counts)) for rdt, ft, status, *counts in RECORD.iter_unpack(datagram)]
+
+
+@dataclass
+class Counters:
+    """What happened to the records so far."""
+
+    received: int = 0
+    lost: int = 0
+    duplicates: int = 0
+    out_of_order: int = 0
+    malformed: int = 0
+    streams: int = 0
+    restarts: int = 0
+
+
+class Accepted(NamedTuple):
+    """A record that is new.
+
+    Attributes:
+        missing: records before it that have not come, and, if they do, come too late.
+        stalled: the internal counter stands still.
+        rebooted: the internal counter has begun again.
+    """
+
+    missing: int
+    stalled: bool = False
+    rebooted: bool = False
+
+
+class StreamTracker:
+    """Follows the sequence numbers through losses, doubles, late records, renewals and restarts of the box."""
+
+    def __init__(self) -> None:
+        self.counters = Counters()
+        self.step = 0
+        self._last: Record | None = None
+        self._expecting = False
+
+    @property
+    def renewed(self) -> bool:
+        """Whether the stream that was requested last has begun."""
+        return not self._expecting
+
+    def requested(self) -> None:
+        """A start was requested: the numbers will begin again at 1."""
+        self._expecting = True
+
+    def accept(self, record: Record) -> Accepted | None:
+        """What is to be known of a record; None: it is to be dropped, being a double or too late."""
+        last = self._last
+        if last is None:
+            return self._begin(record, Accepted(0))
+        if self._expecting and _begins(record, last):
+            return self._begin(record, self._after_renewal(record, last))
+        ahead = (record.rdt_sequence - last.rdt_sequence) % U32
+        if ahead == 0:
+            self.counters.duplicates += 1
+            return None
+        if ahead >= HALF:
+            self.counters.out_of_order += 1
+            return None
+        return self._follow(record, last, ahead)
+
+    def _begin(self, record: Record, accepted: Accepted) -> Accepted:
+        self._expecting = False
+        self.counters.streams += 1
+        self.counters.restarts += accepted.rebooted
+        return self._keep(record, accepted)
+
+    def _follow(self, record: Record, last: Record, ahead: int) -> Accepted:
+        ticks = (record.ft_sequence - last.ft_sequence) % U32
+        if ahead == 1 and 0 < ticks < HALF:
+            self.step = ticks
+        rebooted = ticks >= HALF
+        self.counters.restarts += rebooted
+        return self._keep(record, Accepted(ahead - 1, stalled=ticks == 0, rebooted=rebooted))
+
+    def _keep(self, record: Record, accepted: Accepted) -> Accepted:
+        self._last = record
+        self.counters.received += 1
+        self.counters.lost += accepted.missing
+        return accepted
+
+    def _after_renewal(self, record: Record, last: Record) -> Accepted:
+        """Across streams only the internal counter tells what is missing."""
+        ticks = (record.ft_sequence - last.ft_sequence) % U32
+        if ticks >= HALF:
+            return Accepted(record.rdt_sequence - 1, rebooted=True)
+        missing = max(0, round(ticks / self.step) - 1) if self.step else record.rdt_sequence - 1
+        return Accepted(missing, stalled=ticks == 0)
+
+
+def _begins(record: Record, last: Record) -> bool:
+    """Whether a record is of a new stream: numbered from 1 again, yet not measured earlier than the last one.
+
+    After a restart of the box it was measured earlier; then the number must be small where the last was not.
+    """
+    if (record.rdt_sequence - last.rdt_sequence) % U32 < HALF and record.rdt_sequence != last.rdt_sequence:
+        return record.rdt_sequence <= YOUNG and (record.ft_sequence - last.ft_sequence) % U32 >= HALF
+    ticks = (record.ft_sequence - last.ft_sequence) % U32
+    if ticks == 0:
+        return record.rdt_sequence <= YOUNG < last.rdt_sequence
+    return ticks < HALF or record.rdt_sequence <= YOUNG < last.rdt_sequence - YOUNG

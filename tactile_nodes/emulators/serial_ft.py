@@ -1,0 +1,112 @@
+"""Serial force/torque sensors on pseudo-terminals: a pty that can be unplugged, and whoever speaks on it.
+
+    with PtySensor(BotaSensor(world), clock, tmp_path / 'ttyFT') as device:
+        ... # bota:<tmp_path>/ttyFT
+
+The path is a link to the pty, so that it keeps its name over an unplugging, as below ``/dev/serial/by-id``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+import tty
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from tactile_nodes.clock import NS_PER_S, Clock
+
+LONGEST_WAIT_S = 0.01
+SHORTEST_WAIT_S = 0.0005
+
+
+class Talker(Protocol):
+    """The inside of a serial device, as a function of time."""
+
+    def power_on(self, now_ns: int) -> None:
+        """It has just got power."""
+        ...
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        """These bytes have come from the host."""
+        ...
+
+    def due(self, now_ns: int) -> bytes:
+        """What it has said since it was last asked."""
+        ...
+
+    def next_ns(self) -> int | None:
+        """When it will speak next without being asked; None: it does not know."""
+        ...
+
+
+class PtySensor:
+    """A device on a pty; it gets power when it is plugged in."""
+
+    def __init__(self, talker: Talker, clock: Clock, path: Path) -> None:
+        self.talker = talker
+        self.path = path
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._ends: tuple[int, int] | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f'serial emulator {path.name}', daemon=True)
+
+    def __enter__(self) -> PtySensor:
+        self.plug()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.unplug()
+
+    def plug(self) -> None:
+        """Put it in, and give it power."""
+        with self._lock:
+            ours, theirs = os.openpty()
+            tty.setraw(theirs)
+            os.set_blocking(ours, False)
+            self.path.unlink(missing_ok=True)
+            self.path.symlink_to(os.ttyname(theirs))
+            self._ends = (ours, theirs)
+            self.talker.power_on(self._clock.now_ns())
+
+    def unplug(self) -> None:
+        """Pull it out: the host's open port fails, and the path is gone."""
+        with self._lock:
+            ends, self._ends = self._ends, None
+            self.path.unlink(missing_ok=True)
+            for end in ends or ():
+                os.close(end)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            ends = self._ends
+            if ends is None:
+                self._stop.wait(LONGEST_WAIT_S)
+                continue
+            with contextlib.suppress(OSError, ValueError):  # unplugged under our hands
+                select.select([ends[0]], [], [], self._wait_s())
+            with self._lock:
+                if self._ends is not None:
+                    self._exchange(self._ends[0])
+
+    def _exchange(self, ours: int) -> None:
+        now_ns = self._clock.now_ns()
+        with contextlib.suppress(BlockingIOError, OSError):
+            self.talker.receive(os.read(ours, 4096), now_ns)
+        with contextlib.suppress(BlockingIOError):  # nobody reads: as on a wire, the rest is lost
+            os.write(ours, self.talker.due(now_ns))
+
+    def _wait_s(self) -> float:
+        next_ns = self.talker.next_ns()
+        if next_ns is None:
+            return LONGEST_WAIT_S
+        return min(LONGEST_WAIT_S, max(SHORTEST_WAIT_S, (next_ns - self._clock.now_ns()) / NS_PER_S))
