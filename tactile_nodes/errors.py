@@ -18,6 +18,7 @@
     │       ├── ServiceUnavailableError   nobody serves it
     │       └── ServiceTimeoutError       somebody serves it, and does not answer
     ├── BagError                    a recording that cannot be written or read
+    ├── DatasetError                presses that cannot be learned from: a data set that is missing, damaged or unfit
     └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
 
 The text of each is one sentence for a person: what was attempted on what, and what to do.
@@ -97,6 +98,10 @@ class ServiceTimeoutError(ServiceError):
 
 class BagError(TactileError):
     """A recording that cannot be written or read."""
+
+
+class DatasetError(TactileError):
+    """A data set of presses that is missing, damaged, or does not fit what is to be done with it."""
 
 
 class ModelError(TactileError):

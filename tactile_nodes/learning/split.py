@@ -1,0 +1,135 @@
+"""Which presses a network learns from, which stop its training, and which it is judged by.
+
+`by_sample` is the paper's: a fifth of the presses is put aside, so a position of the test set occurs in training at
+other depths. `by_position` puts whole positions aside, so that no question of the test was seen at any depth.
+
+A split follows from the presses and its seed alone, and all samples of one press fall on the same side.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from tactile_nodes.errors import DatasetError
+
+TEST_SHARE = 0.2
+VALIDATION_SHARE = 0.1
+KINDS = ('sample', 'position')
+MOST_DEPTHS = 16
+"""With more different depths than this a plan is taken for one of random depths."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """Indices of samples, each in rising order; every sample is in one of the three."""
+
+    train: Int[np.ndarray, ' train']
+    validation: Int[np.ndarray, ' validation']
+    test: Int[np.ndarray, ' test']
+
+    @property
+    def split_id(self) -> str:
+        """Twelve hexadecimal digits over the three lists."""
+        digest = hashlib.sha256()
+        for part in (self.train, self.validation, self.test):
+            digest.update(len(part).to_bytes(8, 'little') + part.astype('<i8').tobytes())
+        return digest.hexdigest()[:12]
+
+
+def by_sample(
+    press: Int[np.ndarray, ' samples'],
+    depth_mm: Float[np.ndarray, ' samples'],
+    *,
+    seed: int,
+    test: float = TEST_SHARE,
+    validation: float = VALIDATION_SHARE,
+) -> Split:
+    """The paper's split, over presses, each depth in proportion.
+
+    Of 10952 presses 2191 (a fifth, rounded up) are the test set, and nine tenths of the others, rounded down, train:
+    7884, the number that the paper gives. Samples with the same number in `press` stay together.
+
+    Raises:
+        DatasetError: too few presses for three parts.
+    """
+    _, first, member = np.unique(press, return_index=True, return_inverse=True)
+    deepest = np.asarray(depth_mm, np.float64)[first]
+    np.maximum.at(deepest, member, depth_mm)  # of a press and the frames taken before it, the press
+    return _split(member, depth_strata(deepest), seed, test, validation)
+
+
+def by_position(
+    position_mm: Float[np.ndarray, 'samples 2'],
+    *,
+    seed: int,
+    test: float = TEST_SHARE,
+    validation: float = VALIDATION_SHARE,
+) -> Split:
+    """A split of positions: none of the test set occurs in training or validation, at any depth.
+
+    Of the paper's 1369 positions 274 are the test set (2192 presses), 985 train.
+
+    Raises:
+        DatasetError: too few positions for three parts.
+    """
+    member = position_ids(position_mm)
+    return _split(member, np.zeros(int(member.max(initial=-1)) + 1, np.int64), seed, test, validation)
+
+
+def position_ids(position_mm: Float[np.ndarray, 'samples 2']) -> Int[np.ndarray, ' samples']:
+    """A number for each position; those within half a micrometre are one."""
+    micrometres = np.round(np.asarray(position_mm, np.float64) * 1e3).astype(np.int64)
+    numbers: np.ndarray = np.unique(micrometres, axis=0, return_inverse=True)[1]
+    return numbers.reshape(-1)
+
+
+def depth_strata(depth_mm: Float[np.ndarray, ' presses']) -> Int[np.ndarray, ' presses']:
+    """A number for each depth of a plan; of random depths, for each eighth of the presses."""
+    depths, strata = np.unique(np.round(depth_mm, 3), return_inverse=True)
+    if len(depths) > MOST_DEPTHS:
+        strata = np.argsort(np.argsort(depth_mm, kind='stable'), kind='stable') * 8 // len(depth_mm)
+    return strata.reshape(-1)
+
+
+def _split(
+    member: Int[np.ndarray, ' samples'], stratum: Int[np.ndarray, ' groups'], seed: int, test: float, validation: float
+) -> Split:
+    groups = len(stratum)
+    tested = math.ceil(groups * test - 1e-9)
+    trained = math.floor((groups - tested) * (1 - validation) + 1e-9)
+    if min(tested, trained, groups - tested - trained) < 1:
+        raise DatasetError(
+            f'{groups} presses or positions are too few to test on {test:g} and validate on {validation:g} of them; '
+            'give more bags'
+        )
+    random = np.random.default_rng(seed)
+    side = np.zeros(groups, np.int64)
+    side[_draw(np.arange(groups), stratum, tested, random)] = 2
+    left = np.flatnonzero(side == 0)
+    side[_draw(left, stratum[left], len(left) - trained, random)] = 1
+    train, held_out, put_aside = (np.flatnonzero(side[member] == part) for part in range(3))
+    return Split(train, held_out, put_aside)
+
+
+def _draw(candidates: np.ndarray, stratum: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+    """`count` of the candidates, from each stratum its share."""
+    names, sizes = np.unique(stratum, return_counts=True)
+    drawn = [
+        random.permutation(candidates[stratum == name])[:share]
+        for name, share in zip(names, apportioned(sizes, count), strict=True)
+    ]
+    return np.concatenate(drawn)
+
+
+def apportioned(sizes: Int[np.ndarray, ' parts'], count: int) -> Int[np.ndarray, ' parts']:
+    """`count` seats in proportion to sizes, by largest remainder: 10 seats for (5, 3, 3) are (4, 3, 3)."""
+    exact = sizes * (count / sizes.sum())
+    seats: np.ndarray = np.floor(exact + 1e-9).astype(np.int64)
+    order = np.argsort(seats - exact, kind='stable')
+    seats[order[: count - int(seats.sum())]] += 1
+    return seats
