@@ -16,18 +16,18 @@ from typing import Any
 from tactile_nodes import messages
 from tactile_nodes.bus import wire
 from tactile_nodes.bus.bridge_calls import BridgeCalls
-from tactile_nodes.bus.bridge_talk import MALFORMED, ClockOffset, State
+from tactile_nodes.bus.bridge_talk import MALFORMED, Choice, ClockOffset, State, fits
 from tactile_nodes.bus.link import Link
 from tactile_nodes.bus.loop import Loop
 from tactile_nodes.bus.protocol import Participant, Qos, Reply, ServiceHandler
+from tactile_nodes.bus.publishing import ZmqRelay
 from tactile_nodes.bus.receiving import Key
 from tactile_nodes.bus.records import Outlet, Record
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import default_qos
-from tactile_nodes.bus.zeromq import ZmqBus, ZmqRelay
+from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import MessageError, ServiceUnavailableError
-from tactile_nodes.params import matches
 
 FORWARDING = '(bridge)'
 """The node under which a bridge receives what it forwards: nobody's wish of its own."""
@@ -35,15 +35,6 @@ _LOOK_EVERY_S = 0.1
 _SPEAK_EVERY_S = 1.0
 _GONE_AFTER_S = 3.5
 _AT_ONCE = 64
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Patterns (``*`` one level, ``**`` any depth) of the topics given and taken, and of the services to be called."""
-
-    send: tuple[str, ...] = ('/**',)
-    receive: tuple[str, ...] = ('/**',)
-    serve: tuple[str, ...] = ('/**',)
 
 
 @dataclass
@@ -152,7 +143,7 @@ class Bridge(Loop):
         own = self._bus.own_participant()
         here = (own, *(record.participant for record in self._records))
         wishes = {(end.name, end.type_name) for peer in here for end in peer.subscriptions if end.node != FORWARDING}
-        wants = tuple(sorted(wish for wish in wishes if _fits(wish[0], self._choice.receive)))
+        wants = tuple(sorted(wish for wish in wishes if fits(wish[0], self._choice.receive)))
         return State(self._bus.uid, own.host, here, self._outlets(), wants)
 
     def _outlets(self) -> tuple[Outlet, ...]:
@@ -160,7 +151,7 @@ class Bridge(Loop):
         offers = [(self._bus.uid, outlet) for outlet in self._bus.outlets()]
         offers += [(record.participant.uid, outlet) for record in self._records for outlet in record.outlets]
         return tuple(
-            outlet for uid, outlet in offers if _sender(outlet.gid) == uid and _fits(outlet.topic, self._choice.send)
+            outlet for uid, outlet in offers if _sender(outlet.gid) == uid and fits(outlet.topic, self._choice.send)
         )
 
     # --- what the peer wants, and what we want of it ---------------------------------------------------------
@@ -235,7 +226,7 @@ class Bridge(Loop):
             if relay is not None:
                 relay.repeat(header.sequence, header.source_ns, rest[1])
         elif kind == b'call':
-            self._calls.answer(self._bus, _fits(rest[1].decode(), self._choice.serve), rest, self._sending(peer))
+            self._calls.answer(self._bus, fits(rest[1].decode(), self._choice.serve), rest, self._sending(peer))
         elif kind == b'answer':
             self._calls.hear(*rest)
         elif kind == b'bye':
@@ -297,10 +288,6 @@ class Bridge(Loop):
 
 def _sender(gid: str) -> str:
     return gid.partition('.')[0]
-
-
-def _fits(name: str, patterns: tuple[str, ...]) -> bool:
-    return any(matches(pattern, name) for pattern in patterns)
 
 
 def _nothing() -> None:

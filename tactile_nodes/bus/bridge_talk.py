@@ -11,10 +11,25 @@ from tactile_nodes.bus.protocol import Participant
 from tactile_nodes.bus.receiving import Key
 from tactile_nodes.bus.records import Outlet, checked, participant_from
 from tactile_nodes.errors import MessageError
+from tactile_nodes.params import matches
 
 FORMAT = 1
 MALFORMED = (MessageError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error)
 _KEPT = 20
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Patterns (``*`` one level, ``**`` any depth) of the topics given and taken, and of the services to be called."""
+
+    send: tuple[str, ...] = ('/**',)
+    receive: tuple[str, ...] = ('/**',)
+    serve: tuple[str, ...] = ('/**',)
+
+
+def fits(name: str, patterns: tuple[str, ...]) -> bool:
+    """Whether one of the patterns covers a name."""
+    return any(matches(pattern, name) for pattern in patterns)
 
 
 @dataclass(frozen=True)

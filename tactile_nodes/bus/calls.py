@@ -180,5 +180,5 @@ def _ask(
                 if len(answer) == 4 and answer[0] == wire.ANSWER and answer[1] == call_id:
                     return answer[2], answer[3]
     except zmq.ZMQError as error:
-        raise BusError('the bus was closed during the call') from error
+        raise BusError(f'a call broke off ({error.strerror}); was the bus closed meanwhile?') from error
     return None

@@ -15,19 +15,17 @@ from typing import Any, Protocol, cast
 
 import zmq
 
-from tactile_nodes.bus import wire
-from tactile_nodes.bus.calls import CallServer, bind_again, call_remote, ping_remote
+from tactile_nodes.bus.calls import CallServer, call_remote, ping_remote
 from tactile_nodes.bus.discovery import Meeting, domain_from_environment
-from tactile_nodes.bus.inprocess import InProcessBus, LocalPublisher, require_type
-from tactile_nodes.bus.protocol import Graph, Participant, Qos, Received, ServiceHandler
-from tactile_nodes.bus.receiving import SHORTEST_QUEUE, Hub, Key
+from tactile_nodes.bus.inprocess import InProcessBus, require_type
+from tactile_nodes.bus.protocol import Graph, Participant, Qos, ServiceHandler
+from tactile_nodes.bus.publishing import ZmqPublisher, ZmqRelay
+from tactile_nodes.bus.receiving import Hub, Key
 from tactile_nodes.bus.records import Outlet, Record
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
-from tactile_nodes.errors import BusError, ServiceUnavailableError
+from tactile_nodes.errors import ServiceUnavailableError
 
-LARGE_BYTES = 65536  # below, a copy is cheaper than a second frame
-_LINGER_MS = 200  # so that the last message of a process that ends still leaves
 _MANY_FILES = 8192  # each connection is one
 
 
@@ -225,98 +223,6 @@ class ZmqBus(InProcessBus):
         if offered is not None:
             return offered.handler if offered.type_name == type_name else None
         return self._far.service(name, type_name) if self._far is not None else None
-
-
-class ZmqPublisher(LocalPublisher):
-    """Publishes to this process and, when somebody there listens, to the others."""
-
-    def __init__(self, bus: ZmqBus, topic: str, type_name: str, qos: Qos, node: str) -> None:
-        super().__init__(bus, topic, type_name, qos, node)
-        self._meeting = bus.meeting
-        self._key = wire.type_key(type_name)
-        self._sender = self.gid.encode()
-        self._listeners = 0
-        self.address = self._meeting.socket_address(self.number)
-        self._socket = bus.context.socket(zmq.XPUB)
-        self._socket.set(zmq.SNDHWM, max(qos.depth, SHORTEST_QUEUE))
-        self._socket.set(zmq.LINGER, _LINGER_MS)
-        self._socket.set(zmq.XPUB_VERBOSER, 1)  # every coming and going is told, not only the first and the last
-        try:
-            self._socket.bind(self.address)
-        except zmq.ZMQError as error:
-            self._socket.close()
-            raise BusError(f'cannot publish {topic} at {self.address}: {error.strerror}') from error
-
-    def outlet(self) -> Outlet:
-        """What a subscriber must know of it."""
-        return Outlet(self.gid, self.topic, self.type_name, self.address, self.qos.latched)
-
-    def bind_again(self) -> None:
-        """Be reachable once more after the folder of the sockets was removed."""
-        with self._lock:
-            if not self._shut:
-                address = self._meeting.socket_address(self.number)
-                bind_again(self._socket, self.address, address)
-                self.address = address
-
-    def greet(self) -> None:
-        """Give a latched message to listeners that have come since; the others recognise its number."""
-        with self._lock:
-            if not self._shut and self._count_listeners() and self.last is not None:
-                self._transmit(self.last)
-
-    @property
-    def listeners(self) -> int:
-        """How many would get what is published now: subscriptions of this process, and other processes."""
-        self.greet()
-        return self._listeners + super().listeners
-
-    def _send_beyond(self, received: Received) -> None:
-        if self._listeners > 0:  # counted at each look around, so that publishing need not
-            self._transmit(received)
-
-    def _transmit(self, received: Received) -> None:
-        header = wire.pack_header(self._sender, self._key, received.sequence, received.source_ns)
-        data = received.view
-        if len(data) < LARGE_BYTES:
-            self._socket.send(b''.join((header, data)))
-        else:
-            self._socket.send(header, zmq.SNDMORE)
-            self._socket.send(data)
-
-    def _count_listeners(self) -> bool:
-        """Take in who came and went; whether somebody came."""
-        came = False
-        while int(self._socket.get(zmq.EVENTS)) & zmq.POLLIN:
-            said = self._socket.recv_multipart()
-            if said == [b'\x01']:
-                self._listeners += 1
-                came = True
-            elif said == [b'\x00']:
-                self._listeners = max(0, self._listeners - 1)
-        return came
-
-    def _close_socket(self) -> None:
-        self._socket.close()
-
-
-class ZmqRelay(ZmqPublisher):
-    """Speaks on this host in the name of a publisher of another machine, so that loops and doubles are recognised."""
-
-    relays = True
-
-    def __init__(self, bus: ZmqBus, outlet: Outlet) -> None:
-        super().__init__(bus, outlet.topic, outlet.type_name, Qos('queue', 100, outlet.latched), '')
-        self.gid = outlet.gid
-        self._sender = self.gid.encode()
-
-    def repeat(self, sequence: int, source_ns: int, data: bytes) -> None:
-        """Publish what the other said as its message number `sequence`."""
-        with self._lock:
-            if not self._shut and sequence > self.sequence:
-                self.sequence = sequence
-                now_ns = self._bus.clock.now_ns()
-                self._deliver(Received(self.type_name, self.gid, sequence, source_ns, now_ns, data=data))
 
 
 def _allow_many_files() -> None:

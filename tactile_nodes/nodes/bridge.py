@@ -11,7 +11,8 @@ import sys
 from dataclasses import dataclass
 
 from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.bridge import Bridge, Choice
+from tactile_nodes.bus.bridge import Bridge
+from tactile_nodes.bus.bridge_talk import Choice
 from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.keys import read_pair, read_public
 from tactile_nodes.bus.link import PLAIN_TCP, Address, Link, Security
