@@ -112,8 +112,8 @@ class GrblCnc(GuardedCnc):
     def home(self) -> None:
         """As `Cnc.home`."""
         dialogue = self._talk()
-        if dialogue.alarm in NEEDS_RESET or dialogue.busy:
-            dialogue.reset(RESET_S)
+        if dialogue.fault or dialogue.busy:
+            dialogue.reset(RESET_S)  # ends what only a reset ends, and what is answered from now on is the answer
         dialogue.forgive()
         self._at_rest()
         if not without_homing(self._memory, self._settings):
@@ -161,6 +161,7 @@ class GrblCnc(GuardedCnc):
                 raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
         else:
             dialogue.ask(BARRIER, patience_s)
+        dialogue.require_sound()
         if stops != self._stops:
             raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
         self._arrived()

@@ -39,7 +39,7 @@ class GrblDialogue:
         self._settings = settings
         self._unanswered: deque[Request] = deque()
         self._restart_expected = True
-        self._asked_ns = 0
+        self._asked_ns = self._owed_ns = 0
         self._asked_open = False
         self._offset: Place | None = None
         self.name = port.name
@@ -79,7 +79,7 @@ class GrblDialogue:
     @property
     def silent(self) -> bool:
         """Whether it owes a report for longer than it may."""
-        owed_s = (self._clock.now_ns() - self._asked_ns) / NS_PER_S
+        owed_s = (self._clock.now_ns() - self._owed_ns) / NS_PER_S
         return self._asked_open and owed_s > SILENT_S and not self.homing
 
     def ask(self, line: str, timeout_s: float) -> Request:
@@ -216,6 +216,7 @@ class GrblDialogue:
             if not request.awaited:  # what was sent after it would run on without it
                 self.refusal = f'refused {request.text!r}: {error_text(line)}; stop it, then look at the plan'
                 self.link.send(HOLD)
+                self.abandon('was broken off because an earlier line was refused')
 
     def _reported(self, line: str, stamp_ns: int) -> None:
         report = parse_report(line, self.factor)
@@ -255,7 +256,9 @@ class GrblDialogue:
         return not mute and (not self._asked_open or owed_s > SILENT_S)
 
     def _request_report(self) -> None:
-        self._asked_ns, self._asked_open = self.link.send(REPORT), True
+        self._asked_ns = self.link.send(REPORT)
+        if not self._asked_open:
+            self._asked_open, self._owed_ns = True, self._asked_ns
 
 
 def inches(setting: str) -> float:

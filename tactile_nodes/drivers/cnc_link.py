@@ -84,7 +84,11 @@ class Link:
             stamp_ns = self._clock.now_ns()
             if self._traffic is not None:
                 self._traffic('>', stamp_ns, data)
-            self._port.write(data)
+            try:
+                self._port.write(data)
+            except DeviceLostError as error:
+                self.lost = error
+                raise
             return stamp_ns
 
     def wait(self, done: Callable[[], bool], timeout_s: float) -> bool:

@@ -1,0 +1,128 @@
+"""Machines for the tests of the CNC drivers: each with its world, its clock and everything that was said."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.clock import Clock, SteppedClock, SystemClock
+from tactile_nodes.drivers.cnc import Cnc, CncSettings, Place, open_cnc
+from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.drivers.cnc_marlin import MarlinCnc
+from tactile_nodes.drivers.cnc_simulated import SimulatedCnc
+from tactile_nodes.emulators.grbl import Grbl
+from tactile_nodes.emulators.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.marlin import Marlin, MarlinSettings
+from tactile_nodes.emulators.serial_device import SerialDevice
+from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
+from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable, solve
+
+START_NS = 1_700_000_000_000_000_000
+MARLIN_BOX = {'lowest_mm': (0.0, 0.0, 0.0), 'highest_mm': (120.0, 120.0, 60.0), 'safe_z_mm': 55.0}
+KINDS = ['grbl', 'grblhal', 'marlin', 'simulated']
+
+
+class JumpingClock(SteppedClock):
+    """Time that passes only by being slept through."""
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.set_ns(max(self.now_ns(), deadline_ns))
+
+
+@cache
+def coarse_table() -> ContactTable:
+    return solve(Gel(), steps=4)
+
+
+@dataclass
+class Rig:
+    """A machine, not connected, and all that can be known about it from outside."""
+
+    cnc: Cnc
+    world: World
+    clock: Clock
+    zero: Place = (0.0, 0.0, 0.0)  # of the world, in the machine's coordinates
+    device: Any = None
+    port: Any = None
+    said: list[tuple[str, int, bytes]] = field(default_factory=list)
+
+    @property
+    def tip(self) -> Place:
+        """The tip, in the machine's coordinates."""
+        return self.at(*self.world.tip_at(self.clock.now_ns()))
+
+    def at(self, x: float, y: float, z: float) -> Place:
+        """A place in the world in the machine's coordinates."""
+        return (x + self.zero[0], y + self.zero[1], z + self.zero[2])
+
+    def go(self, x: float, y: float, z: float, feed: float = 2000.0) -> None:
+        """To a place in the world, and wait."""
+        mx, my, mz = self.at(x, y, z)
+        self.cnc.move(mx, my, mz, feed=feed)
+        self.cnc.wait_idle()
+
+    def sent(self) -> bytes:
+        return b''.join(data for way, _, data in self.said if way == '>')
+
+    def heard(self) -> bytes:
+        return b''.join(data for way, _, data in self.said if way == '<')
+
+    def seconds(self) -> float:
+        return self.clock.now_ns() / 1e9
+
+
+def settings_of(kind: str, **more: Any) -> CncSettings:
+    if kind.startswith('marlin'):
+        base = CncSettings('the port', 'marlin', home_command='G28', **MARLIN_BOX)  # type: ignore[arg-type]
+    else:
+        base = CncSettings('simulated' if kind == 'simulated' else 'the port')
+    return replace(base, **more)
+
+
+def device_of(kind: str, world: World, clock: Clock, changes: tuple[str, ...] = ()) -> SerialDevice:
+    if kind.startswith('marlin'):
+        return Marlin(world, clock, MarlinSettings(emergency_parser=kind == 'marlin'))
+    return Grbl(world, clock, GrblSettings(dialect=kind, changes=changes))
+
+
+def direct_rig(kind: str, changes: tuple[str, ...] = (), **more: Any) -> Rig:
+    """Everything in one thread, on a clock that jumps."""
+    clock = JumpingClock(START_NS)
+    world, settings, said = World(table=coarse_table()), settings_of(kind, **more), []
+    if kind == 'simulated':
+        return Rig(SimulatedCnc(settings, clock, world), world, clock)
+    device = device_of(kind, world, clock, changes)
+    port = DirectPort(device, clock)
+
+    def traffic(way: str, stamp_ns: int, data: bytes) -> None:
+        said.append((way, stamp_ns, data))
+
+    driver = MarlinCnc if kind.startswith('marlin') else GrblCnc
+    cnc = driver(settings, clock, lambda: port, traffic, threaded=False)
+    zero = (120.0, 120.0, 60.0) if kind.startswith('marlin') else (0.0, 0.0, 0.0)
+    return Rig(cnc, world, clock, zero, device, port, said)
+
+
+@contextlib.contextmanager
+def pty_rig(kind: str, folder: Path, **more: Any) -> Iterator[Rig]:
+    """Through a pseudo terminal and the operating system, in real time, connected as a program does it."""
+    start_mm = (-115.0, -115.0, -5.0) if kind == 'marlin' else (-5.0, -5.0, -5.0)  # near its switches
+    clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
+    zero = (120.0, 120.0, 60.0) if kind == 'marlin' else (0.0, 0.0, 0.0)
+    if kind == 'simulated':
+        yield Rig(open_cnc(settings_of(kind, **more), clock, machine=world), world, clock)
+        return
+    device = device_of(kind, world, clock)
+    with PtyPort(device, clock, folder / 'ttyTEST', reset_on_open=True) as port:
+        settings = settings_of(kind, source=str(port.path), **more)
+        with contextlib.closing(open_cnc(settings, clock)) as cnc:
+            yield Rig(cnc, world, clock, zero, device, port)
+
+
+Make = Callable[..., Rig]

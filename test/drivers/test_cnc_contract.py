@@ -1,0 +1,298 @@
+"""What every CNC does: Grbl, grblHAL and Marlin as emulated controllers, and the twin."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from cnc_rigs import KINDS, Rig, direct_rig, pty_rig
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers.cnc import CncSettings, CncState, open_cnc
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
+
+
+@pytest.fixture(params=KINDS)
+def rig(request: pytest.FixtureRequest) -> Rig:
+    """Connected, not homed."""
+    made = direct_rig(request.param)
+    made.cnc.connect()
+    return made
+
+
+@pytest.fixture
+def homed(rig: Rig) -> Rig:
+    """Homed, and over the gel's middle at the safe height."""
+    rig.cnc.home()
+    rig.go(-60, -60, -5)
+    return rig
+
+
+def test_it_says_what_it_is(rig: Rig) -> None:
+    identity = rig.cnc.identify()
+    assert identity.firmware in {'Grbl', 'grblHAL', 'Marlin', 'simulated'}
+    assert identity.version
+    assert {'source', 'kind'} <= set(rig.cnc.description)
+
+
+def test_nothing_moves_by_connecting(rig: Rig) -> None:
+    assert rig.world.tip_at(rig.clock.now_ns()) == rig.world.settings.start_mm
+    assert not rig.cnc.status().homed
+
+
+def test_before_homing_no_move_is_made(rig: Rig) -> None:
+    with pytest.raises(DeviceFaultError, match='home it'):
+        rig.cnc.move(*rig.at(-60, -60, -5), feed=100.0)
+    assert rig.world.tip_at(rig.clock.now_ns()) == rig.world.settings.start_mm
+
+
+@pytest.mark.parametrize('way', [{'dz': -0.01}, {'dx': 0.01, 'dz': 0.01}, {'dy': 0.01}])
+def test_from_an_unknown_place_it_goes_nowhere_but_up(rig: Rig, way: dict[str, float]) -> None:
+    with pytest.raises(TactileError, match=r'only go straight up|home'):
+        rig.cnc.jog(**way, feed=100.0)
+    assert rig.world.tip_at(rig.clock.now_ns()) == rig.world.settings.start_mm
+
+
+def test_homing_gives_a_place_within_the_limits(rig: Rig) -> None:
+    rig.cnc.home()
+    status, limits = rig.cnc.status(), rig.cnc.limits
+    assert status.homed
+    assert status.state is CncState.IDLE
+    assert status.position_mm == pytest.approx(rig.tip, abs=0.005)
+    for value, low, high in zip(status.position_mm, limits.lowest_mm, limits.highest_mm, strict=True):
+        assert low <= value <= high
+    assert rig.cnc.health.level == Level.OK
+
+
+def test_it_goes_where_it_is_told_and_says_so(homed: Rig) -> None:
+    homed.go(-50.125, -61, -4.5)
+    assert homed.tip == pytest.approx(homed.at(-50.125, -61, -4.5), abs=0.001)
+    assert homed.cnc.status().position_mm == pytest.approx(homed.tip, abs=0.006)  # Marlin tells hundredths
+
+
+def test_what_is_not_named_stays(homed: Rig) -> None:
+    homed.cnc.move(x=homed.at(-40, 0, 0)[0], feed=2000.0)
+    homed.cnc.wait_idle()
+    assert homed.tip == pytest.approx(homed.at(-40, -60, -5), abs=0.001)
+
+
+def test_a_move_takes_the_time_of_its_feed(homed: Rig) -> None:
+    """20 mm at 600 mm/min with 200 mm/s²: 2 s and 0.05 s for the ramps; and the last question."""
+    begin = homed.seconds()
+    homed.go(-40, -60, -5, feed=600.0)
+    assert homed.seconds() - begin == pytest.approx(2.05, abs=0.06)
+
+
+def test_a_queued_move_is_not_done_yet(homed: Rig) -> None:
+    homed.cnc.move(x=homed.at(-40, 0, 0)[0], feed=600.0)
+    assert homed.cnc.status().state is CncState.RUN
+    assert homed.tip[0] < homed.at(-55, 0, 0)[0]
+
+
+@pytest.mark.parametrize(('place', 'text'), [((-60, -60, -61), 'to z'), ((-60, 1, -5), 'to y'), ((-121, -60, -5), 'x')])
+def test_a_target_outside_the_box_is_refused_before_anything_is_sent(homed: Rig, place: tuple, text: str) -> None:
+    before, said = homed.tip, len(homed.sent())
+    with pytest.raises(ConfigurationError, match=rf'{text} -?\d+ mm; the machine may go from') as raised:
+        homed.cnc.move(*homed.at(*place), feed=100.0)
+    assert '\n' not in str(raised.value)
+    assert (homed.tip, len(homed.sent())) == (before, said)
+
+
+def test_a_jog_out_of_the_box_is_refused_too(homed: Rig) -> None:
+    homed.go(-60, -60, -0.01)
+    with pytest.raises(ConfigurationError, match='may go from'):
+        homed.cnc.jog(dz=0.04, feed=100.0)
+
+
+@pytest.mark.parametrize('feed', [0.0, -5.0, 2001.0, float('nan')])
+def test_a_senseless_feed_is_refused(homed: Rig, feed: float) -> None:
+    with pytest.raises(ConfigurationError, match='feed must be above 0'):
+        homed.cnc.move(z=homed.at(0, 0, -6)[2], feed=feed)
+
+
+def test_nothing_goes_sideways_below_the_safe_height(homed: Rig) -> None:
+    homed.go(-60, -60, -20)
+    with pytest.raises(ConfigurationError, match='sideways'):
+        homed.cnc.move(x=homed.at(-59, 0, 0)[0], feed=100.0)
+    with pytest.raises(ConfigurationError, match='sideways'):
+        homed.cnc.jog(dy=0.04, feed=100.0)
+
+
+def test_a_jog_goes_on_by_a_distance(homed: Rig) -> None:
+    homed.cnc.jog(dz=-2.0, feed=600.0)
+    homed.cnc.wait_idle()
+    homed.cnc.jog(dz=0.5, feed=600.0)
+    homed.cnc.wait_idle()
+    assert homed.tip == pytest.approx(homed.at(-60, -60, -6.5), abs=0.002)
+
+
+def test_jogs_and_moves_may_follow_each_other(homed: Rig) -> None:
+    homed.cnc.move(x=homed.at(-50, 0, 0)[0], feed=2000.0)
+    homed.cnc.jog(dz=-1.0, feed=600.0)
+    homed.cnc.move(z=homed.at(0, 0, -5)[2], feed=600.0)
+    homed.cnc.wait_idle()
+    assert homed.tip == pytest.approx(homed.at(-50, -60, -5), abs=0.002)
+
+
+def pass_time(rig: Rig, seconds: float) -> None:
+    end_ns = rig.clock.now_ns() + round(seconds * 1e9)
+    while rig.clock.now_ns() < end_ns:
+        rig.cnc.status()
+        rig.clock.sleep_until(min(end_ns, rig.clock.now_ns() + 50_000_000))
+
+
+def test_a_stopped_jog_rests_within_a_tenth_of_a_millimetre_and_knows_where(homed: Rig) -> None:
+    """At 60 mm/min the firmware needed 0.044 mm, with a round trip."""
+    homed.cnc.jog(dz=-5.0, feed=60.0)
+    pass_time(homed, 1.0)
+    before = homed.tip[2]
+    homed.cnc.stop()
+    assert 0 <= before - homed.tip[2] < 0.1
+    still = homed.tip
+    pass_time(homed, 1.0)
+    assert homed.tip == still
+    status = homed.cnc.status()
+    assert status.homed
+    assert status.state is CncState.IDLE
+    assert status.position_mm == pytest.approx(homed.tip, abs=0.006)
+
+
+def test_a_stopped_move_keeps_the_place_and_forgets_the_queue(homed: Rig) -> None:
+    for z in (-10, -15, -20):
+        homed.cnc.move(z=homed.at(0, 0, z)[2], feed=300.0)
+    pass_time(homed, 0.5)
+    homed.cnc.stop()
+    assert homed.tip[2] > homed.at(0, 0, -10)[2]
+    assert homed.cnc.status().homed
+    homed.go(-60, -60, -12)
+    assert homed.tip == pytest.approx(homed.at(-60, -60, -12), abs=0.01)
+
+
+def test_a_stop_at_rest_does_no_harm(homed: Rig) -> None:
+    homed.cnc.stop()
+    assert homed.cnc.status().homed
+    homed.go(-50, -60, -5)
+
+
+def test_a_retract_goes_straight_up_to_the_safe_height(homed: Rig) -> None:
+    homed.go(-60, -60, -30.5)
+    homed.cnc.jog(dz=-1.5, feed=60.0)
+    homed.cnc.retract()
+    assert homed.tip == pytest.approx(homed.at(-60, -60, -5), abs=0.01)
+
+
+def test_a_retract_from_above_the_safe_height_stays(homed: Rig) -> None:
+    homed.go(-60, -60, -2)
+    homed.cnc.retract()
+    assert homed.tip[2] == pytest.approx(homed.at(0, 0, -2)[2], abs=0.001)
+
+
+def test_the_line_switches_at_rest_and_the_edge_lies_where_it_is_said(homed: Rig) -> None:
+    homed.cnc.move(x=homed.at(-50, 0, 0)[0], feed=1200.0)
+    switched = homed.cnc.set_line(True)
+    homed.cnc.set_line(False)
+    rise, fall = homed.world.line_edges()
+    assert (rise.level, fall.level) == (True, False)
+    assert switched.earliest_ns <= rise.stamp_ns <= switched.latest_ns
+    assert switched.latest_ns - switched.earliest_ns < 10_000_000
+    assert homed.world.tip_at(rise.stamp_ns)[0] == pytest.approx(-50, abs=0.001)
+
+
+def test_waiting_has_an_end(homed: Rig) -> None:
+    homed.cnc.move(x=homed.at(-20, 0, 0)[0], feed=60.0)
+    with pytest.raises(DeviceTimeoutError):
+        homed.cnc.wait_idle(timeout_s=0.5)
+
+
+def test_status_is_of_now(homed: Rig) -> None:
+    begin_ns = homed.clock.now_ns()
+    status = homed.cnc.status()
+    assert begin_ns <= status.stamp_ns - status.uncertainty_ns
+    assert status.stamp_ns + status.uncertainty_ns <= homed.clock.now_ns() + 1
+
+
+def test_a_closed_machine_says_so(homed: Rig) -> None:
+    homed.cnc.close()
+    homed.cnc.close()
+    assert homed.cnc.health.level == Level.STALE
+    with pytest.raises(DeviceError, match='not connected'):
+        homed.cnc.status()
+
+
+@pytest.mark.parametrize('kind', ['grbl', 'grblhal', 'simulated'])
+def test_a_held_move_rests_and_goes_on(kind: str) -> None:
+    rig = direct_rig(kind)
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.cnc.move(x=-50.0, feed=1200.0)
+    pass_time(rig, 0.5)
+    rig.cnc.hold()
+    still = rig.tip
+    pass_time(rig, 1.0)
+    assert rig.tip == still
+    assert rig.cnc.status().state is CncState.HOLD
+    rig.cnc.resume()
+    rig.cnc.wait_idle()
+    assert rig.tip[0] == pytest.approx(-50.0, abs=0.001)
+
+
+def test_a_stepped_clock_runs_far_ahead_of_real_time(homed: Rig) -> None:
+    """50 presses as of a plan, minutes of a rig, in seconds."""
+    begin, started = homed.seconds(), time.monotonic()
+    for number in range(50):
+        homed.go(-60 + 0.1 * number, -60, -5)
+        homed.cnc.move(z=homed.at(0, 0, -28)[2], feed=1200.0)
+        homed.cnc.move(z=homed.at(0, 0, -30.5)[2], feed=120.0)
+        homed.cnc.wait_idle()
+        homed.cnc.move(z=homed.at(0, 0, -5)[2], feed=2000.0)
+    homed.cnc.wait_idle()
+    simulated_s, real_s = homed.seconds() - begin, time.monotonic() - started
+    assert simulated_s > 100
+    assert real_s < simulated_s / 5
+
+
+@pytest.mark.parametrize('kind', ['grbl', 'marlin', 'simulated'])
+def test_a_stop_from_another_thread_breaks_off_who_waits(kind: str, tmp_path: Path) -> None:
+    """Through the operating system's serial layer, in real time."""
+    with pty_rig(kind, tmp_path, home_s=20.0) as rig:
+        rig.cnc.home()
+        rig.cnc.move(x=rig.at(-60, 0, 0)[0], feed=600.0)
+        caught: list[BaseException] = []
+        waiter = threading.Thread(target=lambda: caught.append(raised_by(rig.cnc.wait_idle)))
+        waiter.start()
+        rig.clock.sleep_until(rig.clock.now_ns() + 300_000_000)
+        rig.cnc.stop()
+        waiter.join(5)
+        assert isinstance(caught[0], DeviceFaultError)
+        assert 'stop' in str(caught[0])
+        status = rig.cnc.status()
+        assert status.homed
+        assert status.position_mm == pytest.approx(rig.tip, abs=0.01)
+        assert rig.at(-60, 0, 0)[0] < rig.tip[0] or kind == 'marlin'
+
+
+def raised_by(call: object) -> BaseException:
+    with pytest.raises(TactileError) as raised:
+        call()  # type: ignore[operator]
+    return raised.value
+
+
+@pytest.mark.parametrize(
+    ('settings', 'error', 'text'),
+    [
+        (CncSettings('/dev/ttyNONE'), 'DeviceNotFoundError', r'there is no serial port /dev/ttyNONE; '),
+        (CncSettings('/dev/null'), 'DeviceNotFoundError', r'cannot open /dev/null as a serial port'),
+        (CncSettings(), 'ConfigurationError', r'needs a world to stand in; '),
+        (CncSettings('/dev/null', 'marlin'), 'ConfigurationError', r'does not tell its limits; set lowest_mm'),
+    ],
+)
+def test_what_cannot_be_opened_is_one_clear_sentence(settings: CncSettings, error: str, text: str) -> None:
+    with pytest.raises(TactileError, match=text) as raised:
+        open_cnc(settings, SystemClock())
+    assert type(raised.value).__name__ == error
+    assert '\n' not in str(raised.value)
+    assert re.search(r'[;,(]', str(raised.value))

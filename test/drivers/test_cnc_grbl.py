@@ -1,0 +1,515 @@
+"""The Grbl driver: its dialogue byte for byte, and what it does when things go wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cnc_rigs import START_NS, JumpingClock, Rig, direct_rig, pty_rig, settings_of
+
+from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState, open_cnc
+from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.drivers.cnc_grbl_words import parse_report
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceLostError, DeviceTimeoutError
+
+BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
+UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
+IDENTITY = b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n'
+SETTINGS = (
+    b'$1=255\r\n$10=1\r\n$13=0\r\n$20=1\r\n$21=0\r\n$22=1\r\n$32=0\r\n$120=200.000\r\n$121=200.000\r\n'
+    b'$122=200.000\r\n$130=120.000\r\n$131=120.000\r\n$132=60.000\r\nok\r\n'
+)
+IDLE = b'<Idle|MPos:-1.000,-1.000,-1.000|FS:0,0>\r\n'
+PREAMBLE = (b'G21 G90 G94 G17 G54\n', b'ok\r\n')
+CONNECT = [
+    (b'$I\n', IDENTITY),
+    (b'?', b'<Alarm|MPos:0.000,0.000,0.000|FS:0,0|WCO:0.000,0.000,0.000>\r\n'),
+    (b'$$\n', SETTINGS),
+]
+HOME = [(b'$H\n', b'ok\r\n'), PREAMBLE, (b'?', IDLE)]
+
+Script = list[tuple[bytes, bytes]]
+
+
+class Scripted:
+    """A port that expects every byte of a transcript, and answers with the other side's."""
+
+    name = 'the port'
+
+    def __init__(self, clock: JumpingClock, script: Script, first: bytes = BANNER + UNLOCK) -> None:
+        self._clock = clock
+        self.left = list(script)
+        self._answer = first
+
+    def write(self, data: bytes) -> None:
+        expected, answer = self.left.pop(0)
+        assert data == expected
+        self._answer += answer
+
+    def read(self, timeout_s: float) -> bytes:
+        answer, self._answer = self._answer, b''
+        if not answer:
+            self._clock.sleep_until(self._clock.now_ns() + round(timeout_s * 1e9))
+        return answer
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def play(script: Script, act: Callable[[GrblCnc], object], first: bytes = BANNER + UNLOCK, **settings: Any) -> GrblCnc:
+    """Connect by a transcript, act, and see that all of it was said."""
+    clock = JumpingClock(START_NS)
+    port = Scripted(clock, script, first)
+    cnc = GrblCnc(settings_of('grbl', **settings), clock, lambda: port, threaded=False)
+    cnc.connect()
+    act(cnc)
+    assert port.left == []
+    return cnc
+
+
+def nothing(cnc: GrblCnc) -> None:
+    """Connecting is enough."""
+
+
+@pytest.fixture
+def rig() -> Rig:
+    """Homed, over the middle of the gel at the safe height."""
+    return homed_rig()
+
+
+def homed_rig(kind: str = 'grbl', **more: Any) -> Rig:
+    made = direct_rig(kind, **more)
+    made.cnc.connect()
+    made.cnc.home()
+    made.go(-60, -60, -5)
+    return made
+
+
+def pass_time(rig: Rig, seconds: float) -> None:
+    end_ns = rig.clock.now_ns() + round(seconds * 1e9)
+    while rig.clock.now_ns() < end_ns:
+        rig.cnc.status()
+        rig.clock.sleep_until(min(end_ns, rig.clock.now_ns() + 50_000_000))
+
+
+# Transcripts.
+
+
+def test_connecting_asks_who_where_and_how_and_changes_nothing() -> None:
+    cnc = play(CONNECT, nothing)
+    assert cnc.identify().version == '1.1h.20190830:'
+    assert cnc.limits.lowest_mm == (-120.0, -120.0, -60.0)
+    assert cnc.description['$130'] == '120.000'
+
+
+def test_a_controller_that_shows_no_banner_is_asked_with_a_line_that_can_move_nothing() -> None:
+    greeting = [(b'$\n', b'[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]\r\nok\r\n')]
+    play(greeting + CONNECT, nothing, first=b'')
+
+
+def test_what_another_host_left_half_said_is_spoilt_and_not_done() -> None:
+    play([(b'$\n', b'error:1\r\n'), *CONNECT], nothing, first=b'')
+
+
+def test_homing_a_move_and_the_barrier() -> None:
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        cnc.move(z=-2.5, feed=600.0)
+        cnc.wait_idle()
+
+    there = b'<Idle|MPos:-1.000,-1.000,-2.500|FS:0,0>\r\n'
+    motion = [
+        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-2.500 F600.0\n', b'ok\r\n'),
+        (b'G4 P0.01\n', b'ok\r\n'),
+        (b'?', there),
+    ]
+    play(CONNECT + HOME + motion, act)
+
+
+def test_a_clean_stop_holds_waits_for_rest_resets_and_sets_the_modes_again() -> None:
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        cnc.move(z=-4.0, feed=600.0)
+        cnc.stop()
+        assert cnc.status().homed
+
+    script = [
+        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
+        (b'!', b''),
+        (b'?', b'<Hold:1|MPos:-1.000,-1.000,-1.200|FS:600,0>\r\n'),
+        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.300|FS:600,0>\r\n'),
+        (b'\x18', BANNER),
+        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0|WCO:0.000,0.000,0.000>\r\n'),
+        PREAMBLE,
+        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'),
+    ]
+    play(CONNECT + HOME + script, act)
+
+
+def test_a_stopped_jog_is_cancelled_and_not_reset() -> None:
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        cnc.jog(dz=-2.0, feed=60.0)
+        cnc.stop()
+        assert cnc.status().homed
+
+    jogging = b'<Jog|MPos:-1.000,-1.000,-1.010|FS:20,0>\r\n'
+    resting = b'<Idle|MPos:-1.000,-1.000,-1.012|FS:0,0>\r\n'
+    script = [
+        (b'$J=G91 G21 Z-2.000 F60.0\n', b'ok\r\n'),
+        (b'\x85', b''),
+        (b'?', jogging),
+        (b'\x85', b''),
+        (b'?', resting),
+        (b'?', resting),
+        PREAMBLE,
+        (b'?', resting),
+    ]
+    play(CONNECT + HOME + script, act)
+
+
+def test_a_stop_that_ends_in_alarm_3_has_lost_the_place() -> None:
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        cnc.move(z=-4.0, feed=600.0)
+        cnc.stop()
+        assert not cnc.status().homed
+        with pytest.raises(DeviceFaultError, match='alarm 3, a reset while it moved'):
+            cnc.move(z=-3.0, feed=100.0)
+
+    moving = b'<Run|MPos:-1.000,-1.000,-1.200|FS:600,0>\r\n'
+    locked = b'<Alarm|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'
+    clock_polls: Script = [(b'?', moving)] * 60  # 3 s at a question each 50 ms: it never rests
+    script = [
+        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
+        (b'!', b''),
+        *clock_polls,
+        (b'\x18', b'ALARM:3\r\n' + BANNER + UNLOCK),
+        (b'?', locked),
+        (b'?', locked),
+    ]
+    play(CONNECT + HOME + script, act)
+
+
+def test_messages_of_any_kind_are_no_answers() -> None:
+    """A startup line's :ok, FluidNC's [MSG:INFO], settings with comments; the ok is still the line's."""
+    noise = b'>G54:ok\r\n[MSG:INFO: Connecting]\r\n' + b'$0=10 (step pulse, usec)\r\nnonsense\r\n'
+    script = [CONNECT[0], CONNECT[1], (b'$$\n', noise + SETTINGS)]
+    assert play(script, nothing).limits.highest_mm == (0.0, 0.0, 0.0)
+
+
+def test_inches_are_converted() -> None:
+    """0.6 mm were seen reported as 0.0236."""
+
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        assert cnc.status().position_mm[2] == pytest.approx(-0.6, abs=0.002)
+
+    where = (b'?', b'<Idle|MPos:-0.0394,-0.0394,-0.0236|FS:0,0>\r\n')
+    inches = SETTINGS.replace(b'$13=0', b'$13=1')
+    play([*CONNECT[:2], (b'$$\n', inches), *HOME[:2], where, where], act)
+
+
+def test_work_positions_are_turned_into_machine_positions() -> None:
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        assert cnc.status().position_mm == pytest.approx((-1.0, -1.0, -1.0))
+
+    work = (b'?', b'<Idle|WPos:9.000,9.000,9.000|FS:0,0|WCO:-10.000,-10.000,-10.000>\r\n')
+    bare = (b'?', b'<Idle|WPos:9.000,9.000,9.000|FS:0,0>\r\n')
+    play([*CONNECT, *HOME[:2], work, bare], act)
+
+
+def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
+    """Its settings live in a file: $130 and its kin say nothing."""
+    identity = b'[VER:3.6 FluidNC v3.6.5-pre2:]\r\n[OPT:MPHS]\r\nok\r\n'
+    script: Script = [(b'$I\n', identity), (b'?', IDLE), (b'$$\n', b'$0=3\r\nok\r\n')]
+    banner = b"\r\nGrbl 3.6 [FluidNC v3.6.5-pre2 (wifi) '$' for help]\r\n"
+    with pytest.raises(ConfigurationError, match='does not tell its limits; set lowest_mm'):
+        play(script, nothing, first=banner)
+    box = {'lowest_mm': (-100.0, -100.0, -40.0), 'highest_mm': (0.0, 0.0, 0.0)}
+    cnc = play([*script, PREAMBLE], nothing, first=banner, **box)
+    assert cnc.identify().firmware == 'FluidNC'
+    assert cnc.limits.lowest_mm == (-100.0, -100.0, -40.0)
+
+
+@pytest.mark.parametrize(
+    ('line', 'state', 'held', 'place'),
+    [
+        ('<Idle|MPos:1.000,2.000,3.000|FS:0,0>', CncState.IDLE, False, (1.0, 2.0, 3.0)),
+        ('<Hold:0|MPos:-3.830,-1.000,-2.984|Bf:15,128|FS:600,0|Ov:100,100,100|A:SFM>', CncState.HOLD, True,
+         (-3.83, -1.0, -2.984)),
+        ('<Hold:1|MPos:0,0,0>', CncState.HOLD, False, (0.0, 0.0, 0.0)),
+        ('<Door:0|MPos:0,0,0,5,6|Pn:XYZPDHRS>', CncState.OTHER, False, (0.0, 0.0, 0.0)),
+        ('<Tool|MPos:0,0,0|TLR:0|FW:grblHAL>', CncState.OTHER, False, (0.0, 0.0, 0.0)),
+    ],
+)  # fmt: skip
+def test_reports_are_understood(line: str, state: CncState, held: bool, place: tuple) -> None:
+    report = parse_report(line)
+    assert report is not None
+    assert (report.state, report.held, report.machine) == (state, held, place)
+
+
+@pytest.mark.parametrize(
+    'line', ['<>', '<Idle>', '<Idle|MPos:1,2>', '<Idle|MPos:a,b,c>', '<Idle|FS:0,0>', 'Idle', '<Idl']
+)
+def test_damaged_reports_are_none(line: str) -> None:
+    assert parse_report(line) is None
+
+
+# What it refuses.
+
+
+@pytest.mark.parametrize(
+    ('change', 'text'),
+    [
+        ('$20=0', r'soft limits switched off \(\$20=0\); switch it on'),
+        ('$22=0', r'homing switched off \(\$22=0\)'),
+        ('$32=1', r'laser mode \(\$32=1\)'),
+    ],
+)
+def test_dangerous_settings_are_refused(change: str, text: str) -> None:
+    rig = direct_rig('grbl', changes=(change,))
+    with pytest.raises(DeviceFaultError, match=text):
+        rig.cnc.connect()
+
+
+def test_risks_can_be_accepted_in_words_only() -> None:
+    rig = homed_rig(changes=('$20=0', '$22=0'), accept=(NO_SOFT_LIMITS, NO_HOMING), highest_mm=(60.0, 60.0, 0.0),
+                    lowest_mm=(-60.0, -60.0, -55.0))  # fmt: skip
+    assert rig.cnc.health.level == Level.WARN
+    assert b'$H' not in rig.sent()
+    with pytest.raises(ValueError, match=r"accept knows 'no soft limits' and 'no homing', not yes"):
+        CncSettings(accept=('yes',))
+
+
+def test_motors_that_let_go_are_a_warning() -> None:
+    rig = homed_rig(changes=('$1=25',))
+    assert 'motors let go at rest' in rig.cnc.health.message
+    assert rig.cnc.health.level == Level.WARN
+
+
+def test_the_smaller_of_both_boxes_counts() -> None:
+    rig = homed_rig(lowest_mm=(-500.0, -80.0, -33.0), highest_mm=(0.0, 0.0, 0.0))
+    assert rig.cnc.limits.lowest_mm == (-120.0, -80.0, -33.0)
+
+
+def test_a_safe_height_outside_the_box_is_refused() -> None:
+    rig = direct_rig('grbl', safe_z_mm=5.0)
+    with pytest.raises(ConfigurationError, match='safe_z_mm is 5, outside'):
+        rig.cnc.connect()
+
+
+def test_a_busy_machine_is_refused() -> None:
+    with pytest.raises(DeviceFaultError, match='is busy'):
+        play([CONNECT[0], (b'?', b'<Run|MPos:0,0,0|FS:1,0>\r\n')], nothing)
+
+
+@pytest.mark.parametrize('command', ['M8 ?', 'M8!', 'M8 ~', 'M8\n', 'M8é', 'M' * 80])
+def test_a_line_that_would_act_at_once_or_not_fit_is_not_sent(rig: Rig, command: str) -> None:
+    strange = homed_rig(line_on=command)
+    with pytest.raises(ConfigurationError, match='cannot send'):
+        strange.cnc.set_line(True)
+
+
+def test_an_output_that_the_board_lacks_is_told(rig: Rig) -> None:
+    with pytest.raises(DeviceFaultError, match=r"refused 'M7': error 20, an unsupported command"):
+        homed_rig(line_on='M7').cnc.set_line(True)
+
+
+# What goes wrong.
+
+
+def test_a_whole_day_of_trouble_writes_no_setting_and_never_unlocks(rig: Rig) -> None:
+    rig.cnc.move(z=-20.0, feed=600.0)
+    rig.device.alarm(1)
+    with pytest.raises(DeviceFaultError):
+        rig.cnc.wait_idle()
+    rig.cnc.stop()
+    rig.cnc.home()
+    rig.device.power_cycle()
+    with pytest.raises(DeviceFaultError):
+        rig.cnc.move(z=-3.0, feed=600.0)
+        rig.cnc.wait_idle()
+    rig.cnc.home()
+    rig.cnc.retract()
+    assert rig.device.machine.writes == 0
+    assert b'$X' not in rig.sent()
+    assert b'=' not in rig.sent().replace(b'$J=', b'')
+
+
+def test_an_alarm_breaks_off_who_waits_and_nothing_moves_until_it_is_homed(rig: Rig) -> None:
+    rig.cnc.move(z=-20.0, feed=600.0)
+    rig.device.alarm(1)
+    with pytest.raises(DeviceFaultError, match='alarm 1, a limit switch was hit'):
+        rig.cnc.wait_idle()
+    still = rig.tip
+    for call in (lambda: rig.cnc.move(z=-3.0, feed=100.0), rig.cnc.retract, lambda: rig.cnc.jog(dz=1.0, feed=100.0)):
+        with pytest.raises(DeviceFaultError, match=r'alarm 1.* home it'):
+            call()
+    assert rig.tip == still
+    assert rig.cnc.health.level == Level.ERROR
+    rig.cnc.home()
+    rig.go(-50, -50, -5)
+    assert rig.cnc.health.level == Level.OK
+
+
+def test_a_soft_limit_of_the_firmware_ends_in_homing_again() -> None:
+    """The box is wider than the machine's own, which the firmware then finds."""
+    rig = homed_rig('grbl')
+    rig.device.machine.memory[132] = '20.000'
+    with pytest.raises(DeviceFaultError, match='alarm 2, a target beyond the soft limits'):
+        rig.cnc.move(z=-30.0, feed=600.0)
+        rig.cnc.wait_idle()
+    rig.cnc.home()
+    assert rig.cnc.status().homed
+
+
+def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
+    rig.cnc.move(z=-20.0, feed=600.0)
+    pass_time(rig, 0.3)
+    rig.device.power_cycle()
+    with pytest.raises(DeviceFaultError, match=r'restart'):
+        rig.cnc.wait_idle()
+    assert not rig.cnc.status().homed
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+        rig.cnc.retract()
+    rig.cnc.home()
+    assert rig.cnc.status().homed
+
+
+def test_a_hung_controller_is_told_in_time_and_nothing_more_is_sent(rig: Rig) -> None:
+    rig.device.faults.hung = True
+    begin = rig.seconds()
+    with pytest.raises(DeviceTimeoutError, match=r'did not answer .* within .* s; it hangs: cut its power'):
+        rig.cnc.move(z=-6.0, feed=600.0)
+    assert rig.seconds() - begin < 5.0
+    said = len(rig.sent())
+    with pytest.raises(DeviceFaultError, match='stopped answering'):
+        rig.cnc.move(z=-7.0, feed=600.0)
+    assert len(rig.sent()) == said
+
+
+def test_a_missing_ok_is_no_endless_wait(rig: Rig) -> None:
+    rig.device.faults.swallow_ok = True
+    with pytest.raises(DeviceTimeoutError):
+        rig.cnc.move(z=-6.0, feed=600.0)
+    rig.device.faults.swallow_ok = False
+    rig.cnc.stop()
+    rig.cnc.home()
+    rig.go(-60, -60, -5)
+    assert rig.cnc.status().homed
+
+
+def test_late_answers_are_waited_for(rig: Rig) -> None:
+    rig.device.faults.delay_s = 0.4
+    rig.go(-60, -60, -8)
+    assert rig.tip[2] == pytest.approx(-8)
+
+
+def test_noise_is_counted_and_survived(rig: Rig) -> None:
+    for seed in range(20):
+        rig.device.garble(30, seed)
+        rig.device.say(b'\n')
+        with contextlib.suppress(DeviceTimeoutError):
+            rig.cnc.status()
+    rig.go(-60, -60, -8)
+    assert rig.tip[2] == pytest.approx(-8)
+
+
+def test_lines_lost_on_the_way_are_found_at_the_next_rest() -> None:
+    """A move that the controller never made: its ok came, its motion did not."""
+    rig = homed_rig()
+    rig.cnc.move(z=-10.0, feed=600.0)
+    rig.device.machine.planner.flush(rig.clock.now_ns())
+    with pytest.raises(DeviceFaultError, match=r'came to rest at .* instead of .*z -10\.000 mm'):
+        rig.cnc.wait_idle()
+
+
+def test_a_stuck_axis_is_not_seen_by_grbl_but_in_the_world(rig: Rig) -> None:
+    """Steps are counted, not places: that is why force is watched independently."""
+    rig.world.stick(2, rig.clock.now_ns())
+    rig.cnc.move(z=-20.0, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.cnc.status().position_mm[2] == pytest.approx(-20.0)
+    assert rig.tip[2] == pytest.approx(-5.0)
+
+
+def test_homing_that_finds_no_switch_is_told(rig: Rig) -> None:
+    rig.world.stick(0, rig.clock.now_ns())
+    with pytest.raises(DeviceFaultError, match='alarm 9, no limit switch was found'):
+        rig.cnc.home()
+    assert not rig.cnc.status().homed
+
+
+@pytest.mark.parametrize('streaming', ['send-response', 'character-counting'])
+@pytest.mark.parametrize('kind', ['grbl', 'grblhal'])
+def test_many_short_moves_lose_nothing(kind: str, streaming: str) -> None:
+    rig = homed_rig(kind, streaming=streaming)
+    for number in range(100):
+        rig.cnc.move(x=-60 + 0.1 * (number + 1), feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.tip[0] == pytest.approx(-50.0)
+    assert rig.device.overflowed == 0
+
+
+def test_a_refused_line_in_a_stream_holds_at_once_and_a_stop_clears_it() -> None:
+    rig = homed_rig(streaming='character-counting')
+    rig.device.faults.swallow_ok = True
+    rig.cnc.move(x=-40.0, feed=600.0)
+    pass_time(rig, 0.2)
+    rig.device.faults.swallow_ok = False
+    rig.device.say(b'error:33\r\n')
+    with pytest.raises(DeviceFaultError, match='refused'):
+        rig.cnc.wait_idle()
+    assert b'!' in rig.sent()
+    rig.cnc.stop()
+    assert rig.cnc.status().homed
+    rig.go(-50, -60, -5)
+
+
+def test_reports_are_asked_for_five_times_a_second_while_it_waits(rig: Rig) -> None:
+    before = rig.sent().count(b'?')
+    rig.cnc.move(x=-20.0, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.sent().count(b'?') - before == pytest.approx(4.05 * 5, abs=3)
+
+
+# Through the operating system.
+
+
+def test_an_unplugged_machine_is_lost_at_once_and_can_be_connected_again(tmp_path: Path) -> None:
+    with pty_rig('grbl', tmp_path) as rig:
+        rig.cnc.home()
+        rig.cnc.move(x=-30.0, feed=600.0)
+        rig.port.unplug()
+        begin = time.monotonic()
+        with pytest.raises(DeviceLostError, match='is gone'):
+            rig.cnc.wait_idle()
+        assert time.monotonic() - begin < 1.0
+        assert rig.cnc.health.level == Level.ERROR
+        rig.cnc.close()
+        rig.port.plug()
+        rig.cnc.connect()
+        assert not rig.cnc.status().homed
+
+
+def test_a_port_is_held_by_one_program(tmp_path: Path) -> None:
+    with pty_rig('grbl', tmp_path) as rig:
+        other = settings_of('grbl', source=str(rig.port.path))
+        with pytest.raises(Exception, match=r'in use by another program'):
+            open_cnc(other, rig.clock)
+
+
+def test_reports_keep_coming_while_nobody_asks(tmp_path: Path) -> None:
+    with pty_rig('grbl', tmp_path) as rig:
+        rig.device.faults.hung = True
+        deadline = time.monotonic() + 3
+        while rig.cnc.health.level != Level.ERROR and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert 'silent' in rig.cnc.health.message

@@ -1,0 +1,192 @@
+"""The Marlin driver: numbered lines, resends, what it may do without an emergency parser, and trouble."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, direct_rig, settings_of
+
+from tactile_nodes.drivers.cnc import CncState
+from tactile_nodes.drivers.cnc_marlin import MarlinCnc, marlin_identity, marlin_place
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
+
+BOOT = b'start\necho: Last Updated\nMarlin 2.1.2.7\n'
+CONNECT = [
+    (b'N0 M110 N0*125\n', b'ok\n'),
+    (b'N1 M115*39\n', b'FIRMWARE_NAME:Marlin 2.1.2.7 (x) UUID:1\nCap:EMERGENCY_PARSER:1\nok\n'),
+    (b'N2 G21*24\n', b'ok\n'),
+    (b'N3 G90*19\n', b'ok T:25.0 /0.0\n'),
+    (b'N4 M84 S0*88\n', b'ok P15 B3\n'),
+]
+
+
+class Scripted:
+    """A port that expects every byte of a transcript, and answers with the other side's."""
+
+    name = 'the port'
+
+    def __init__(self, clock: JumpingClock, script: list[tuple[bytes, bytes]]) -> None:
+        self._clock = clock
+        self.left = list(script)
+        self._answer = BOOT
+
+    def write(self, data: bytes) -> None:
+        expected, answer = self.left.pop(0)
+        assert data == expected
+        self._answer += answer
+
+    def read(self, timeout_s: float) -> bytes:
+        answer, self._answer = self._answer, b''
+        if not answer:
+            self._clock.sleep_until(self._clock.now_ns() + round(timeout_s * 1e9))
+        return answer
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def scripted(script: list[tuple[bytes, bytes]]) -> tuple[MarlinCnc, Scripted]:
+    clock = JumpingClock(START_NS)
+    port = Scripted(clock, script)
+    cnc = MarlinCnc(settings_of('marlin'), clock, lambda: port, threaded=False)
+    cnc.connect()
+    return cnc, port
+
+
+def homed_rig(kind: str = 'marlin', **more: Any) -> Rig:
+    rig = direct_rig(kind, **more)
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.go(-60, -60, -5)
+    return rig
+
+
+def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
+    cnc, port = scripted(CONNECT)
+    assert port.left == []
+    assert (cnc.identify().firmware, cnc.identify().version) == ('Marlin', '2.1.2.7')
+    assert cnc.blind_step_mm is None
+
+
+def test_a_line_that_arrived_damaged_is_said_again() -> None:
+    """Its ok after the request to resend is not the line's own."""
+    where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\nok\n'
+    again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
+    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', again), (b'N5 M114*34\n', where)])
+    assert cnc.status().position_mm == (1.0, 2.0, 3.0)
+    assert port.left == []
+
+
+def test_a_resend_of_the_line_after_means_that_this_one_had_arrived() -> None:
+    where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\n'
+    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', where + b'Error:x, Last Line: 5\nResend: 6\nok\n')])
+    assert cnc.status().position_mm == (1.0, 2.0, 3.0)
+    assert port.left == []
+
+
+def test_a_line_that_never_gets_through_is_given_up() -> None:
+    again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
+    cnc, _ = scripted([*CONNECT, *[(b'N5 M114*34\n', again)] * 6])
+    with pytest.raises(DeviceFaultError, match='the line is too noisy'):
+        cnc.status()
+
+
+def test_an_ok_after_an_unknown_command_is_no_success() -> None:
+    with pytest.raises(DeviceFaultError, match="does not know 'M8'; this Marlin lacks it"):
+        homed_rig(line_on='M8').cnc.set_line(True)
+
+
+def test_signs_of_life_extend_the_wait() -> None:
+    """5 s of motion against a timeout of 3 s: the busy message after 2 s and 4 s keeps it waiting."""
+    rig = homed_rig()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    rig.cnc.wait_idle(timeout_s=3.0)
+    assert rig.tip[0] == pytest.approx(rig.at(-10, 0, 0)[0])
+
+
+def test_without_an_emergency_parser_only_small_steps_are_jogged() -> None:
+    rig = homed_rig('marlin without parser')
+    assert rig.cnc.blind_step_mm == 0.05
+    with pytest.raises(ConfigurationError, match=r'could not stop a jog of 0.06 mm in time; jog at most 0.05 mm'):
+        rig.cnc.jog(dz=-0.06, feed=60.0)
+    for _ in range(4):
+        rig.cnc.jog(dz=-0.05, feed=60.0)
+        rig.cnc.wait_idle()
+    assert rig.tip[2] == pytest.approx(rig.at(0, 0, -5.2)[2], abs=0.002)
+
+
+def test_a_retract_needs_no_steps() -> None:
+    rig = homed_rig('marlin without parser')
+    rig.go(-60, -60, -20)
+    rig.cnc.retract()
+    assert rig.tip[2] == pytest.approx(rig.at(0, 0, -5)[2], abs=0.01)
+
+
+def test_homing_needs_a_command_from_a_person() -> None:
+    rig = direct_rig('marlin', home_command='')
+    rig.cnc.connect()
+    with pytest.raises(ConfigurationError, match='G28 may drive the tip into the gel'):
+        rig.cnc.home()
+    assert b'G28' not in rig.sent()
+
+
+def test_it_cannot_be_held() -> None:
+    with pytest.raises(DeviceFaultError, match='cannot pause a motion; stop it instead'):
+        homed_rig().cnc.hold()
+
+
+def test_while_it_moves_it_says_that_it_moves() -> None:
+    rig = homed_rig()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    assert rig.cnc.status().state is CncState.RUN
+
+
+def test_a_halted_controller_is_told() -> None:
+    rig = homed_rig()
+    rig.port.write(b'M112\n')
+    with pytest.raises(DeviceFaultError, match='halted'):
+        rig.cnc.move(z=rig.at(0, 0, -6)[2], feed=600.0)
+        rig.cnc.wait_idle()
+    with pytest.raises(DeviceFaultError, match='halted itself'):
+        rig.cnc.move(z=rig.at(0, 0, -6)[2], feed=600.0)
+    assert rig.cnc.health.level == Level.ERROR
+
+
+def test_a_restart_loses_the_place() -> None:
+    rig = homed_rig()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    rig.device.power_cycle()
+    with pytest.raises(DeviceFaultError, match='restart'):
+        rig.cnc.wait_idle()
+    with pytest.raises(DeviceFaultError, match='restarted by itself'):
+        rig.cnc.retract()
+
+
+def test_a_hung_controller_is_told_in_time() -> None:
+    rig = homed_rig()
+    rig.device.faults.hung = True
+    begin = rig.seconds()
+    with pytest.raises(DeviceTimeoutError, match='it hangs: cut its power'):
+        rig.cnc.move(z=rig.at(0, 0, -6)[2], feed=600.0)
+    assert rig.seconds() - begin < 6.0
+
+
+def test_nothing_but_a_dialogue_of_numbered_lines_is_sent() -> None:
+    rig = homed_rig()
+    rig.cnc.set_line(True)
+    rig.cnc.stop()
+    lines = rig.sent().split(b'\n')
+    assert all(line.startswith(b'N') for line in lines if line not in {b'', b'M410'})
+
+
+def test_the_box_of_the_tests_is_the_room_of_the_world() -> None:
+    assert homed_rig().cnc.limits.highest_mm == MARLIN_BOX['highest_mm']
+
+
+def test_capabilities_and_places_are_read() -> None:
+    identity = marlin_identity(['FIRMWARE_NAME:Marlin bugfix-2.1.x (Jan 1 2026) X', 'Cap:EEPROM:1', 'noise'])
+    assert (identity.version, identity.options) == ('bugfix-2.1.x', ('EEPROM:1',))
+    assert marlin_place('X:-1.50 Y:0.00 Z:60.00 E:0.00 Count X:0') == (-1.5, 0.0, 60.0)
+    assert marlin_place('T:25.0 /0.0') is None
