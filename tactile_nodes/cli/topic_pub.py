@@ -21,7 +21,8 @@ from tactile_nodes.cli.session import (
 from tactile_nodes.errors import BusError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.zeromq import ZmqBus, ZmqPublisher
+    from tactile_nodes.bus.publishing import ZmqPublisher
+    from tactile_nodes.bus.zeromq import ZmqBus
     from tactile_nodes.clock import Clock
 
 NS_PER_S = 1_000_000_000
