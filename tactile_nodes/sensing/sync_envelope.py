@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 
-def lower_line(x: Float64[np.ndarray, n], y: Float64[np.ndarray, n], steepest: float) -> tuple[float, float]:
+def lower_line(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], steepest: float) -> tuple[float, float]:
     """The highest line that no point lies below: (its y at x = 0, its slope).
 
     "Highest" in the sum over the points, so it holds an edge of the lower convex hull: the edge over the mean of x.
@@ -26,7 +26,7 @@ def lower_line(x: Float64[np.ndarray, n], y: Float64[np.ndarray, n], steepest: f
     return float((y - slope * x).min()), slope
 
 
-def _lower_hull(x: Float64[np.ndarray, n], y: Float64[np.ndarray, n]) -> list[int]:
+def _lower_hull(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n']) -> list[int]:
     hull: list[int] = []
     for i in range(len(x)):
         while len(hull) >= 2 and _turns_right(x, y, hull[-2], hull[-1], i):
@@ -35,5 +35,5 @@ def _lower_hull(x: Float64[np.ndarray, n], y: Float64[np.ndarray, n]) -> list[in
     return hull
 
 
-def _turns_right(x: Float64[np.ndarray, n], y: Float64[np.ndarray, n], a: int, b: int, c: int) -> bool:
+def _turns_right(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], a: int, b: int, c: int) -> bool:
     return bool((x[b] - x[a]) * (y[c] - y[a]) <= (y[b] - y[a]) * (x[c] - x[a]))

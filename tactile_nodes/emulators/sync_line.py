@@ -1,0 +1,91 @@
+"""The digital line as recorders get it: on a control line, as a light before a camera, and in a recorder's own file."""
+
+from __future__ import annotations
+
+import errno
+import random
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.clocks import DeviceClock
+from tactile_nodes.emulators.world import Edge, LineSource
+
+
+class EmulatedControlLine:
+    """A control line of a serial adapter.
+
+    Attributes:
+        unplugged: the adapter is gone.
+        stuck: the level that it keeps; None: it follows the line.
+    """
+
+    def __init__(self, line: LineSource, clock: Clock, inverted: bool = False) -> None:
+        self.unplugged = False
+        self.stuck: bool | None = None
+        self._line = line
+        self._clock = clock
+        self._inverted = inverted
+        self._closed = threading.Event()
+
+    def level(self) -> bool:
+        """Now."""
+        if self.unplugged:
+            raise OSError(errno.EIO, 'Input/output error')
+        if self.stuck is not None:
+            return self.stuck
+        return self._line.line_level(self._clock.now_ns()) != self._inverted
+
+    def wait(self) -> bool:
+        """It cannot: a simulated line has no interrupt."""
+        return False
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+        self._closed.set()
+
+
+@dataclass(frozen=True)
+class RecorderFaults:
+    """What a recorder does to edges: loses them, sees them twice (a bouncing contact), or is late by chance."""
+
+    missing: float = 0.0
+    doubled: float = 0.0
+    jitter_s: float = 0.0
+    bounce_s: tuple[float, float] = (0.003, 0.03)
+
+
+def recorded(
+    edges: Sequence[Edge], clock: DeviceClock, faults: RecorderFaults | None = None, seed: int = 1
+) -> list[tuple[int, bool]]:
+    """(ticks, level) of every edge that a recorder with a clock of its own writes down, in order of time."""
+    faults = faults or RecorderFaults()
+    chance = random.Random(seed)  # noqa: S311  (noise, not secrets)
+    seen: list[tuple[int, bool]] = []
+    for edge in edges:
+        if chance.random() < faults.missing:
+            continue
+        stamp_ns = edge.stamp_ns + round(chance.uniform(-faults.jitter_s, faults.jitter_s) * NS_PER_S)
+        seen.append((clock.offset + clock.count(stamp_ns), edge.level))
+        if chance.random() < faults.doubled:
+            again_ns = stamp_ns + round(chance.uniform(*faults.bounce_s) * NS_PER_S)
+            seen.append((clock.offset + clock.count(again_ns), edge.level))
+    return sorted(seen)
+
+
+def light_brightness(
+    edges: Sequence[Edge], start_ns: int, exposure_s: float, dark: float = 20.0, bright: float = 220.0
+) -> float:
+    """Grey level of a light that follows the line, in a frame whose exposure begins at `start_ns`."""
+    end_ns = start_ns + round(exposure_s * NS_PER_S)
+    lit_ns, on, since_ns = 0, False, start_ns
+    for edge in edges:
+        if edge.stamp_ns >= end_ns:
+            break
+        if edge.stamp_ns > start_ns:
+            lit_ns += on * (edge.stamp_ns - since_ns)
+            since_ns = edge.stamp_ns
+        on = edge.level
+    lit_ns += on * (end_ns - since_ns)
+    return dark + (bright - dark) * lit_ns / (end_ns - start_ns)

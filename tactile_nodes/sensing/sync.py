@@ -1,0 +1,280 @@
+"""Offset and drift between two recorders, from the edges of one digital line that both have seen.
+
+``t_host = a + b * t_device``. Recorders start at different times, miss edges, see some twice (a bouncing contact), and
+are off by some jitter at each; so the edges have to be matched before a line can be laid through them (`sync_match`).
+What cannot be decided is refused, with the reason, because a wrong match is off by a whole press and looks perfect.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from tactile_nodes.sensing.sync_match import Lines, Match, best_matches
+
+NS_PER_S = 1_000_000_000
+ENOUGH_MATCHED = 0.6
+ENOUGH_INLIERS = 0.75
+RIVAL_SHARE = 0.75
+TUKEY = 4.685
+FINEST_S = 20e-6
+SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class SyncLimits:
+    """What is known beforehand, and what is asked of the result.
+
+    Attributes:
+        jitter_s: an edge is off by this much at most, in either recorder: half a frame for a camera.
+        max_drift_ppm: the clocks' rates differ by this much at most.
+        max_offset_s: the clocks differ by this much at most; infinite: nothing is known. With a periodic line, less
+            than half its period makes the match unique.
+        required_s: the error allowed anywhere between the device's first and last edge, at three standard deviations.
+        fewest: matched edges.
+    """
+
+    jitter_s: float = 0.02
+    max_drift_ppm: float = 200.0
+    max_offset_s: float = math.inf
+    required_s: float = 0.002
+    fewest: int = 8
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """The host's time as a function of the device's.
+
+    Attributes:
+        device_ref_ns, host_ref_ns: the same instant on both clocks, in the middle of the matched edges.
+        rate: seconds of the host per second of the device.
+        device_index, host_index: which edges of the two lists are one edge; outliers left out.
+        edges: how many of the device's and of the host's edges lie where both recorded.
+        residual_median_s, residual_max_s: of the inliers, absolute.
+        bound_s: the error of a time anywhere between the device's first and last edge, at three standard deviations.
+    """
+
+    device_ref_ns: int
+    host_ref_ns: int
+    rate: float
+    device_index: Int64[np.ndarray, ' k']
+    host_index: Int64[np.ndarray, ' k']
+    edges: tuple[int, int]
+    residual_median_s: float
+    residual_max_s: float
+    bound_s: float
+
+    @property
+    def inliers(self) -> int:
+        """Edges that the line was laid through."""
+        return len(self.device_index)
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much the host's clock gains on the device's."""
+        return (self.rate - 1.0) * 1e6
+
+    @property
+    def offset_s(self) -> float:
+        """Host's time less device's time, at the reference instant."""
+        return (self.host_ref_ns - self.device_ref_ns) / NS_PER_S
+
+    def host_ns(self, device_ns: Int64[np.ndarray, '*shape']) -> Int64[np.ndarray, '*shape']:
+        """Times of the device on the host's time base.
+
+        With a rate of 1.0001, what the device saw 10 s after the reference was 10.001 s after it.
+        """
+        since = device_ns - self.device_ref_ns
+        gained = np.rint(since * (self.rate - 1.0)).astype(np.int64)  # the small part alone, so that no digit is lost
+        return np.asarray(self.host_ref_ns + since + gained)
+
+
+class Reason(Enum):
+    """Why there is no fit."""
+
+    TOO_FEW_EDGES = 'too few edges'
+    AMBIGUOUS = 'several matches are as good as each other'
+    NO_MATCH = 'no consistent match'
+    RESIDUALS = 'residuals too large'
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """That there is no fit, and why, in a sentence that says what to do."""
+
+    reason: Reason
+    text: str
+
+
+def fit_clocks(
+    device_ns: Int64[np.ndarray, ' n'],
+    host_ns: Int64[np.ndarray, ' m'],
+    limits: SyncLimits = SyncLimits(),
+    device_levels: Bool[np.ndarray, ' n'] | None = None,
+    host_levels: Bool[np.ndarray, ' m'] | None = None,
+) -> ClockFit | Refusal:
+    """The line between two lists of the same edges.
+
+    Args:
+        device_ns: on the device's clock, in its nominal nanoseconds, not decreasing.
+        host_ns: on the host's clock, not decreasing.
+        limits: what is known beforehand, and what is asked.
+        device_levels, host_levels: the line's level after each edge; if both are given, a rise matches only a rise.
+    """
+    fewest = max(3, limits.fewest)
+    if min(len(device_ns), len(host_ns)) < fewest:
+        return _too_few(min(len(device_ns), len(host_ns)), fewest)
+    lines = Lines.of(device_ns, host_ns, device_levels, host_levels)
+    matches = best_matches(lines, limits.jitter_s, limits.max_drift_ppm * 1e-6, limits.max_offset_s)
+    if not matches:
+        return _no_match(0, len(device_ns), len(host_ns))
+    return _judged(lines, matches, limits, fewest)
+
+
+def _judged(lines: Lines, matches: list[Match], limits: SyncLimits, fewest: int) -> ClockFit | Refusal:
+    best = matches[0]
+    edges = best.overlap(lines)
+    if len(best.device) < max(3, ENOUGH_MATCHED * min(edges)):
+        return _no_match(len(best.device), *edges)
+    for rival in matches[1:]:
+        apart_s = abs(rival.offset_at(lines.middle) - best.offset_at(lines.middle))
+        if apart_s > 2 * limits.jitter_s and len(rival.device) >= RIVAL_SHARE * len(best.device):
+            return _ambiguous(best, rival, apart_s)
+    if len(best.device) < fewest:
+        return _too_few(len(best.device), fewest)
+    return _laid(lines, best, limits, edges)
+
+
+def _laid(lines: Lines, match: Match, limits: SyncLimits, edges: tuple[int, int]) -> ClockFit | Refusal:
+    x, y = lines.device_s[match.device], lines.host_s[match.host] - lines.device_s[match.device]
+    middle = float(x.mean())
+    level, slope, inlier = robust_line(x - middle, y)
+    residual = y - level - slope * (x - middle)
+    if abs(slope) > limits.max_drift_ppm * 1e-6:
+        return Refusal(
+            Reason.NO_MATCH,
+            f'the best match of the edges makes the clocks drift by {slope * 1e6:+.0f} ppm, more than the '
+            f'{limits.max_drift_ppm:g} ppm that are allowed; check that both lists are of the same run',
+        )
+    bound_s = _bound(x[inlier] - middle, residual[inlier], lines.device_s[[0, -1]] - middle)
+    if (trouble := _trouble(x, residual, inlier, bound_s, limits.required_s)) is not None:
+        return trouble
+    size = np.abs(residual[inlier])
+    device_ref_ns, host_ref_ns = lines.instant_ns(middle, middle + level)
+    return ClockFit(
+        device_ref_ns,
+        host_ref_ns,
+        1.0 + slope,
+        match.device[inlier],
+        match.host[inlier],
+        edges,
+        float(np.median(size)),
+        float(size.max()),
+        bound_s,
+    )
+
+
+def robust_line(
+    x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n']
+) -> tuple[float, float, Bool[np.ndarray, ' n']]:
+    """(y at 0, slope, which points count) of the line that most points lie on, by Tukey's biweight.
+
+    Points further off than 4.685 robust standard deviations have no weight; of 20 points on y = 2 x with one moved
+    away by 1, the line is y = 2 x and the moved point does not count.
+    """
+    weight = np.ones_like(x)
+    level = slope = 0.0
+    for turn in range(30):
+        before = level, slope
+        level, slope = weighted_line(x, y, weight)
+        residual = y - level - slope * x
+        scale = max(1.4826 * float(np.median(np.abs(residual))), FINEST_S)
+        weight = np.clip(1 - (residual / (TUKEY * scale)) ** 2, 0, None) ** 2
+        if turn > 2 and abs(level - before[0]) + abs(slope - before[1]) * np.ptp(x) < 1e-9:
+            break
+    return level, slope, weight > 0
+
+
+def weighted_line(
+    x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], weight: Float64[np.ndarray, ' n']
+) -> tuple[float, float]:
+    """(y at 0, slope) by least squares; the slope is 0 if all x are one."""
+    total = weight.sum()
+    mean_x, mean_y = (weight @ x) / total, (weight @ y) / total
+    spread = float(weight @ (x - mean_x) ** 2)
+    slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread if spread > 0 else 0.0
+    return float(mean_y - slope * mean_x), slope
+
+
+def _bound(x: Float64[np.ndarray, ' k'], residual: Float64[np.ndarray, ' k'], ends: Float64[np.ndarray, ' 2']) -> float:
+    """Three standard errors of the line at its worse end: sigma sqrt(1/k + (x - mean)^2 / sum (x - mean)^2)."""
+    if len(x) < 3:
+        return math.inf
+    sigma = max(math.sqrt(float(residual @ residual) / (len(x) - 2)), FINEST_S)
+    spread = float(((x - x.mean()) ** 2).sum())
+    if spread <= 0:
+        return math.inf
+    return SIGMAS * sigma * math.sqrt(1 / len(x) + float(((ends - x.mean()) ** 2).max()) / spread)
+
+
+def _trouble(
+    x: Float64[np.ndarray, ' n'],
+    residual: Float64[np.ndarray, ' n'],
+    inlier: Bool[np.ndarray, ' n'],
+    bound_s: float,
+    required_s: float,
+) -> Refusal | None:
+    if (share := float(inlier.mean())) < ENOUGH_INLIERS:
+        return Refusal(
+            Reason.RESIDUALS,
+            f'only {share:.0%} of the matched edges lie on one line; look for a recorder that stamps unevenly',
+        )
+    if bound_s > required_s:
+        return Refusal(
+            Reason.RESIDUALS,
+            f'{int(inlier.sum())} edges give the time to {bound_s * 1e3:.2f} ms only, {required_s * 1e3:g} ms are '
+            'required; record more edges over the whole run, or with less jitter',
+        )
+    bend_s = _bend(x[inlier], residual[inlier])
+    if bend_s > required_s:
+        return Refusal(
+            Reason.RESIDUALS,
+            f'one of the clocks did not run evenly: parts of the run are off the line by {bend_s * 1e3:.2f} ms; '
+            'synchronise shorter parts',
+        )
+    return None
+
+
+def _bend(x: Float64[np.ndarray, ' k'], residual: Float64[np.ndarray, ' k']) -> float:
+    """How far parts of the run lie off the line, less what chance explains."""
+    order = np.argsort(x, kind='stable')
+    parts = np.array_split(residual[order], max(1, min(10, len(x) // 8)))
+    chance = 4 * float(residual.std())
+    return max(0.0, *(abs(float(part.mean())) - chance / math.sqrt(len(part)) for part in parts))
+
+
+def _too_few(count: int, fewest: int) -> Refusal:
+    return Refusal(
+        Reason.TOO_FEW_EDGES,
+        f'{count} edges seen by both are too few to synchronise, {fewest} are needed; switch the line more often',
+    )
+
+
+def _no_match(matched: int, device: int, host: int) -> Refusal:
+    return Refusal(
+        Reason.NO_MATCH,
+        f'only {matched} of {device} and {host} edges fit together; check that both recorders saw the same line in '
+        'the same run, and that the limits of offset, drift and jitter are right',
+    )
+
+
+def _ambiguous(best: Match, rival: Match, apart_s: float) -> Refusal:
+    return Refusal(
+        Reason.AMBIGUOUS,
+        f'the edges fit together in several ways ({len(best.device)} of them, or {len(rival.device)} shifted by '
+        f'{apart_s:.3f} s); switch the line at irregular times, or limit the offset',
+    )

@@ -1,0 +1,92 @@
+"""Edges of a light in the camera's view, to a part of a frame: the frame in which it goes on is only partly bright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64, UInt8
+
+NS_PER_S = 1_000_000_000
+SETTLED = 0.15  # a frame this near to dark or bright counts as that: noise, and the ends of the camera's curve
+LINEARITY = 0.15  # a camera's response is a curve; read as a line it is off by this share of the exposure at most
+
+
+@dataclass(frozen=True)
+class LightEdges:
+    """When a light changed, its level from then on, and the half width of the time in which it may have been."""
+
+    stamp_ns: Int64[np.ndarray, ' k']
+    level: Bool[np.ndarray, ' k']
+    uncertainty_s: Float64[np.ndarray, ' k']
+
+
+def region_brightness(image: UInt8[np.ndarray, 'h w'], region: tuple[int, int, int, int]) -> float:
+    """Mean grey level of the region (x, y, width, height) in pixels, cut off at the image's edge; 0 if outside."""
+    x, y, width, height = region
+    part = image[max(0, y) : max(0, y + height), max(0, x) : max(0, x + width)]
+    return float(part.mean()) if part.size else 0.0
+
+
+def light_edges(
+    start_ns: Int64[np.ndarray, ' n'],
+    brightness: Float64[np.ndarray, ' n'],
+    exposure_s: float,
+    contrast: float = 20.0,
+) -> LightEdges:
+    """Edges of a light from its brightness in each frame.
+
+    An exposure of 10 ms that begins at 100 ms and is bright by 0.3 of the way saw the light for its last 3 ms: it went
+    on at 107 ms. If no frame is partly bright, the edge was between two exposures, and is put into the middle. A flash
+    that begins and ends within one frame gives no edge.
+
+    Args:
+        start_ns: when the exposure of each frame began, not decreasing; a constant error shifts all edges alike.
+        brightness: of a region that holds the light and little else.
+        exposure_s: 0: not known; then an edge is only known to lie between two frames.
+        contrast: grey levels between dark and bright; with less than this there is no light, so there are no edges.
+    """
+    share = _share(brightness, contrast)
+    settled = np.flatnonzero((share <= SETTLED) | (share >= 1 - SETTLED))
+    lit = share[settled] > 0.5
+    found = [
+        _edge(start_ns, share, int(settled[k]), int(settled[k + 1]), bool(lit[k + 1]), exposure_s)
+        for k in np.flatnonzero(lit[1:] != lit[:-1])
+    ]
+    return LightEdges(
+        np.array([stamp for stamp, _, _ in found], np.int64),
+        np.array([level for _, level, _ in found], bool),
+        np.array([half for _, _, half in found], np.float64),
+    )
+
+
+def _share(brightness: Float64[np.ndarray, ' n'], contrast: float) -> Float64[np.ndarray, ' n']:
+    """From 0 (dark) to 1 (bright); all dark if there is no contrast."""
+    if len(brightness) == 0 or float(np.ptp(brightness)) < contrast:
+        return np.zeros_like(brightness)
+    middle = (float(brightness.min()) + float(brightness.max())) / 2
+    dark = float(np.median(brightness[brightness < middle]))
+    bright = float(np.median(brightness[brightness >= middle]))
+    if bright - dark < contrast:
+        return np.zeros_like(brightness)
+    return np.clip((brightness - dark) / (bright - dark), 0.0, 1.0)
+
+
+def _edge(
+    start_ns: Int64[np.ndarray, ' n'],
+    share: Float64[np.ndarray, ' n'],
+    before: int,
+    after: int,
+    level: bool,
+    exposure_s: float,
+) -> tuple[int, bool, float]:
+    """Between two settled frames of different brightness."""
+    exposure_ns = exposure_s * NS_PER_S
+    if after - before == 2 and exposure_s > 0:
+        lit = float(share[before + 1])
+        since = 1 - lit if level else lit
+        return int(start_ns[before + 1]) + round(since * exposure_ns), level, LINEARITY * exposure_s
+    earliest = int(start_ns[before]) + round((1 - SETTLED) * exposure_ns)
+    latest = int(start_ns[after]) + round(SETTLED * exposure_ns)
+    earliest, latest = min(earliest, latest), max(earliest, latest)
+    return (earliest + latest) // 2, level, (latest - earliest) / 2 / NS_PER_S

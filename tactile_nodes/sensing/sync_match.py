@@ -1,0 +1,188 @@
+"""Which edges of two lists are the same edge, when some are missing, doubled or moved, and the clocks differ.
+
+Short runs of the device's edges vote for an offset: for the right one, nearly all of a run find a partner at once. From
+there the match grows in both directions; the line through what is matched so far predicts where the next edges lie, so
+that the drift, which would make the ends of a long run miss each other, is learnt on the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+NS_PER_S = 1_000_000_000
+RUN = 48
+RUNS = 5
+PEAKS = 6
+LEAST_VOTES = 0.3
+GATE = 2.5  # times the jitter: two recorders are off by it, and the line by a little
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Two lists of edges in seconds, each from its own first edge; and their levels, 0 for all if not known."""
+
+    device_s: Float64[np.ndarray, ' n']
+    host_s: Float64[np.ndarray, ' m']
+    device_level: Bool[np.ndarray, ' n']
+    host_level: Bool[np.ndarray, ' m']
+    zero_ns: tuple[int, int]
+
+    @classmethod
+    def of(
+        cls,
+        device_ns: Int64[np.ndarray, ' n'],
+        host_ns: Int64[np.ndarray, ' m'],
+        device_levels: Bool[np.ndarray, ' n'] | None,
+        host_levels: Bool[np.ndarray, ' m'] | None,
+    ) -> Lines:
+        """From integer nanoseconds, which seconds as floating-point numbers could not hold."""
+        if device_levels is None or host_levels is None:
+            device_levels, host_levels = np.zeros(len(device_ns), bool), np.zeros(len(host_ns), bool)
+        zero = int(device_ns[0]), int(host_ns[0])
+        return cls((device_ns - zero[0]) / NS_PER_S, (host_ns - zero[1]) / NS_PER_S, device_levels, host_levels, zero)
+
+    @property
+    def middle(self) -> float:
+        """Of the device's run, in its seconds."""
+        return float(self.device_s[-1]) / 2
+
+    @property
+    def constant_s(self) -> float:
+        """Host less device of the two zeros: what is to be added to offsets here to have them between the clocks."""
+        return (self.zero_ns[1] - self.zero_ns[0]) / NS_PER_S
+
+    def instant_ns(self, device_s: float, host_s: float) -> tuple[int, int]:
+        """Back to nanoseconds of each clock."""
+        return self.zero_ns[0] + round(device_s * NS_PER_S), self.zero_ns[1] + round(host_s * NS_PER_S)
+
+
+@dataclass(frozen=True)
+class Match:
+    """Pairs of indices, and the line that predicts the host's time from the device's: + level + slope * device_s."""
+
+    device: Int64[np.ndarray, ' k']
+    host: Int64[np.ndarray, ' k']
+    level: float
+    slope: float
+
+    def offset_at(self, device_s: float) -> float:
+        """Host less device, by the line."""
+        return self.level + self.slope * device_s
+
+    def overlap(self, lines: Lines) -> tuple[int, int]:
+        """How many edges of each list lie in the time that, by the line, both cover."""
+        seen = lines.device_s + self.level + self.slope * lines.device_s
+        start, end = max(seen[0], lines.host_s[0]), min(seen[-1], lines.host_s[-1])
+        slack = 1e-3
+        inside = [((s >= start - slack) & (s <= end + slack)).sum() for s in (seen, lines.host_s)]
+        return int(inside[0]), int(inside[1])
+
+
+def best_matches(lines: Lines, jitter_s: float, max_drift: float, max_offset_s: float) -> list[Match]:
+    """Every way to match that deserves a look, the one with the most pairs first."""
+    found: list[Match] = []
+    for start in _starts(len(lines.device_s)):
+        run = np.arange(start, min(start + RUN, len(lines.device_s)))
+        for offset in _voted(lines, run, jitter_s, max_drift, max_offset_s):
+            if not any(_known(match, lines, run, offset, jitter_s) for match in found):
+                found.append(_grown(lines, run, offset, jitter_s, max_drift))
+    allowed = [each for each in found if abs(each.offset_at(lines.middle) + lines.constant_s) <= max_offset_s]
+    return sorted(allowed, key=lambda match: -len(match.device))
+
+
+def _starts(count: int) -> list[int]:
+    return sorted({round(share * max(0, count - RUN)) for share in np.linspace(0, 1, RUNS)})
+
+
+def _known(match: Match, lines: Lines, run: Int64[np.ndarray, ' r'], offset: float, jitter_s: float) -> bool:
+    here = float(lines.device_s[run].mean())
+    return abs(match.offset_at(here) - offset) < GATE * jitter_s
+
+
+def _voted(
+    lines: Lines, run: Int64[np.ndarray, ' r'], jitter_s: float, max_drift: float, max_offset_s: float
+) -> list[float]:
+    """Offsets that many pairs of a run's edges with any edges of the host agree on, within jitter and drift."""
+    apart = _differences(lines, run)
+    slack = max_drift * max(float(lines.device_s[-1]), float(lines.host_s[-1])) + 2 * jitter_s
+    apart = np.sort(apart[np.abs(apart + lines.constant_s) <= max_offset_s + slack])
+    width = 2 * jitter_s + max_drift * float(np.ptp(lines.device_s[run]))
+    votes = np.searchsorted(apart, apart + width, side='right') - np.arange(len(apart))
+    peaks: list[float] = []
+    while len(peaks) < PEAKS and len(votes) and votes.max() >= max(3, LEAST_VOTES * len(run)):
+        first = int(votes.argmax())
+        peaks.append(float(np.median(apart[first : first + votes[first]])))
+        votes = np.where(np.abs(apart - apart[first]) <= width, 0, votes)
+    return peaks
+
+
+def _differences(lines: Lines, run: Int64[np.ndarray, ' r']) -> Float64[np.ndarray, ' d']:
+    found = []
+    for level in (False, True):
+        device = lines.device_s[run][lines.device_level[run] == level]
+        found.append((lines.host_s[lines.host_level == level][None, :] - device[:, None]).ravel())
+    return np.concatenate(found)
+
+
+def _grown(lines: Lines, run: Int64[np.ndarray, ' r'], offset: float, jitter_s: float, max_drift: float) -> Match:
+    """The match from a run's offset outwards, each step twice as long as the last."""
+    low, high = int(run[0]), int(run[-1]) + 1
+    gate = GATE * jitter_s + max_drift * float(np.ptp(lines.device_s[run])) / 2
+    match = Match(run[:0], run[:0], offset, 0.0)
+    while True:
+        for _ in range(3):
+            match = _rematched(lines, np.arange(low, high), match, gate, max_drift)
+            gate = GATE * jitter_s
+        if (low, high) == (0, len(lines.device_s)):
+            return match
+        half = max(4, (high - low) // 2)
+        low, high = max(0, low - half), min(len(lines.device_s), high + half)
+
+
+def _rematched(lines: Lines, part: Int64[np.ndarray, ' p'], match: Match, gate: float, max_drift: float) -> Match:
+    device, host = _pairs(lines, part, match, gate)
+    if len(device) < 3:
+        return Match(device, host, match.level, match.slope)
+    x, y = lines.device_s[device], lines.host_s[host] - lines.device_s[device]
+    centre = x.mean()
+    spread = float(((x - centre) ** 2).sum())
+    slope = float((x - centre) @ (y - y.mean())) / spread if spread > 0 else 0.0
+    slope = min(max(slope, -max_drift), max_drift)
+    level = float(np.median(y - slope * (x - centre)))  # doubled edges all pull to the same side
+    return Match(device, host, level - slope * float(centre), slope)
+
+
+def _pairs(
+    lines: Lines, part: Int64[np.ndarray, ' p'], match: Match, gate: float
+) -> tuple[Int64[np.ndarray, ' k'], Int64[np.ndarray, ' k']]:
+    """Edges that are each other's nearest, and no further apart than the gate."""
+    found = [_pairs_of_level(lines, part, match, gate, level) for level in (False, True)]
+    device, host = (np.concatenate([pair[side] for pair in found]) for side in (0, 1))
+    order = np.argsort(device, kind='stable')
+    return device[order], host[order]
+
+
+def _pairs_of_level(
+    lines: Lines, part: Int64[np.ndarray, ' p'], match: Match, gate: float, level: bool
+) -> tuple[Int64[np.ndarray, ' k'], Int64[np.ndarray, ' k']]:
+    device = part[lines.device_level[part] == level]
+    host = np.flatnonzero(lines.host_level == level)
+    if len(device) == 0 or len(host) == 0:
+        return part[:0], part[:0]
+    expected = lines.device_s[device] * (1 + match.slope) + match.level
+    there = nearest(lines.host_s[host], expected)
+    back = nearest(expected, lines.host_s[host][there])
+    mutual = (back == np.arange(len(device))) & (np.abs(lines.host_s[host][there] - expected) <= gate)
+    return device[mutual], host[there[mutual]]
+
+
+def nearest(sorted_s: Float64[np.ndarray, ' a'], wanted_s: Float64[np.ndarray, ' b']) -> Int64[np.ndarray, ' b']:
+    """For each wanted time the index of the nearest in a list: of 1.4 in (0, 1, 2) it is 1."""
+    right = np.clip(np.searchsorted(sorted_s, wanted_s), 1, max(1, len(sorted_s) - 1))
+    if len(sorted_s) == 1:
+        return np.zeros(len(wanted_s), np.int64)
+    left_nearer = wanted_s - sorted_s[right - 1] <= sorted_s[right] - wanted_s
+    return np.asarray(right - left_nearer, np.int64)
