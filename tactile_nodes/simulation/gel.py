@@ -9,6 +9,15 @@ from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
 
+CHOICES = {'mechanics': ('linear', 'finite_strain'), 'contact': ('sticking', 'smooth')}
+
+YOUNGER = {
+    'mechanics', 'contact', 'settling_share', 'settling_s', 'exposure_s', 'jpeg_quality',
+    'camera_shift_mm', 'camera_tilt_deg', 'camera_roll_deg', 'light_slope', 'light_gain',
+}  # fmt: skip
+"""Properties that gels did not always have: at their defaults they do not count in `gel_id`, so that models which
+were trained before still find their gel."""
+
 
 @dataclass(frozen=True)
 class Gel:
@@ -18,6 +27,12 @@ class Gel:
     which counts as rigid. The modulus is chosen so that 2 mm of the paper's tip take about 1 N.
     `pupil_below_markers_mm` is the distance from the camera's entrance pupil to the lowest markers; refraction
     at the lens is part of it. With `focal_px_per_rad` 88 % of the 40x40 regions of the 440x440 crop hold markers.
+
+    `mechanics` is 'linear' (Hankel transform) or 'finite_strain' (finite elements); in the latter the `contact` is
+    'sticking' or 'smooth'. `settling_share` is how much larger than the settled force a sudden one is, and
+    `settling_s` in which time it settles. `exposure_s` blurs what moves. `jpeg_quality` 1 to 100 is as a camera
+    sends it, 0 is raw. The camera is shifted, then tilted about x and y, then rolled about its axis. `light_slope`
+    is how much brighter (as a share) it is half an image right of and below the middle than there.
     """
 
     seed: int = 1
@@ -39,6 +54,24 @@ class Gel:
     vignetting: float = 0.35
     read_noise_grey: float = 1.2
     shot_noise_grey: float = 0.05
+    mechanics: str = 'linear'
+    contact: str = 'sticking'
+    settling_share: float = 0.0
+    settling_s: float = 0.5
+    exposure_s: float = 0.0
+    jpeg_quality: int = 0
+    camera_shift_mm: tuple[float, float] = (0.0, 0.0)
+    camera_tilt_deg: tuple[float, float] = (0.0, 0.0)
+    camera_roll_deg: float = 0.0
+    light_slope: tuple[float, float] = (0.0, 0.0)
+    light_gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ConfigurationError(
+                    f'a gel has {name!r} {getattr(self, name)!r}, but it must be one of: {", ".join(choices)}'
+                )
 
     @property
     def layer_mm(self) -> float:
@@ -53,7 +86,10 @@ class Gel:
     @property
     def gel_id(self) -> str:
         """Twelve hexadecimal digits that change with any property of the gel."""
-        text = json.dumps(asdict(self), sort_keys=True)
+        younger = {
+            each.name for each in fields(self) if each.name in YOUNGER and getattr(self, each.name) == each.default
+        }
+        text = json.dumps({name: value for name, value in asdict(self).items() if name not in younger}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     @classmethod
@@ -84,4 +120,4 @@ def _same_kind(value: object, default: object) -> bool:
         return False
     if isinstance(default, tuple):
         return isinstance(value, (list, tuple)) and len(value) == len(default)
-    return isinstance(value, (int, float) if isinstance(default, float) else int)
+    return isinstance(value, (int, float) if isinstance(default, float) else type(default))

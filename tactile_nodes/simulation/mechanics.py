@@ -26,8 +26,9 @@ class ContactTable:
     """What one tip does to one layer: force and displacements on a grid of indentation depth, radius and height.
 
     `force_n[i]`, and `radial_mm[i, j, l]` (outwards) and `vertical_mm[i, j, l]` (out of the gel, so mostly
-    negative) at depth_mm[i], distance radius_mm[j] from the axis and height z_mm[l] (0 is the surface,
-    negative below it). All three grids are even, so that finding a cell is one multiplication.
+    negative) at depth_mm[i] of the material that rests at a distance radius_mm[j] from the axis and a height
+    z_mm[l] (0 is the surface, negative below it). All three grids are even, so that finding a cell is one
+    multiplication. `contact_mm` is the contact's radius.
     """
 
     depth_mm: Float[np.ndarray, ' depths']
@@ -36,6 +37,7 @@ class ContactTable:
     force_n: Float[np.ndarray, ' depths']
     radial_mm: Float32[np.ndarray, 'depths radii heights']
     vertical_mm: Float32[np.ndarray, 'depths radii heights']
+    contact_mm: Float[np.ndarray, ' depths']
 
     def force_at(self, depth_mm: float) -> float:
         """Normal force in newtons at an indentation; none above the surface."""
@@ -66,16 +68,21 @@ class Layer:
         self, contact_radius_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
     ) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
         """Radial and vertical displacement under 1 N spread as Hertz's pressure over a contact radius."""
-        k, weight = _wave_numbers(self.thickness_mm, contact_radius_mm)
-        radial_k, vertical_k = self._transforms(k, z_mm)
+        k, weight = wave_numbers(self.thickness_mm, contact_radius_mm)
+        radial_k, vertical_k = self.transforms(k, z_mm)
         load = weight * hertz_transform(k * contact_radius_mm) / (2 * np.pi)
         kr = np.outer(radius_mm, k)
         return (j1(kr) * load) @ radial_k, (j0(kr) * load) @ vertical_k
 
-    def _transforms(self, k: np.ndarray, z_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """k times the transforms of u_r and u_z for a unit pressure at each wave number, both (k, z)."""
+    def transforms(
+        self, k: np.ndarray, z_mm: np.ndarray, load: tuple[float, float] = (0.0, 1.0)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """k times the transforms of u_r and u_z for a load (outward shear, pressure) at each wave number, both (k, z).
+
+        A unit pressure unless told otherwise.
+        """
         nu, height = self.poisson_ratio, self.thickness_mm
-        coefficients = self._coefficients(k)
+        coefficients = self._coefficients(k, load)
         depth = np.outer(k, -z_mm)
         above = np.outer(k, height + z_mm)
         basis = _derivatives(depth, above)
@@ -85,7 +92,7 @@ class Layer:
         # Love: 2G u_r = -d²φ/drdz, 2G u_z = 2(1-ν) Laplace(φ) - d²φ/dz²; derivatives are in units of k.
         return scale * slope, scale * ((1 - 2 * nu) * curvature - 2 * (1 - nu) * value)
 
-    def _coefficients(self, k: np.ndarray) -> np.ndarray:
+    def _coefficients(self, k: np.ndarray, load: tuple[float, float]) -> np.ndarray:
         """Amplitudes A to D at each wave number, times k³ (which cancels everywhere), as (k, 4)."""
         nu, thick = self.poisson_ratio, k * self.thickness_mm
         top = [each[:, :, 0] for each in _derivatives(np.zeros((k.size, 1)), thick[:, None])]
@@ -93,7 +100,7 @@ class Layer:
         shear = (1 - nu) * (top[2] - top[0]) - top[2]
         pressure = (2 - nu) * (top[3] - top[1]) - top[3]
         equations = np.stack([shear, pressure, base[1], (1 - 2 * nu) * base[2] - 2 * (1 - nu) * base[0]])
-        right = np.array([0.0, -1.0, 0.0, 0.0])
+        right = np.array([-load[0], -load[1], 0.0, 0.0])
         solved: np.ndarray = np.linalg.solve(equations.transpose(2, 0, 1), np.tile(right, (k.size, 1))[..., None])
         return solved[..., 0]
 
@@ -115,7 +122,7 @@ def hertz_transform(x: Float[np.ndarray, ' k']) -> Float[np.ndarray, ' k']:
     return exact
 
 
-def _wave_numbers(thickness_mm: float, contact_radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def wave_numbers(thickness_mm: float, contact_radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Wave numbers per mm with their weights (Gauss-Legendre in panels).
 
     Panels of 0.05 / mm resolve the Bessel functions to 60 mm from the axis. Hertz's transform falls as 1 / k²,
@@ -147,10 +154,11 @@ def solve(gel: Gel, deepest_mm: float = 2.5, steps: int = 20) -> ContactTable:
     depth = np.linspace(0.0, deepest_mm, steps + 1)
     radius = np.arange(0.0, 3.5 * gel.layer_mm, 0.1)
     z = np.linspace(-gel.layer_mm, 0.0, round(gel.layer_mm / 0.1) + 1)
-    force = np.zeros(depth.size)
+    force, contact = np.zeros((2, depth.size))
     radial, vertical = np.zeros((2, depth.size, radius.size, z.size))
     for i, each in enumerate(depth[1:], start=1):
-        per_newton_r, per_newton_z = layer.displacement_mm(contact_radius_mm(each, gel.tip_radius_mm), radius, z)
+        contact[i] = contact_radius_mm(each, gel.tip_radius_mm)
+        per_newton_r, per_newton_z = layer.displacement_mm(contact[i], radius, z)
         force[i] = each / -per_newton_z[0, -1]
         radial[i], vertical[i] = force[i] * per_newton_r, force[i] * per_newton_z
-    return ContactTable(depth, radius, z, force, radial.astype(np.float32), vertical.astype(np.float32))
+    return ContactTable(depth, radius, z, force, radial.astype(np.float32), vertical.astype(np.float32), contact)

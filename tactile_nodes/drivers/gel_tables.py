@@ -1,0 +1,60 @@
+"""Contact tables by gel: those that ship, those solved before, and those that must be solved now."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.solution import Problem, Solution, problem_of, solve_problem
+
+
+@cache
+def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
+    """What an indenter does to a gel. A finite-strain table that nobody has solved yet takes half a minute.
+
+    Raises:
+        ConfigurationError: no such indenter, or one that the linear solution does not know.
+    """
+    if gel.mechanics == 'finite_strain':
+        return solution_of(problem_of(gel, indenter)).table(gel.shear_modulus_mpa)
+    if indenter != 'tip':
+        raise ConfigurationError(
+            f'{indenter!r} needs a gel with the mechanics finite_strain; the linear has its tip only'
+        )
+    return solve(gel)
+
+
+def solution_of(problem: Problem) -> Solution:
+    """The solution of a problem: shipped with the package, or kept in the cache, or solved and kept now."""
+    kept = paths.cache_directory() / 'contacts' / f'{problem.key}.npz'
+    for file in (paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', kept):
+        if (found := _read(file, problem.key)) is not None:
+            return found
+    solution = solve_problem(problem)
+    write_solution(kept, solution)
+    return solution
+
+
+def write_solution(file: Path, solution: Solution) -> None:
+    """Keep a solution; another process that solves the same at the same time does no harm."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
+    np.savez_compressed(draft, allow_pickle=False, **solution.to_arrays())
+    draft.replace(file)
+
+
+def _read(file: Path, key: str) -> Solution | None:
+    """The solution in a file, if it is that of the key."""
+    if not file.is_file():
+        return None
+    with np.load(file, allow_pickle=False) as arrays:
+        if str(arrays.get('key')) != key:
+            return None
+        return Solution.from_arrays(dict(arrays), key)

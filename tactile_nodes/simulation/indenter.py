@@ -1,0 +1,41 @@
+"""What presses: round bodies on a shaft, as a signed distance that contact can be computed from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Indenter:
+    """A cylinder of `radius_mm` whose lower edge is rounded by `edge_mm`; one rounded as much as it is wide ends in
+    half a sphere.
+
+    The paper's tip is Indenter(0.6, 0.6); a flat punch has a small edge, which keeps its pressure finite.
+    """
+
+    radius_mm: float = 0.6
+    edge_mm: float = 0.6
+
+    def touch(
+        self, across_mm: Float[np.ndarray, '*points'], above_mm: Float[np.ndarray, '*points']
+    ) -> tuple[Float[np.ndarray, '*points'], Float[np.ndarray, '*points 2'], Float[np.ndarray, '*points']]:
+        """Signed distance of points from the body (negative inside), outward normal, curvature of the distance.
+
+        Points are given from the lowest point on the axis, across and upwards; both signs of `across_mm` count,
+        so that the same body serves in plane strain. The tip of 0.6 mm is 0.4 mm from (1.0, 0.6).
+        """
+        flat = self.radius_mm - self.edge_mm
+        side = np.where(across_mm < 0, -1.0, 1.0) * np.maximum(np.abs(across_mm) - flat, 0)
+        below = np.minimum(above_mm - self.edge_mm, 0)
+        length = np.maximum(np.hypot(side, below), 1e-12)
+        normal = np.stack([side, below], axis=-1) / length[..., None]
+        return length - self.edge_mm, normal, np.where((side != 0) & (below < 0), 1 / length, 0.0)
+
+
+PAPER_TIP = Indenter()
+
+INDENTERS = {'ball': Indenter(3.0, 3.0), 'punch': Indenter(1.5, 0.15)}
+"""Bodies beside the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""

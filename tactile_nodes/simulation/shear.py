@@ -1,0 +1,77 @@
+"""A bonded layer dragged sideways by a disc that sticks to its surface: linear, solved by Fourier transform.
+
+A tangential traction along x splits at every wave vector into a part along it, which Love's function answers, and
+a part across it, which shears the layer as a deck of cards, sinh k(H + z) / (G k cosh kH). Over all directions
+
+    u_x = even + twin cos 2t,   u_y = twin sin 2t,   u_z = lift cos t,   t the angle from the direction of the drag.
+
+The fields are those of the undeformed layer under the traction that moves a disc of the contact's radius as a
+whole on a half-space (Mindlin). What that costs when the tip is deep in the gel is in docs/simulation.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32
+from scipy.special import j0, j1, jv
+
+from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
+
+
+@dataclass(frozen=True)
+class ShearTable:
+    """Displacements of the layer for one mm of sideways motion of the contact, by contact radius, radius and height.
+
+    `stiffness_n_mm[i]` is the drag it takes at contact radius contact_mm[i]; the grids are even.
+    """
+
+    contact_mm: Float[np.ndarray, ' contacts']
+    radius_mm: Float[np.ndarray, ' radii']
+    z_mm: Float[np.ndarray, ' heights']
+    stiffness_n_mm: Float[np.ndarray, ' contacts']
+    fields: Float32[np.ndarray, 'contacts radii heights 3']
+    """even, twin and lift."""
+
+    def at(self, contact_mm: float) -> Float32[np.ndarray, 'radii heights 3']:
+        """The fields at one contact radius, linear between those tabulated."""
+        step = self.contact_mm[1] - self.contact_mm[0]
+        place = float(np.clip((contact_mm - self.contact_mm[0]) / step, 0, len(self.contact_mm) - 1))
+        low = min(int(place), len(self.contact_mm) - 2)
+        mixed: np.ndarray = self.fields[low] + np.float32(place - low) * (self.fields[low + 1] - self.fields[low])
+        return mixed
+
+    def force_n(self, contact_mm: float, shift_mm: tuple[float, float]) -> tuple[float, float]:
+        """The drag on the gel (x, y) under a sideways motion of the contact; none without contact."""
+        if contact_mm <= 0:
+            return 0.0, 0.0
+        stiffness = float(np.interp(contact_mm, self.contact_mm, self.stiffness_n_mm))
+        return stiffness * shift_mm[0], stiffness * shift_mm[1]
+
+
+def shear_per_newton(
+    layer: Layer, contact_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
+) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
+    """even, twin and lift under 1 N along x over a disc."""
+    k, weight = wave_numbers(layer.thickness_mm, contact_mm)
+    along, up = layer.transforms(k, z_mm, load=(1.0, 0.0))
+    depth = np.outer(k, -z_mm)
+    twice = 2 * k[:, None] * layer.thickness_mm
+    across = (np.exp(-depth) - np.exp(depth - twice)) / (1 + np.exp(-twice)) / layer.shear_modulus_mpa
+    load = weight * np.sinc(k * contact_mm / np.pi) / (4 * np.pi)
+    kr = np.outer(radius_mm, k)
+    even, twin = (j0(kr) * load) @ (along + across), -(jv(2, kr) * load) @ (along - across)
+    return even, twin, -2 * (j1(kr) * load) @ up
+
+
+def solve_shear(layer: Layer, table: ContactTable, steps: int = 6) -> ShearTable:
+    """The table for every contact radius that a contact table knows, on a grid twice as coarse."""
+    contact = np.linspace(table.contact_mm.max() / steps, table.contact_mm.max(), steps)
+    radius, z = table.radius_mm[::2], np.linspace(table.z_mm[0], 0.0, len(table.z_mm) // 2 + 1)
+    stiffness, fields = np.zeros(steps), []
+    for i, each in enumerate(contact.tolist()):
+        even, twin, lift = shear_per_newton(layer, each, radius, z)
+        stiffness[i] = 1 / even[0, -1]
+        fields.append(stiffness[i] * np.stack([even, twin, lift], -1))
+    return ShearTable(contact, radius, z, stiffness, np.stack(fields).astype(np.float32))

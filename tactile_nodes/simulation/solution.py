@@ -1,0 +1,164 @@
+"""A layer's finite-strain answer to one indenter at a ladder of depths, and the table that a scene looks up.
+
+The solution is relative (forces over the shear modulus, displacements in mm), so gels of every modulus share it.
+It is small arrays, which a caller may keep; `key` says what it is the solution of.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+from jaxtyping import Float, Float32
+from scipy.interpolate import PchipInterpolator
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.contact import Where
+from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Mesh, graded, shapes, with_middles
+from tactile_nodes.simulation.finite_strain import Indentation
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter
+from tactile_nodes.simulation.mechanics import ContactTable
+
+RECIPE = 1
+"""Raised when the code gives another solution of the same problem."""
+
+FIRST_DEPTHS = (0.0, 0.0125, 0.025, 0.05, 0.075, 0.1)  # of the deepest: light touches change fastest
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that a solution depends on. Lengths in mm; `finest_mm` is the elements' size under the indenter."""
+
+    layer_mm: float = 6.0
+    poisson_ratio: float = 0.5
+    indenter: Indenter = PAPER_TIP
+    sticking: bool = True
+    deepest_mm: float = 2.5
+    rungs: int = 20
+    finest_mm: float = 0.08
+    growth: float = 1.12
+    reach_mm: float = 36.0
+
+    @property
+    def key(self) -> str:
+        """Sixteen hexadecimal digits that change with the problem and with the way in which it is solved."""
+        text = json.dumps([RECIPE, asdict(self)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def depths_mm(self) -> Float[np.ndarray, ' rungs']:
+        """Where the solution is kept: `rungs` even steps, the first two of them cut finer."""
+        even = np.arange(3, self.rungs + 1) / self.rungs
+        first = np.array(FIRST_DEPTHS) * 20 / self.rungs
+        return self.deepest_mm * np.concatenate([first, even])
+
+    def mesh(self) -> Mesh:
+        """Even under the indenter, growing outwards and down."""
+        even = min(1.7 * self.indenter.radius_mm, self.reach_mm / 2)
+        across = graded(self.reach_mm, self.finest_mm, self.growth, even)
+        return Mesh(across, -graded(self.layer_mm, self.finest_mm, self.growth + 0.03)[::-1])
+
+    @property
+    def lame(self) -> float:
+        """Lamé's constant over the shear modulus, 2 nu / (1 - 2 nu), kept finite."""
+        spare = 1 - 2 * self.poisson_ratio
+        return min(2 * self.poisson_ratio / spare, INCOMPRESSIBLE) if spare > 0 else INCOMPRESSIBLE
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Displacement of every node at every depth, and the force over the shear modulus (mm²)."""
+
+    across_mm: Float[np.ndarray, ' columns']
+    z_mm: Float[np.ndarray, ' rows']
+    depth_mm: Float[np.ndarray, ' depths']
+    force_mm2: Float[np.ndarray, ' depths']
+    contact_mm: Float[np.ndarray, ' depths']
+    moved_mm: Float32[np.ndarray, 'depths i j 2']
+    key: str
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """As plain arrays, for a file."""
+        return {each.name: np.asarray(getattr(self, each.name)) for each in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], key: str) -> Solution:
+        """Back from plain arrays.
+
+        Raises:
+            ConfigurationError: these are not the arrays of the solution with this key.
+        """
+        missing = [each.name for each in fields(cls) if each.name not in arrays]
+        if missing or str(arrays['key']) != key:
+            found = f'lack {", ".join(missing)}' if missing else f'are of {arrays["key"]}'
+            raise ConfigurationError(
+                f'a contact solution {key} was looked for, but the arrays {found}; remove the file'
+            )
+        return cls(**{each.name: arrays[each.name] for each in fields(cls) if each.name != 'key'}, key=key)
+
+    def at(
+        self, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
+    ) -> Float[np.ndarray, 'depths r z 2']:
+        """Displacement of material points on a grid, by the elements' own parabolas."""
+        across, up = _values(self.across_mm, radius_mm), _values(self.z_mm, z_mm)
+        found: np.ndarray = np.einsum('ri,dijc,zj->drzc', across, self.moved_mm, up, optimize=True)
+        return found
+
+    def table(self, shear_modulus_mpa: float, spacing_mm: float = 0.1, steps: int = 40) -> ContactTable:
+        """The even table that is looked up: monotone cubics between the depths."""
+        depth = np.linspace(0.0, self.depth_mm[-1], steps + 1)
+        layer = float(-self.z_mm[0])
+        radius = np.arange(0.0, 3.5 * layer, spacing_mm)
+        z = np.linspace(-layer, 0.0, round(layer / spacing_mm) + 1)
+        moved = PchipInterpolator(self.depth_mm, self.at(radius, z))(depth).astype(np.float32)
+        force = shear_modulus_mpa * PchipInterpolator(self.depth_mm, self.force_mm2)(depth)
+        contact = np.interp(depth, self.depth_mm, self.contact_mm)
+        return ContactTable(depth, radius, z, force, moved[..., 0].copy(), moved[..., 1].copy(), contact)
+
+
+def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
+    """What is to be solved for a gel under its own tip or under another of the indenters.
+
+    Raises:
+        ConfigurationError: no such indenter.
+    """
+    sticking = gel.contact == 'sticking'
+    if indenter == 'tip':
+        tip = Indenter(gel.tip_radius_mm, gel.tip_radius_mm)
+        return Problem(gel.layer_mm, gel.poisson_ratio, tip, sticking)
+    if indenter not in INDENTERS:
+        raise ConfigurationError(f'there is no indenter {indenter!r}; there are: tip, {", ".join(INDENTERS)}')
+    return Problem(gel.layer_mm, gel.poisson_ratio, INDENTERS[indenter], sticking, deepest_mm=1.5)
+
+
+def solve_problem(problem: Problem) -> Solution:
+    """Press down the ladder; takes ten to thirty seconds for the default."""
+    press = Indentation(
+        problem.mesh(), problem.indenter, friction=np.inf if problem.sticking else 0.0, lame=problem.lame
+    )
+    force, contact, moved = [0.0], [0.0], [press.state.u]
+    for depth in problem.depths_mm[1:].tolist():
+        press.advance(Where(0.0, depth), step_mm=0.01 * problem.deepest_mm)
+        touch = press.touch
+        force.append(float(touch.pushes[1]))
+        contact.append(float(touch.place_mm[touch.touching, 0].max(initial=0.0)))
+        moved.append(press.state.u)
+    mesh = press.body.mesh
+    nodes = np.stack(moved).reshape(-1, *mesh.nodes, 2).astype(np.float32)
+    return Solution(
+        mesh.across_mm, mesh.z_mm, problem.depths_mm, np.array(force), np.array(contact), nodes, problem.key
+    )
+
+
+def _values(lines: Float[np.ndarray, ' n'], places: Float[np.ndarray, ' p']) -> Float[np.ndarray, 'p nodes']:
+    """What each node of a line of elements counts at each place."""
+    cell = np.clip(np.searchsorted(lines, places, side='right') - 1, 0, len(lines) - 2)
+    local = 2 * (places - lines[cell]) / (lines[cell + 1] - lines[cell]) - 1
+    values = np.zeros((len(places), len(with_middles(lines))))
+    rows = np.arange(len(places))[:, None]
+    values[rows, 2 * cell[:, None] + np.arange(3)] = shapes(local)[0]
+    return values
