@@ -1,0 +1,74 @@
+"""The bag is the truth: which attempts of a plan does it hold whole, message, images and all?
+
+The journal says what the rig told the recorder; between that and the disk a power cut may come. So before a run goes
+on, every press that no bag has confirmed yet is looked for. Found whole: verified, even if the journal was cut off
+before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from pathlib import Path
+
+from tactile_nodes import messages
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.collection.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
+from tactile_nodes.errors import BagError, MessageError
+from tactile_nodes.messages import types
+
+KEPT_STAMPS = 10_000
+Attempt = tuple[int, int]
+
+
+def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[int, int]:
+    """Settle what the journal leaves open; how many presses were found in the bags, and how many were not."""
+    open_entries = journal.unverified()
+    if not open_entries:
+        return 0, 0
+    held = set().union(*(attempts_in(bag, plan_id) for bag in bags_below(folder)), set())
+    found = missing = 0
+    for entry in open_entries:
+        if (entry.press, entry.attempt) in held:
+            journal.note(entry.press, entry.attempt, VERIFIED, now_ns, 'found in the bag')
+            found += 1
+        elif entry.step == RECORDED:
+            journal.note(entry.press, entry.attempt, MISSING, now_ns, 'not found in any bag of the folder')
+            missing += 1
+        else:
+            assert entry.step == STARTED
+    return found, missing
+
+
+def bags_below(folder: Path) -> list[Path]:
+    """Every folder in this one that holds an .mcap file."""
+    return sorted({file.parent for file in folder.glob('*/*.mcap')})
+
+
+def attempts_in(bag: Path, plan_id: str) -> set[Attempt]:
+    """(press, attempt) of each recorded press in a bag whose images are there, too."""
+    try:
+        with BagReader(bag) as reader:
+            topics = [topic for topic in reader.metadata.topics if topic.rpartition('/')[2] in {'press', 'press_image'}]
+            return set(_whole(reader, topics, plan_id))
+    except BagError:  # a recording that begins just now, or one that was cut off before it began
+        return set()
+
+
+def _whole(reader: BagReader, topics: list[str], plan_id: str) -> Iterable[Attempt]:
+    images: deque[int] = deque(maxlen=KEPT_STAMPS)
+    for found in reader.messages(topics):
+        if found.topic.endswith('press_image'):
+            images.append(found.publish_ns)
+            continue
+        try:
+            press = reader.decode(found)
+        except MessageError:
+            continue
+        if press.plan_id == plan_id and press.status == types.Press.STATUS_RECORDED and _has_images(press, images):
+            yield press.press, press.attempt
+
+
+def _has_images(press: types.Press, images: Iterable[int]) -> bool:
+    start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
+    return sum(start_ns <= stamp_ns <= end_ns for stamp_ns in images) >= press.frames

@@ -1,0 +1,245 @@
+"""The whole run: home, find the surface, press after press, and what to do when something goes wrong.
+
+A rejected press is tried again after the others. A force above its limit ends that attempt; a sensor or camera that
+falls silent ends it, too, and the run goes on when they are well again; a machine that fails ends the run, because
+only a person can say where it stands. Whatever happens, the tip goes straight up first, if the machine still obeys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.collection.cycle import Ground, Record, check_free, press_cycle
+from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
+from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, Journal
+from tactile_nodes.collection.plan import Plan, Point
+from tactile_nodes.collection.progress import Progress
+from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.rest import await_recovery, go_to_gel, image_noise, rest_frames
+from tactile_nodes.collection.safety import CAMERA, MACHINE, SENSOR
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.surface import Surface, find_surface
+from tactile_nodes.collection.wrench import Tare
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+from tactile_nodes.sensing.reference import average
+
+
+@dataclass(frozen=True)
+class Outlet:
+    """Whom to tell.
+
+    Attributes:
+        record: an attempt is over; returns when it is on its way to the recorder.
+        rest_image: a new one, and the stamp of its last frame.
+        say: a line for a person.
+        require_recorder: raises when nobody records any more.
+    """
+
+    record: Callable[[Record], None]
+    rest_image: Callable[[Picture, int], None]
+    say: Callable[[str], None]
+    require_recorder: Callable[[], None]
+
+
+class Campaign:
+    """A run of a plan.
+
+    Args:
+        plan: what to press.
+        order: all of its points, in the order in which they are done.
+        journal: of this plan; what it says is done is not done again.
+        hands: the machine.
+        settings: limits and wishes.
+        safe_z_mm: where the machine may go sideways.
+        outlet: whom to tell.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        order: Sequence[Point],
+        journal: Journal,
+        hands: Hands,
+        settings: CollectionSettings,
+        safe_z_mm: float,
+        outlet: Outlet,
+    ) -> None:
+        if plan.deepest_mm > settings.limits.depth_mm:
+            raise ConfigurationError(
+                f'the plan presses {plan.deepest_mm:g} mm deep, limits.depth_mm allows {settings.limits.depth_mm:g}; '
+                'change one of them'
+            )
+        self._order = order
+        self._journal = journal
+        self._hands = hands
+        self._settings = settings
+        self._safe_z_mm = safe_z_mm
+        self._outlet = outlet
+        self._ground: Ground | None = None
+        self._last_tare: Tare | None = None
+        self._since_reference = 0
+        self._in_a_row = 0
+        self.paused = False
+        self.surface: Surface | None = None
+        self.now: Point | None = None
+        self.progress = Progress(len(plan.points), journal.done)
+
+    def run(self) -> str:
+        """Do all that is left of the plan; what came of it, in a sentence. Ends with the tip at the safe height.
+
+        Raises:
+            DeviceError: a device that only a person can set right.
+            TactileError: the journal or the recorder does not take what was measured.
+        """
+        hands, limits = self._hands, self._settings.limits
+        end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)
+        ended = ''
+        try:
+            self._prepare()
+            while (left := self._journal.left(self._order, limits.attempts)) and not ended:
+                self.progress.start(hands.clock.now_ns())
+                ended = self._round(left, end_ns)
+        except InterruptedRunError:
+            ended = 'stopped on request'
+        except TrippedError as tripped:
+            raise DeviceFaultError(f'stopped: {tripped.trip.reason}') from tripped
+        finally:
+            self.now = None
+            self._leave()
+        return f'{ended or "the plan is done"}: {self.progress.summary(self._journal)}'
+
+    def _round(self, left: Sequence[Point], end_ns: int) -> str:
+        """Each of these once; why it ended before the last, if it did."""
+        for point in left:
+            self._wait_while_paused()
+            if self._hands.clock.now_ns() > end_ns:
+                return f'stopped after {self._settings.limits.hours:g} hours'
+            self._outlet.require_recorder()
+            if self._since_reference >= self._settings.reference_every:
+                self._reference()
+            self._press(point)
+            self._since_reference += 1
+            if self._in_a_row >= self._settings.limits.rejects_in_a_row:
+                raise DeviceFaultError(
+                    f'{self._in_a_row} presses in a row were rejected, the last because {self.progress.last_reason}; '
+                    'look at gel, tip and sensors, then start again: what is recorded stays'
+                )
+        return ''
+
+    def _press(self, point: Point) -> None:
+        """One attempt, told and written down."""
+        assert self._ground is not None
+        journal, clock = self._journal, self._hands.clock
+        record = Record(point, journal.next_attempt(point.press))
+        begun_ns = clock.now_ns()
+        journal.note(point.press, record.attempt, STARTED, begun_ns)
+        self.now = point
+        try:
+            self._hands.run(press_cycle(record, self._ground, self._settings))
+        except TrippedError as tripped:
+            record.reason = tripped.trip.reason
+            self._up_then_tell(record, begun_ns)
+            self._go_on_after(tripped)
+        except DeviceError as error:
+            record.reason = str(error)
+            self._up_then_tell(record, begun_ns)
+            raise
+        else:
+            self._last_tare = record.tare or self._last_tare
+            self._tell(record, begun_ns)
+        finally:
+            self.now = None
+
+    def _up_then_tell(self, record: Record, begun_ns: int) -> None:
+        try:
+            self._hands.retreat()
+        finally:
+            self._tell(record, begun_ns)
+
+    def _tell(self, record: Record, begun_ns: int) -> None:
+        """First the recorder, then the journal: what was cut off between the two is found in the bag (`audit`)."""
+        self._outlet.record(record)
+        now_ns = self._hands.clock.now_ns()
+        step = REJECTED if record.reason else RECORDED
+        self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
+        self._in_a_row = self._in_a_row + 1 if record.reason else 0
+        self.progress.note(record.reason, begun_ns, now_ns)
+        if record.reason:
+            self._outlet.say(f'press {record.point.press} was rejected: {record.reason}')
+
+    # When something is wrong.
+
+    def _go_on_after(self, tripped: TrippedError) -> None:
+        """The tip is up; see whether the run can go on.
+
+        Raises:
+            DeviceError: it cannot.
+            TrippedError: something new is wrong.
+        """
+        trip = tripped.trip
+        if trip.kind == MACHINE:
+            raise DeviceFaultError(trip.reason) from tripped
+        if trip.kind in {SENSOR, CAMERA}:
+            self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
+            await_recovery(self._hands, self._settings.limits, trip.reason)
+        self._hands.safety.reset(self._hands.clock.now_ns())
+        if self._last_tare is not None:
+            self._hands.safety.tare(self._last_tare.wrench)
+            self._hands.run(check_free(self._last_tare, self._settings))
+
+    def _reference(self) -> None:
+        """A new rest image; again if sensor or camera failed meanwhile."""
+        try:
+            frames = self._hands.run(rest_frames(self._settings, self._safe_z_mm))
+        except TrippedError as tripped:
+            self._hands.retreat()
+            self._go_on_after(tripped)
+            frames = self._hands.run(rest_frames(self._settings, self._safe_z_mm))
+        self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
+        self._since_reference = 0
+
+    def _leave(self) -> None:
+        """Up, unless nothing has moved; what the machine answers to that matters only if all else was well."""
+        if self._ground is not None or self._hands.safety.watching:
+            try:
+                self._hands.retreat()
+            except DeviceError as error:
+                self._outlet.say(f'the tip could not be brought up: {error}')
+
+    def _wait_while_paused(self) -> None:
+        if self.paused:
+            self._outlet.say('paused, with the tip above the gel')
+        while self.paused:
+            self._hands.wait(0.1)
+
+    # Before the first press.
+
+    def _prepare(self) -> None:
+        hands = self._hands
+        self._outlet.require_recorder()
+        hands.safety.watch(hands.clock.now_ns(), camera=True)
+        self._outlet.say('homing')
+        hands.cnc.home()
+        hands.check()
+        zero = self._last_tare = hands.run(go_to_gel(self._settings, self._safe_z_mm))
+        self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
+        noise = image_noise(hands.run(rest_frames(self._settings, self._safe_z_mm)))
+        self._reference()
+        self._outlet.say('feeling for the surface of the gel')
+        self.surface = surface = hands.run(find_surface(self._settings, self._safe_z_mm))
+        self._check_safe_height(surface)
+        self._ground = Ground(surface, self._safe_z_mm, zero, noise)
+        self._outlet.say(
+            f'the surface is at z {surface.z_mm:.3f} mm, sloping by {surface.slope_x:.4f} along x '
+            f'and {surface.slope_y:.4f} along y'
+        )
+
+    def _check_safe_height(self, surface: Surface) -> None:
+        highest = max(surface.height_mm(point.x_mm, point.y_mm) for point in self._order)
+        if self._safe_z_mm < highest + self._settings.motion.standoff_mm:
+            raise ConfigurationError(
+                f'the safe height, {self._safe_z_mm:g} mm, is less than {self._settings.motion.standoff_mm:g} mm above '
+                f'the gel, whose surface is at {highest:.3f} mm; raise cnc.safe_z_mm'
+            )

@@ -1,0 +1,251 @@
+"""Does what procedures ask for, with the devices, and never without the safety's consent.
+
+Motion is cut into jogs of at most `jog_s`, sent as the machine does them, so that no more than two are ever owed to
+it: when the process that commands it is gone, the machine comes to rest within that time (a dead-man's handle).
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.actions import Action, Go, Look, Procedure, Seen, SetTare, Switch
+from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.safety import Safety, Trip
+from tactile_nodes.collection.settings import MotionSettings
+from tactile_nodes.drivers.cnc import Cnc, CncStatus, Place, Switched
+from tactile_nodes.errors import DeviceError, DeviceFaultError
+
+BREATH_S = 0.01
+STATE_S = 0.1
+STOP_WAIT_S = 5.0
+GRID = 1000  # a controller takes three decimals of a mm
+Result = TypeVar('Result')
+
+
+class TrippedError(Exception):
+    """The safety has stopped the machine. Caught within this package."""
+
+    def __init__(self, trip: Trip) -> None:
+        super().__init__(trip.reason)
+        self.trip = trip
+
+
+class InterruptedRunError(Exception):
+    """Somebody wants the run to end. Caught within this package."""
+
+
+class Hands:
+    """One machine under one safety.
+
+    Args:
+        cnc: connected.
+        clock: the host's.
+        safety: stops the machine by its own way (`Guard`).
+        readings: what sensor and camera bring.
+        motion: how long a jog may be.
+        on_status: told where the machine is, about ten times a second.
+        on_switch: told each switching of the digital line.
+        stopped: set while nobody is in the midst of stopping the machine.
+    """
+
+    def __init__(
+        self,
+        cnc: Cnc,
+        clock: Clock,
+        safety: Safety,
+        readings: Readings,
+        motion: MotionSettings,
+        on_status: Callable[[CncStatus], None] | None = None,
+        on_switch: Callable[[Switched], None] | None = None,
+        stopped: threading.Event | None = None,
+    ) -> None:
+        self.cnc = cnc
+        self.clock = clock
+        self.safety = safety
+        self.readings = readings
+        self._motion = motion
+        self._on_status = on_status
+        self._on_switch = on_switch
+        self._stopped = stopped
+        self._state_ns = 0
+        self._place: Place = (math.nan, math.nan, math.nan)
+        self._line = False
+        self.asked_to_stop = False
+
+    def run(self, procedure: Procedure[Result]) -> Result:
+        """Do all that a procedure asks for; its result.
+
+        Raises:
+            TrippedError: the safety has stopped the machine.
+            InterruptedRunError: `asked_to_stop` was set.
+            DeviceError: a device failed, or the procedure found that one does wrong.
+        """
+        try:
+            action = next(procedure)
+            while True:
+                action = procedure.send(self.perform(action))
+        except StopIteration as ended:
+            result: Result = ended.value
+            return result
+        finally:
+            procedure.close()
+
+    def perform(self, action: Action) -> Seen:
+        """Do one thing. Raises as `run`."""
+        self.check()
+        since_ns, switched = self.clock.now_ns(), None
+        try:
+            if isinstance(action, Go):
+                self._go(action)
+            elif isinstance(action, Look):
+                self.wait(action.seconds)
+            elif isinstance(action, SetTare):
+                self.safety.tare(action.tare.wrench)
+            elif isinstance(action, Switch):
+                switched = self.switch(action.level)
+        except DeviceError:
+            self.check()  # a stop by the safety makes commands fail: that is the reason then
+            raise
+        self.check()
+        now_ns = self.clock.now_ns()
+        if not isinstance(action, Look):
+            return Seen(now_ns, since_ns, self._status().position_mm, switched=switched)
+        from_ns = since_ns if action.since_ns is None else action.since_ns
+        samples, frames = self.readings.samples(from_ns), self.readings.frames(from_ns)
+        return Seen(now_ns, since_ns, self._place, tuple(samples), tuple(frames))
+
+    def check(self) -> None:
+        """Go no further when something is wrong. Raises as `run`, but for devices."""
+        if self.safety.trip is not None:
+            raise TrippedError(self.safety.trip)
+        if self.asked_to_stop:
+            raise InterruptedRunError
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, watchfully. Raises as `run`."""
+        end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
+        while (now_ns := self.clock.now_ns()) < end_ns:
+            self.check()
+            if now_ns - self._state_ns >= STATE_S * NS_PER_S:
+                self._status()
+            self.clock.sleep_until(min(end_ns, now_ns + round(BREATH_S * NS_PER_S)))
+
+    def switch(self, level: bool) -> Switched:
+        """Switch the digital line."""
+        switched = self.cnc.set_line(level)
+        self._line = level
+        if self._on_switch is not None:
+            self._on_switch(switched)
+        return switched
+
+    def retreat(self) -> None:
+        """Stop and go straight up to the safe height, whatever is wrong with the sensors.
+
+        Raises:
+            DeviceError: the machine does not obey, or does not know where it is.
+        """
+        if self._stopped is not None:
+            self._stopped.wait(STOP_WAIT_S)
+        self.cnc.retract()
+        if self._line:
+            self.switch(False)
+        self._status()
+
+    def _go(self, go: Go) -> None:
+        start = self._status()
+        if not start.homed:
+            raise DeviceFaultError('the machine does not know where it is; home it before anything moves')
+        x, y, z = start.position_mm
+        target = (x if go.x is None else go.x, y if go.y is None else go.y, z if go.z is None else go.z)
+        busy_until_ns = self.clock.now_ns()
+        for way, seconds in self._pieces(start.position_mm, target, go.feed_mm_min):
+            self.check()
+            self.cnc.jog(*way, feed=go.feed_mm_min)
+            busy_until_ns = max(busy_until_ns, self.clock.now_ns()) + round(seconds * NS_PER_S)
+            ahead_s = (busy_until_ns - self.clock.now_ns()) / NS_PER_S
+            if self.cnc.blind_step_mm is not None:
+                self.cnc.wait_idle()
+            else:
+                self.wait(max(0.0, ahead_s - self._motion.jog_s / 2))
+        self.wait((busy_until_ns - self.clock.now_ns()) / NS_PER_S)
+        self.cnc.wait_idle()
+
+    def _pieces(self, start: Place, target: Place, feed: float) -> Iterator[tuple[Place, float]]:
+        """Steps from start to target that add up to the µm, and how long each takes at this feed."""
+        length = math.dist(start, target)
+        longest = min(self.cnc.blind_step_mm or math.inf, feed / 60 * self._motion.jog_s)
+        count = max(1, math.ceil(length / longest - 1e-9))
+        done = [round(value * GRID) for value in start]
+        for number in range(1, count + 1):
+            share = number / count
+            there = [round((a + share * (b - a)) * GRID) for a, b in zip(start, target, strict=True)]
+            x, y, z = ((b - a) / GRID for a, b in zip(done, there, strict=True))
+            done = there
+            if x or y or z:
+                yield (x, y, z), math.hypot(x, y, z) / (feed / 60)
+
+    def _status(self) -> CncStatus:
+        status = self.cnc.status()
+        self._state_ns = self.clock.now_ns()
+        self._place = status.position_mm
+        if self._on_status is not None:
+            self._on_status(status)
+        return status
+
+
+class Guard:
+    """The thread that stops the machine: at once when the safety says so, and that looks for silence in between.
+
+    Args:
+        cnc: to stop.
+        clock: for the watchdogs.
+    """
+
+    def __init__(self, cnc: Cnc, clock: Clock) -> None:
+        self._cnc = cnc
+        self._clock = clock
+        self._tripped = threading.Event()
+        self._ending = False
+        self.stopped = threading.Event()
+        self.stopped.set()
+        self.failure = ''
+        self._thread: threading.Thread | None = None
+
+    def start(self, safety: Safety) -> None:
+        """Begin."""
+        self._thread = threading.Thread(target=self._run, args=(safety,), name='rig guard', daemon=True)
+        self._thread.start()
+
+    def trip(self, trip: Trip) -> None:
+        """Stop the machine now; returns at once."""
+        del trip
+        self.stopped.clear()
+        self._tripped.set()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ending = True
+        self._tripped.set()
+        if self._thread is not None:
+            self._thread.join(STOP_WAIT_S)
+
+    def _run(self, safety: Safety) -> None:
+        while not self._ending:
+            if self._tripped.wait(BREATH_S):
+                self._tripped.clear()
+                self._stop()
+            else:
+                safety.tick(self._clock.now_ns(), self._cnc.health)
+
+    def _stop(self) -> None:
+        try:
+            if not self.stopped.is_set():
+                self._cnc.stop()
+        except DeviceError as error:
+            self.failure = str(error)
+        finally:
+            self.stopped.set()

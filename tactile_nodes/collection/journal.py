@@ -1,0 +1,187 @@
+"""What was done of a plan, written down so that nothing is lost or done twice, however the run ends.
+
+A file of JSON lines: first the plan, then an entry for each step of each press, written and synced to the disk before
+the run goes on. A line that was cut off by a power cut is the last one, and is taken away when the journal is opened.
+
+    {"plan": "0f3a…", "presses": 10952, "version": 1}
+    {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
+    {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
+    {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "rosbag2_2030_…"}
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.collection.plan import Plan, Point
+from tactile_nodes.errors import ConfigurationError, TactileError
+
+VERSION = 1
+STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING)
+DONE = (RECORDED, VERIFIED)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
+    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag: to be done again)."""
+
+    press: int
+    attempt: int
+    step: str
+    stamp_ns: int
+    reason: str = ''
+
+
+class Journal:
+    """The journal of a plan in a file, which is made when it does not exist.
+
+    Raises:
+        ConfigurationError: it belongs to another plan, is damaged other than at its end, or is in use.
+    """
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self.path = path
+        self.repaired = ''
+        self._plan = plan
+        self._last: dict[int, Entry] = {}
+        self._attempts: dict[int, int] = {}
+        self._rejects: dict[int, int] = {}
+        self._reasons: list[Entry] = []
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise ConfigurationError(f'cannot open the journal {path}: {error.strerror}') from error
+        try:
+            self._lock()
+            self._read()
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file; closing twice is harmless."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def note(self, press: int, attempt: int, step: str, stamp_ns: int, reason: str = '') -> None:
+        """Write an entry; it is on the disk when this returns.
+
+        Raises:
+            TactileError: the disk does not take it.
+        """
+        entry = Entry(press, attempt, step, stamp_ns, reason)
+        self._write(entry.__dict__)
+        self._take(entry)
+
+    def is_done(self, press: int) -> bool:
+        """Whether a press needs no further attempt."""
+        entry = self._last.get(press)
+        return entry is not None and entry.step in DONE
+
+    def next_attempt(self, press: int) -> int:
+        """The number that the next attempt at a press must have: no number is ever used again."""
+        return self._attempts.get(press, 0) + 1
+
+    def rejects(self, press: int) -> int:
+        """How often a press was rejected."""
+        return self._rejects.get(press, 0)
+
+    def last(self, press: int) -> Entry | None:
+        """The last step of a press."""
+        return self._last.get(press)
+
+    def left(self, order: Iterable[Point], most_attempts: int) -> list[Point]:
+        """What is still to do, in this order: neither done, nor rejected as often as allowed."""
+        return [p for p in order if not self.is_done(p.press) and self.rejects(p.press) < most_attempts]
+
+    def unverified(self) -> list[Entry]:
+        """The last step of each press that was begun and that no bag has confirmed, done or broken off."""
+        return [entry for entry in self._last.values() if entry.step in {STARTED, RECORDED}]
+
+    @property
+    def done(self) -> int:
+        """How many presses need no further attempt."""
+        return sum(entry.step in DONE for entry in self._last.values())
+
+    @property
+    def rejected(self) -> list[Entry]:
+        """Every rejection so far."""
+        return list(self._reasons)
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ConfigurationError(f'the journal {self.path} is in use; another run of this plan goes on') from error
+
+    def _read(self) -> None:
+        data = self.path.read_bytes()
+        whole = data.rfind(b'\n') + 1
+        if whole < len(data):
+            self.repaired = f'took a line that was cut off after {len(data) - whole} bytes from the end of {self.path}'
+            os.ftruncate(self._file, whole)
+        lines = data[:whole].splitlines()
+        if not lines:
+            self._write({'plan': self._plan.plan_id, 'presses': len(self._plan.points), 'version': VERSION})
+            return
+        self._check_head(self._parsed(lines[0], 1))
+        for number, line in enumerate(lines[1:], start=2):
+            self._take(self._entry(line, number))
+
+    def _check_head(self, head: Any) -> None:
+        if head.get('plan') != self._plan.plan_id:
+            raise ConfigurationError(
+                f'{self.path} is the journal of plan {head.get("plan")}, but this plan is {self._plan.plan_id}; '
+                'choose another folder for another plan'
+            )
+
+    def _entry(self, line: bytes, number: int) -> Entry:
+        try:
+            entry = Entry(**self._parsed(line, number))
+            if entry.step not in STEPS or not 1 <= entry.press <= len(self._plan.points):
+                raise TypeError(entry.step)
+        except (TypeError, ValueError) as error:
+            raise self._damaged(number) from error
+        return entry
+
+    def _parsed(self, line: bytes, number: int) -> Any:
+        try:
+            found = json.loads(line)
+        except ValueError as error:
+            raise self._damaged(number) from error
+        if not isinstance(found, dict):
+            raise self._damaged(number)
+        return found
+
+    def _damaged(self, number: int) -> ConfigurationError:
+        return ConfigurationError.at(self.path, number, 'this line of the journal is damaged; mend it or take it away')
+
+    def _take(self, entry: Entry) -> None:
+        self._last[entry.press] = entry
+        self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
+        if entry.step == REJECTED:
+            self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
+            self._reasons.append(entry)
+
+    def _write(self, values: dict[str, Any]) -> None:
+        try:
+            os.write(self._file, json.dumps(values).encode('ascii') + b'\n')
+            os.fsync(self._file)
+        except OSError as error:
+            raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends here') from error

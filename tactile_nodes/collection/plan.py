@@ -1,0 +1,202 @@
+"""Which presses are to be made: places on the gel and depths, numbered once and for all, and named by their hash.
+
+A plan is a grid, a jittered grid, random places, or a list from a file. Its number of a press never changes, and its
+`plan_id` follows from the points alone, so that a journal and a bag can say which plan they belong to.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+import random
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.params import from_mapping, load_mapping, parameter
+
+ID_DIGITS = 12
+UM_PER_MM = 1000
+Triple = tuple[float, float, float]
+
+
+class Point(NamedTuple):
+    """One press.
+
+    Attributes:
+        press: its number in the plan, from 1.
+        x_mm: on the gel's surface, from its centre.
+        y_mm: likewise.
+        depth_mm: of the tip below the untouched surface, along the surface's normal.
+    """
+
+    press: int
+    x_mm: float
+    y_mm: float
+    depth_mm: float
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """How a plan's points come about."""
+
+    kind: str = parameter('grid', 'how points come about', choices=('grid', 'jittered', 'random', 'list'))
+    columns: int = parameter(37, 'places along x', minimum=1)
+    rows: int = parameter(37, 'places along y', minimum=1)
+    pitch_mm: float = parameter(0.75, 'from one place of the grid to the next', minimum=0.01)
+    jitter_mm: float = parameter(0.3, 'greatest shift of a place of a jittered grid, along x and y', minimum=0.0)
+    depths_mm: tuple[float, ...] = parameter((0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0), 'depths at each place')
+    count: int = parameter(1000, 'presses of a random plan', minimum=1)
+    reach_mm: float = parameter(13.5, 'random places lie within this far of the middle, in x and y', minimum=0.0)
+    seed: int = parameter(1, 'of jitter and random places')
+    file: str = parameter('', 'CSV or YAML list of points: x_mm, y_mm, depth_mm')
+    rest_mm: float = parameter(4.0, 'presses nearer than this to the last ones are put off', minimum=0.0)
+    rest_presses: int = parameter(8, 'how many of the last presses that are', minimum=0)
+
+    def __post_init__(self) -> None:
+        if self.kind != 'list' and not self.depths_mm:
+            raise ValueError('depths_mm is empty; give at least one depth')
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Points, numbered 1, 2, 3, …
+
+    Raises:
+        ConfigurationError: no points, a depth that is none, or the same point twice.
+    """
+
+    points: tuple[Point, ...]
+
+    def __post_init__(self) -> None:
+        if not self.points:
+            raise ConfigurationError('the plan holds no points; give it rows and columns, a count, or a file')
+        for point in self.points:
+            if not all(math.isfinite(value) for value in point[1:]) or point.depth_mm <= 0:
+                raise ConfigurationError(
+                    f'press {point.press} of the plan has a depth of {point.depth_mm:g} mm at x {point.x_mm:g}, '
+                    f'y {point.y_mm:g} mm; all must be numbers and the depth above 0'
+                )
+        if len({_text(point).split(' ', 1)[1] for point in self.points}) < len(self.points):
+            raise ConfigurationError('the plan holds a place and depth twice; each press must be a different one')
+
+    @cached_property
+    def plan_id(self) -> str:
+        """The first 12 hexadecimal digits of a SHA-256 over a line ``press x y depth`` (in µm) for each point."""
+        text = '\n'.join(_text(point) for point in self.points)
+        return hashlib.sha256(text.encode('ascii')).hexdigest()[:ID_DIGITS]
+
+    @property
+    def deepest_mm(self) -> float:
+        """The greatest depth."""
+        return max(point.depth_mm for point in self.points)
+
+    @property
+    def box_mm(self) -> tuple[float, float, float, float]:
+        """The least x and y and the greatest x and y."""
+        xs, ys = [point.x_mm for point in self.points], [point.y_mm for point in self.points]
+        return min(xs), min(ys), max(xs), max(ys)
+
+
+def make_plan(settings: PlanSettings) -> Plan:
+    """The plan that the settings describe; the same settings give the same plan on every machine.
+
+    Raises:
+        ConfigurationError: a file that is missing or holds something else, or a plan without points.
+    """
+    if settings.kind == 'list':
+        return numbered(read_points(settings.file))
+    chance = random.Random(settings.seed)  # noqa: S311  (places, not secrets)
+    if settings.kind == 'random':
+        return numbered(_random(settings, chance))
+    jitter = settings.jitter_mm if settings.kind == 'jittered' else 0.0
+    return numbered(_grid(settings, jitter, chance))
+
+
+def load_plan_settings(path: Path) -> PlanSettings:
+    """Plan settings from a YAML file; a list file that it names is looked for beside it.
+
+    Raises:
+        ConfigurationError: no such file, or something in it that is no setting of a plan.
+    """
+    settings = from_mapping(PlanSettings, load_mapping(path), source=str(path), exact=False)
+    if settings.file and not Path(settings.file).is_absolute():
+        values = {**settings.__dict__, 'file': str(path.parent / settings.file)}
+        settings = PlanSettings(**values)
+    return settings
+
+
+def numbered(points: Iterable[Triple]) -> Plan:
+    """A plan of (x, y, depth) in mm, in this order, rounded to the µm that a machine can go to."""
+    return Plan(tuple(Point(i, *(round(value, 3) + 0.0 for value in point)) for i, point in enumerate(points, start=1)))
+
+
+def read_points(path: str | Path) -> list[Triple]:
+    """(x, y, depth) in mm from a CSV with these columns, or a YAML list of such triples or mappings.
+
+    Raises:
+        ConfigurationError: naming file and row.
+    """
+    file = Path(path)
+    try:
+        text = file.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f'cannot read the list of points {str(path)!r}: {error}') from error
+    rows = _yaml_rows(text, file) if file.suffix.lower() in {'.yaml', '.yml'} else _csv_rows(text)
+    return [_triple(row, number, file) for number, row in enumerate(rows, start=1)]
+
+
+def _grid(settings: PlanSettings, jitter_mm: float, chance: random.Random) -> Iterable[Triple]:
+    for row in range(settings.rows):
+        for column in range(settings.columns):
+            x = (column - (settings.columns - 1) / 2) * settings.pitch_mm + jitter_mm * chance.uniform(-1, 1)
+            y = (row - (settings.rows - 1) / 2) * settings.pitch_mm + jitter_mm * chance.uniform(-1, 1)
+            for depth in settings.depths_mm:
+                yield x, y, depth
+
+
+def _random(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
+    low, high = min(settings.depths_mm), max(settings.depths_mm)
+    for _ in range(settings.count):
+        x, y = (settings.reach_mm * chance.uniform(-1, 1) for _ in range(2))
+        yield x, y, chance.uniform(low, high)
+
+
+def _csv_rows(text: str) -> Iterable[object]:
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]
+    if lines and any(character.isalpha() for character in lines[0].replace('e', '').replace('E', '')):
+        return list(csv.DictReader(lines, skipinitialspace=True))
+    return list(csv.reader(lines, skipinitialspace=True))
+
+
+def _yaml_rows(text: str, file: Path) -> Iterable[object]:
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f'{file} is not valid YAML: {str(error).splitlines()[0]}') from error
+    rows = found.get('points') if isinstance(found, dict) else found
+    if not isinstance(rows, list):
+        raise ConfigurationError(f'{file} holds no list of points; write [x_mm, y_mm, depth_mm] in each entry')
+    return rows
+
+
+def _triple(row: object, number: int, file: Path) -> Triple:
+    try:
+        if isinstance(row, dict):
+            return float(row['x_mm']), float(row['y_mm']), float(row['depth_mm'])
+        if isinstance(row, Sequence) and not isinstance(row, str) and len(row) == 3:
+            return float(row[0]), float(row[1]), float(row[2])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigurationError(f'point {number} of {file} has no x_mm, y_mm and depth_mm: {row}') from error
+    raise ConfigurationError(f'point {number} of {file} is {row}; write x_mm, y_mm, depth_mm')
+
+
+def _text(point: Point) -> str:
+    x, y, depth = (round(value * UM_PER_MM) for value in point[1:])
+    return f'{point.press} {x} {y} {depth}'

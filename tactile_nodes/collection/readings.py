@@ -1,0 +1,93 @@
+"""The last seconds of force samples and images, between the threads that bring them and the one that presses."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.errors import ImageError
+
+Picture = npt.NDArray[np.uint8]
+BLOCK_PX = 16
+
+
+class Frame(NamedTuple):
+    """An image, its capture stamp, and the mean grey level of each block of 16x16 pixels."""
+
+    stamp_ns: int
+    image: Picture
+    blocks: npt.NDArray[np.float32]
+
+
+def frame_of(stamp_ns: int, image: Picture) -> Frame:
+    """A frame with its blocks; what does not fill a block at the right and at the bottom is left out.
+
+    Raises:
+        ImageError: it is smaller than a block.
+    """
+    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
+    if not rows or not columns:
+        raise ImageError(f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones')
+    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
+    sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
+    sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
+    return Frame(stamp_ns, image, (sums / BLOCK_PX**2).astype(np.float32))
+
+
+def change(a: Frame, b: Frame) -> float:
+    """The greatest change of a block's mean in grey levels: a press changes few pixels, but those by much.
+
+    Raises:
+        ImageError: they differ in size.
+    """
+    if a.blocks.shape != b.blocks.shape:
+        raise ImageError('the images have changed their size; leave the camera settings alone during a run')
+    return float(np.abs(a.blocks - b.blocks).max())
+
+
+class Readings:
+    """Keeps `seconds` of samples and `frames` images. Any thread puts, any thread asks."""
+
+    def __init__(self, seconds: float = 20.0, frames: int = 90) -> None:
+        self._kept_ns = round(seconds * 1e9)
+        self._samples: deque[Sample] = deque()
+        self._frames: deque[Frame] = deque(maxlen=frames)
+        self._lock = threading.Lock()
+
+    def put_sample(self, sample: Sample) -> None:
+        """A sample has come."""
+        with self._lock:
+            self._samples.append(sample)
+            while self._samples[0].stamp_ns < sample.stamp_ns - self._kept_ns:
+                self._samples.popleft()
+
+    def put_frame(self, frame: Frame) -> None:
+        """An image has come."""
+        with self._lock:
+            self._frames.append(frame)
+
+    def samples(self, start_ns: int, end_ns: int | None = None) -> list[Sample]:
+        """Those measured from `start_ns` on, and before `end_ns`."""
+        with self._lock:
+            return _since(self._samples, start_ns, end_ns, lambda sample: sample.stamp_ns)
+
+    def frames(self, start_ns: int, end_ns: int | None = None) -> list[Frame]:
+        """Those taken from `start_ns` on, and before `end_ns`."""
+        with self._lock:
+            return _since(self._frames, start_ns, end_ns, lambda frame: frame.stamp_ns)
+
+
+def _since(kept: Sequence, start_ns: int, end_ns: int | None, stamp: Callable) -> list:  # type: ignore[type-arg]
+    found = []
+    for item in reversed(kept):
+        if stamp(item) < start_ns:
+            break
+        if end_ns is None or stamp(item) < end_ns:
+            found.append(item)
+    return found[::-1]

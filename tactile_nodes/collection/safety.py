@@ -1,0 +1,156 @@
+"""When everything must stop. Fed with every force sample in the thread that reads the sensor, and with the time.
+
+It only decides; whoever it tells (`on_trip`) stops the machine. The first reason stands until `reset`.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tactile_nodes.collection.settings import LimitSettings
+from tactile_nodes.drivers.force_torque import UNUSABLE, Sample, Wrench
+from tactile_nodes.drivers.health import Health, Level
+
+FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
+NS_PER_S = 1_000_000_000
+NS_PER_MS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Trip:
+    """Why everything stopped: whose fault it is (`FORCE`, `SENSOR`, `CAMERA`, `MACHINE`), a sentence, and when."""
+
+    kind: str
+    reason: str
+    stamp_ns: int
+
+
+class Safety:
+    """The limits. Until the first tare the force is limited by its change since the first sample.
+
+    Args:
+        limits: the numbers.
+        on_trip: told the moment something is wrong, in the thread that found out; must be quick.
+    """
+
+    def __init__(self, limits: LimitSettings, on_trip: Callable[[Trip], None] | None = None) -> None:
+        self._limits = limits
+        self._on_trip = on_trip
+        self._lock = threading.Lock()
+        self._recent: deque[tuple[int, float]] = deque()
+        self._zero: Wrench | None = None
+        self._sample_ns = self._frame_ns = 0
+        self._period_ns = 0.0
+        self._since_ns = 0
+        self.trip: Trip | None = None
+        self.greatest_n = 0.0
+        self.watching = False
+        self.watching_camera = False
+
+    def tare(self, zero: Wrench) -> None:
+        """From now on the force is the change since this one."""
+        with self._lock:
+            self._zero = zero
+            self._recent.clear()
+
+    def watch(self, now_ns: int, camera: bool) -> None:
+        """Begin to look for silence; a device has its full time from now."""
+        self._since_ns = now_ns
+        self.watching, self.watching_camera = True, camera
+
+    def reset(self, now_ns: int) -> None:
+        """Forget the reason: somebody has dealt with it."""
+        with self._lock:
+            self._recent.clear()
+            self.trip = None
+            self._since_ns = now_ns
+
+    def sample(self, sample: Sample) -> None:
+        """A force sample has come."""
+        self._note_period(sample)
+        self._sample_ns = sample.arrival_ns
+        if not self.watching:
+            return
+        if sample.flags & UNUSABLE:
+            self._stop(SENSOR, f'the sensor of forces reports a fault (status {sample.status:#x})', sample.arrival_ns)
+            return
+        force, torque = self._change(sample.wrench)
+        if math.isnan(force):
+            self._stop(SENSOR, 'the force/torque sensor measures no force at all', sample.arrival_ns)
+            return
+        self.greatest_n = max(self.greatest_n, force)
+        self._check_force(sample, force, torque)
+
+    def frame(self, arrival_ns: int) -> None:
+        """An image has come."""
+        self._frame_ns = arrival_ns
+
+    def tick(self, now_ns: int, machine: Health) -> None:
+        """Time has passed; look for who is silent."""
+        if not self.watching:
+            return
+        silence_ns = max(self._limits.force_silence_ms * NS_PER_MS, 3 * self._period_ns)
+        silent_ns = now_ns - max(self._sample_ns, self._since_ns)
+        if silent_ns > silence_ns:
+            self._stop(SENSOR, f'the force/torque sensor has been silent for {silent_ns / NS_PER_MS:.0f} ms', now_ns)
+        silent_ns = now_ns - max(self._frame_ns, self._since_ns)
+        if self.watching_camera and silent_ns > self._limits.camera_silence_ms * NS_PER_MS:
+            self._stop(CAMERA, f'the camera has sent no image for {silent_ns / NS_PER_MS:.0f} ms', now_ns)
+        if machine.level is Level.ERROR:
+            self._stop(MACHINE, machine.message, now_ns)
+
+    def fail(self, kind: str, reason: str, now_ns: int) -> None:
+        """Somebody else found that everything must stop."""
+        self._stop(kind, reason, now_ns)
+
+    def _note_period(self, sample: Sample) -> None:
+        if self._sample_ns and sample.sequence:
+            gap_ns = min(sample.arrival_ns - self._sample_ns, NS_PER_S)
+            self._period_ns += 0.02 * (gap_ns - self._period_ns) if self._period_ns else gap_ns
+
+    def _change(self, wrench: Wrench) -> tuple[float, float]:
+        with self._lock:
+            if self._zero is None:
+                self._zero = wrench
+            change = [value - zero for value, zero in zip(wrench, self._zero, strict=True)]
+        return _length(change[:3]), _length(change[3:])
+
+    def _check_force(self, sample: Sample, force: float, torque: float) -> None:
+        limits, now_ns = self._limits, sample.arrival_ns
+        if force > limits.force_n:
+            self._stop(FORCE, f'the force is {force:.2f} N, above the limit of {limits.force_n:g} N', now_ns)
+        elif 0 < limits.torque_nm < torque:
+            self._stop(FORCE, f'the torque is {torque:.3f} N m, above the limit of {limits.torque_nm:g} N m', now_ns)
+        elif (rise := self._rise(sample.stamp_ns, force)) > limits.force_rate_n_s:
+            self._stop(FORCE, f'the force rises by {rise:.0f} N/s, above {limits.force_rate_n_s:g} N/s', now_ns)
+
+    def _rise(self, stamp_ns: int, force: float) -> float:
+        """The rise over the last `rate_ms`; 0 until there are samples for so long."""
+        with self._lock:
+            recent, span_ns = self._recent, self._limits.rate_ms * NS_PER_MS
+            recent.append((stamp_ns, force))
+            while len(recent) > 2 and recent[1][0] <= stamp_ns - span_ns:
+                recent.popleft()
+            first_ns = recent[0][0]
+            if stamp_ns - first_ns < span_ns:
+                return 0.0
+            rise = force - recent[0][1]
+        return rise * NS_PER_S / (stamp_ns - first_ns)
+
+    def _stop(self, kind: str, reason: str, now_ns: int) -> None:
+        with self._lock:
+            if self.trip is not None:
+                return
+            self.trip = Trip(kind, reason, now_ns)
+        if self._on_trip is not None:
+            self._on_trip(self.trip)
+
+
+def _length(values: list[float]) -> float:
+    """Over the axes that are measured; NaN if none is."""
+    measured = [value for value in values if not math.isnan(value)]
+    return math.hypot(*measured) if measured else math.nan

@@ -1,0 +1,145 @@
+"""Where the gel's surface is: felt at three or four corners, with a plane through them.
+
+At each corner the tip goes down in steps, each followed by a look at the force, until the force is five sigma and a
+minimum above the tare; backs off; and repeats that with smaller steps. After a touch it goes a few steps on, and the
+loading line F^(2/3) over depth (a sphere on an elastic body, Hertz) is drawn back to F = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.wrench import Tare, pressing_n, tare_of, wrenches
+from tactile_nodes.errors import DeviceFaultError
+
+HERTZ = 2 / 3
+BACK_OFF_STEPS = 6
+CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A plane: height of the untouched surface in machine coordinates over the gel's own x and y, all in mm."""
+
+    z_mm: float
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+    error_mm: float = 0.0
+
+    def height_mm(self, x_mm: float, y_mm: float) -> float:
+        """Of the surface at a place; 0.01 mm/mm along x is 0.1 mm at x = 10 mm."""
+        return self.z_mm + self.slope_x * x_mm + self.slope_y * y_mm
+
+    def tip_mm(self, x_mm: float, y_mm: float, depth_mm: float) -> float:
+        """Height of a tip that is `depth_mm` deep along the normal."""
+        return self.height_mm(x_mm, y_mm) - depth_mm * self._steepness
+
+    def depth_mm(self, x_mm: float, y_mm: float, z_mm: float) -> float:
+        """The reverse of `tip_mm`."""
+        return (self.height_mm(x_mm, y_mm) - z_mm) / self._steepness
+
+    @property
+    def _steepness(self) -> float:
+        return math.sqrt(1 + self.slope_x**2 + self.slope_y**2)
+
+
+def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Surface]:
+    """Feel for the surface at the corners and lay a plane through them.
+
+    Raises:
+        DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
+    """
+    places = []
+    reach = settings.surface.reach_mm
+    for x, y in CORNERS[: settings.surface.corners]:
+        height = yield from _corner(settings, safe_z_mm, (x, y))
+        places.append((x * reach, y * reach, height))
+    return plane(places, settings)
+
+
+def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSettings) -> Surface:
+    """The plane nearest to the places (x, y, height).
+
+    Raises:
+        DeviceFaultError: it is too steep, or too far from one of them.
+    """
+    table = np.array([(1.0, x, y) for x, y, _ in places])
+    heights = np.array([z for _, _, z in places])
+    (z, slope_x, slope_y), *_ = np.linalg.lstsq(table, heights, rcond=None)
+    error = float(np.abs(table @ np.array([z, slope_x, slope_y]) - heights).max())
+    limits = settings.surface
+    if error > limits.flat_mm:
+        raise DeviceFaultError(f'the surface is not flat: a corner lies {error:.3f} mm off; clean tip and gel')
+    if math.hypot(slope_x, slope_y) > limits.tilt:
+        raise DeviceFaultError(f'the surface is tilted by {math.hypot(slope_x, slope_y):.3f} mm/mm; level the gel')
+    return Surface(float(z), float(slope_x), float(slope_y), error)
+
+
+def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[float]:
+    surface, motion = settings.surface, settings.motion
+    x = surface.gel_x_mm + corner[0] * surface.reach_mm
+    y = surface.gel_y_mm + corner[1] * surface.reach_mm
+    yield Go(z=safe_z_mm, feed_mm_min=motion.travel_mm_min)
+    yield Go(x, y, feed_mm_min=motion.travel_mm_min)
+    tare = tare_of((yield Look(settings.press.tare_s)).samples)
+    yield SetTare(tare)
+    yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
+    touched = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
+    found = []
+    for _ in range(surface.repeats):
+        start = min(surface.top_mm, touched + BACK_OFF_STEPS * surface.fine_step_mm)
+        yield Go(z=start, feed_mm_min=motion.press_mm_min)
+        found.append((yield from _search(settings, tare, start, surface.fine_step_mm)))
+    yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
+    if max(found) - min(found) > surface.spread_mm:
+        raise DeviceFaultError(
+            f'the surface was found between {min(found):.3f} and {max(found):.3f} mm at x {x:g}, y {y:g}; '
+            'is the tip loose, or the force/torque sensor too noisy?'
+        )
+    return float(np.median(found))
+
+
+def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float) -> Procedure[float]:
+    """From `start_mm` down to the touch and some steps on; where the force would begin."""
+    surface = settings.surface
+    loading: list[tuple[float, float]] = []
+    for step in range(1, 100_000):
+        z = round(start_mm - step * step_mm, 3)
+        if z < surface.bottom_mm:
+            break
+        yield Go(z=z, feed_mm_min=surface.feed_mm_min)
+        seen = yield Look(surface.dwell_s)
+        force = float(pressing_n(wrenches(seen.samples), tare, settings.mounting).mean()) if seen.samples else math.nan
+        if math.isnan(force):
+            raise DeviceFaultError('no force along z came during the search for the surface; check the sensor')
+        noise = tare.noise_n / math.sqrt(len(seen.samples))
+        if loading or force > 5 * noise + surface.least_n:
+            loading.append((seen.place_mm[2], force))
+        if len(loading) > surface.beyond:
+            return touch_mm(loading)
+    raise DeviceFaultError(
+        f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
+        'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
+    )
+
+
+def touch_mm(loading: Sequence[tuple[float, float]]) -> float:
+    """The height at which the line through F^(2/3) over height meets 0.
+
+    A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0.
+
+    Raises:
+        DeviceFaultError: the force does not grow with depth.
+    """
+    heights = np.array([z for z, _ in loading])
+    roots = np.array([max(force, 0.0) ** HERTZ for _, force in loading])
+    slope, offset = np.polyfit(heights, roots, 1)
+    if slope >= 0:
+        raise DeviceFaultError('the force does not grow where the tip goes down; does it move at all?')
+    return float(-offset / slope)

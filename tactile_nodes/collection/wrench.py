@@ -1,0 +1,116 @@
+"""From what the sensor reads to the force on the gel: tare, turning, the point of the torque, means over a window.
+
+Frames: the sensor's own; the machine's (z up); the gel's surface frame, whose axes are the machine's and whose origin
+is the centre of the surface. What the sensor feels is what the gel does to the tip; the label is the reverse, so a
+tip that presses straight down has a negative force z on the gel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.collection.settings import MountingSettings
+from tactile_nodes.drivers.force_torque import Sample, Wrench
+
+Array = npt.NDArray[np.float64]
+NS_PER_S = 1e9
+
+
+@dataclass(frozen=True)
+class Tare:
+    """What an unloaded sensor reads: mean and standard deviation in its own axes, of how many samples, until when."""
+
+    wrench: Wrench
+    deviation: Wrench
+    samples: int
+    stamp_ns: int
+
+    @property
+    def tare_id(self) -> str:
+        """Names these numbers: 12 hexadecimal digits of a SHA-256."""
+        return hashlib.sha256(repr((self.wrench, self.stamp_ns)).encode('ascii')).hexdigest()[:12]
+
+    @property
+    def noise_n(self) -> float:
+        """Standard deviation of the force along z in N."""
+        return self.deviation[2]
+
+
+def tare_of(samples: Sequence[Sample]) -> Tare:
+    """The mean of at least one sample; an axis that is not measured stays NaN."""
+    table = wrenches(samples)
+    return Tare(as_wrench(table.mean(axis=0)), as_wrench(table.std(axis=0)), len(samples), samples[-1].stamp_ns)
+
+
+def wrenches(samples: Sequence[Sample]) -> Array:
+    """(n, 6), in the sensor's axes."""
+    return np.array([sample.wrench for sample in samples], np.float64).reshape(-1, 6)
+
+
+def as_wrench(values: Array) -> Wrench:
+    """Six numbers as a wrench."""
+    fx, fy, fz, tx, ty, tz = (float(value) for value in values)
+    return (fx, fy, fz, tx, ty, tz)
+
+
+def machine_from_sensor(mounting: MountingSettings) -> Array:
+    """The rotation (3, 3). Turned by 90° and upright, (1, 0, 0) of the sensor is (0, 1, 0) of the machine."""
+    angle = math.radians(mounting.turn_deg)
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turn @ np.diag([1.0, -1.0, -1.0]) if mounting.upside_down else turn
+
+
+def _rotated(rotation: Array, vectors: Array) -> Array:
+    """Like `vectors @ rotation.T`, but an axis that is not measured spoils only what it goes into."""
+    terms = np.where(rotation == 0.0, 0.0, vectors[:, None, :] * rotation)
+    return np.asarray(np.where(rotation == 0.0, 0.0, terms).sum(axis=2))
+
+
+def on_gel(table: Array, tare: Tare, mounting: MountingSettings, tip_mm: tuple[float, float, float]) -> Array:
+    """What is done to the gel, in its surface frame, about the centre of its surface.
+
+    Args:
+        table: (n, 6) as read.
+        tare: to subtract.
+        mounting: of the sensor.
+        tip_mm: the tip in the surface frame; below the surface z is negative.
+
+    Returns:
+        (n, 6) in N and N·m. An upright sensor that reads (0, 0, 1) N more than its tare, with the tip at
+        (10, 0, -1) mm: force (0, 0, -1) N, torque (0, 0.01, 0) N·m.
+    """
+    rotation = machine_from_sensor(mounting)
+    change = table - np.array(tare.wrench)
+    force, torque = _rotated(rotation, change[:, :3]), _rotated(rotation, change[:, 3:])
+    arm_m = np.array([tip_mm[0], tip_mm[1], tip_mm[2] + mounting.tool_mm]) / 1000
+    return np.asarray(-np.hstack([force, torque + np.cross(np.broadcast_to(arm_m, force.shape), force)]))
+
+
+def pressing_n(table: Array, tare: Tare, mounting: MountingSettings) -> Array:
+    """Force into the gel in N, (n,): positive is pressing."""
+    rotation = machine_from_sensor(mounting)
+    return np.asarray(_rotated(rotation, table[:, :3] - np.array(tare.wrench[:3]))[:, 2])
+
+
+def slope(stamps_ns: Sequence[int], values: Array) -> float:
+    """Change per second by the line of least squares; 0 for less than two. (0 s, 1), (1 s, 3) give 2."""
+    if len(stamps_ns) < 2:
+        return 0.0
+    times = (np.array(stamps_ns, np.float64) - stamps_ns[0]) / NS_PER_S
+    times -= times.mean()
+    return float((times * (values - values.mean())).sum() / max(float((times**2).sum()), 1e-12))
+
+
+def slope_noise(stamps_ns: Sequence[int], noise: float) -> float:
+    """Standard deviation that white noise of the values gives to `slope`."""
+    if len(stamps_ns) < 2:
+        return math.inf
+    times = (np.array(stamps_ns, np.float64) - stamps_ns[0]) / NS_PER_S
+    return noise / math.sqrt(max(float(((times - times.mean()) ** 2).sum()), 1e-12))
