@@ -3,18 +3,23 @@
 A marker is a disc of light blurred by lens and pixel, drawn as a Gaussian of the same variance at its exact
 sub-pixel place and normalised, so that its centroid moves exactly as the marker does. Markers add up where
 they overlap. Refraction, shadows and the skin's own grey are left out.
+
+What moves during the exposure is drawn at two moments of it, which gives a smear its true middle and spread.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.camera import camera_of, camera_turn, pupil, shade, through_jpeg
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.mechanics import ContactTable, Layer
+from tactile_nodes.simulation.shear import ShearTable, solve_shear
 
 TAPS = np.arange(-3, 5)
 """Pixels around a marker that receive its light: from three left of the pixel it is in to four right of it."""
@@ -22,30 +27,38 @@ TAPS = np.arange(-3, 5)
 
 @dataclass(frozen=True)
 class Press:
-    """One round tip at a place on the surface, pressed in by a depth (negative: that far above the gel)."""
+    """One indenter at a place on the surface, pressed in by a depth (negative: that far above the gel).
+
+    `x_mm`, `y_mm` is where it touched down; `shift_mm` is how far it was dragged since, sticking to the gel.
+    """
 
     x_mm: float
     y_mm: float
     depth_mm: float
+    indenter: str = 'tip'
+    shift_mm: tuple[float, float] = (0.0, 0.0)
 
 
 class Optics:
     """Renders one gel. The same presses and noise seed give the same pixels, in any process, in any order."""
 
-    def __init__(self, gel: Gel, table: ContactTable) -> None:
+    def __init__(self, gel: Gel, table: ContactTable, others: Mapping[str, ContactTable] | None = None) -> None:
+        """`table` is that of the gel's own tip; `others` those of indenters that presses may name."""
         self._gel = gel
-        self._table = table
+        self._tables = {'tip': table, **(others or {})}
+        self._shear: dict[str, ShearTable] = {}
         self.camera = camera_of(gel)
+        self._turn = camera_turn(gel)
         self.markers_mm, diameter_mm = place_markers(gel)
-        distance = np.linalg.norm(self.markers_mm - _pupil(gel), axis=1)
+        distance = np.linalg.norm(self.markers_mm - pupil(gel), axis=1)
         radius_px = gel.focal_px_per_rad * diameter_mm / 2 / distance
         # The variance of a disc is a quarter of its squared radius along each axis, that of a pixel 1/12.
         variance = radius_px**2 / 4 + gel.blur_px**2 + 1 / 12
         self._exponent = (-0.5 / variance).astype(np.float32)
         self._light = (gel.marker_grey * np.pi * radius_px**2).astype(np.float32)
-        self._shade = vignette(gel)
+        self._shade = shade(gel)
         self._noise = NoiseBank(gel)
-        self._lookup = TableLookup(table, self.markers_mm[:, 2])
+        self._lookups = {name: TableLookup(each, self.markers_mm[:, 2]) for name, each in self._tables.items()}
         self._rest = self._draw(self.project(()))
 
     def displacement_mm(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 3']:
@@ -53,12 +66,32 @@ class Optics:
         moved = np.zeros_like(self.markers_mm)
         for press in presses:
             if press.depth_mm > 0:
-                moved += self._lookup(self.markers_mm, press)
+                moved += self._field(press)
         return moved
+
+    def _field(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
+        if press.indenter not in self._lookups:
+            known = ', '.join(self._lookups)
+            raise ConfigurationError(
+                f'no contact table was given for the indenter {press.indenter!r}; there are: {known}'
+            )
+        field: np.ndarray = self._lookups[press.indenter](self.markers_mm, press)
+        return field + self._drag(press) if any(press.shift_mm) else field
+
+    def _drag(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
+        """What sticking and being dragged adds."""
+        table = self._tables[press.indenter]
+        if press.indenter not in self._shear:
+            layer = Layer(self._gel.layer_mm, self._gel.shear_modulus_mpa, self._gel.poisson_ratio)
+            self._shear[press.indenter] = solve_shear(layer, table)
+        contact = float(np.interp(press.depth_mm, table.depth_mm, table.contact_mm))
+        offset = self.markers_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
+        return self._shear[press.indenter].displacement_mm(contact, offset, press.shift_mm)
 
     def project(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 2']:
         """Pixel of each marker in the camera image."""
-        return self.camera.project(self.markers_mm + self.displacement_mm(presses) - _pupil(self._gel))
+        seen = self.markers_mm + self.displacement_mm(presses) - pupil(self._gel)
+        return self.camera.project(seen if self._turn is None else seen @ self._turn)
 
     def radiance(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'h w']:
         """The image in grey levels before noise and rounding."""
@@ -68,7 +101,16 @@ class Optics:
 
     def render(self, presses: tuple[Press, ...], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
         """The image as the camera delivers it."""
-        return self._noise.expose(self.radiance(presses), noise_seed)
+        return self.expose((presses,), noise_seed)
+
+    def expose(self, moments: Sequence[tuple[Press, ...]], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
+        """The image as the camera delivers it after an exposure, of which some moments are given."""
+        different = list(dict.fromkeys(moments))
+        radiance = self.radiance(different[0])
+        if len(different) > 1:
+            radiance = np.asarray(np.mean([self.radiance(each) for each in moments], axis=0, dtype=np.float32))
+        image = self._noise.expose(radiance, noise_seed)
+        return through_jpeg(image, self._gel.jpeg_quality) if self._gel.jpeg_quality else image
 
     def _draw(self, pixels: np.ndarray) -> np.ndarray:
         height, width = self._shade.shape
@@ -171,12 +213,6 @@ def mix(value: int) -> int:
     return value ^ (value >> 31)
 
 
-def camera_of(gel: Gel) -> FisheyeCamera:
-    """The camera under a gel, looking along +z at the middle of its surface."""
-    centre = (gel.image_width - 1) / 2, (gel.image_height - 1) / 2
-    return FisheyeCamera(gel.image_width, gel.image_height, gel.focal_px_per_rad, centre)
-
-
 def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
     """Places of the markers in the surface frame, at random through the soft gel, and their diameters."""
     random = np.random.default_rng(gel.seed)
@@ -184,15 +220,3 @@ def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[n
     low, high = (-half, -half, -gel.layer_mm), (half, half, -gel.skin_mm)
     places = random.uniform(low, high, (gel.marker_count, 3)).astype(np.float32)
     return places, random.uniform(*gel.marker_diameter_mm, gel.marker_count).astype(np.float32)
-
-
-def vignette(gel: Gel) -> Float32[np.ndarray, 'h w']:
-    """Brightness over the image: 1 in the middle, `1 - vignetting` at half the image's height from it."""
-    y, x = np.mgrid[: gel.image_height, : gel.image_width].astype(np.float32)
-    squared = (x - (gel.image_width - 1) / 2) ** 2 + (y - (gel.image_height - 1) / 2) ** 2
-    shade: np.ndarray = 1 / (1 + gel.vignetting / (1 - gel.vignetting) * squared / (gel.image_height / 2) ** 2)
-    return shade.astype(np.float32)
-
-
-def _pupil(gel: Gel) -> np.ndarray:
-    return np.array([0.0, 0.0, gel.pupil_z_mm], np.float32)

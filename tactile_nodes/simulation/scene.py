@@ -6,6 +6,7 @@ one renders what the camera sees, the other says what the truth is.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -15,9 +16,12 @@ from jaxtyping import Float32, UInt8
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.memory import Memory
 from tactile_nodes.simulation.optics import Optics, Press, mix
 
 NS_PER_S = 1_000_000_000
+GAUSS_POINT = 0.5 / 3**0.5
+"""Two moments at this share of an exposure before and after its middle have an even exposure's mean and variance."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,11 @@ def smooth(share: float) -> float:
 
 
 class Scene:
-    """One gel under one schedule, at any time: the image that the camera takes, and the truth."""
+    """One gel under one schedule, at any time: the image that the camera takes, and the truth.
+
+    A gel that settles remembers: then the presses before a time count too, and the gel is taken to have been at
+    rest some settling times before.
+    """
 
     def __init__(
         self,
@@ -107,32 +115,49 @@ class Scene:
         schedule: Schedule | None = None,
         bins: BinGrid | None = None,
         table: ContactTable | None = None,
+        others: Mapping[str, ContactTable] | None = None,
     ) -> None:
         self.gel = gel or Gel()
         self.schedule: Schedule = schedule or PressSchedule()
         self.bins = bins or BinGrid(width_mm=self.gel.size_mm, height_mm=self.gel.size_mm)
         self._table = table or solve(self.gel)
+        self._others = dict(others or {})
         self._optics: Optics | None = None
+        self._memory = Memory(self.gel, self.schedule_at, {'tip': self._table, **self._others})
 
     @property
     def optics(self) -> Optics:
         """The renderer, made when the first image is asked for: whoever wants only the truth needs none."""
         if self._optics is None:
-            self._optics = Optics(self.gel, self._table)
+            self._optics = Optics(self.gel, self._table, self._others)
         return self._optics
 
+    def schedule_at(self, time_ns: int) -> Press:
+        """Where the schedule has the tip."""
+        return self.schedule.press_at(time_ns)
+
     def render(self, time_ns: int) -> UInt8[np.ndarray, 'h w']:
-        """The camera image at a time."""
-        return self.optics.render((self.schedule.press_at(time_ns),), noise_seed=time_ns)
+        """The camera image whose exposure has its middle at a time."""
+        off_ns = round(self.gel.exposure_s * NS_PER_S * GAUSS_POINT)
+        moments = (time_ns,) if off_ns == 0 else (time_ns - off_ns, time_ns + off_ns)
+        return self.optics.expose([self.presses_at(each) for each in moments], noise_seed=time_ns)
+
+    def presses_at(self, time_ns: int) -> tuple[Press, ...]:
+        """What shapes the gel at a time: the tip, and the dents that it left in a gel that settles."""
+        if self.gel.settling_share == 0:
+            return (self.schedule.press_at(time_ns),)
+        return self._memory.at(time_ns).presses
 
     def truth(self, time_ns: int) -> Truth:
         """The force on the gel at a time."""
-        return truth_of(self.schedule.press_at(time_ns), self._table, self.bins)
+        press = self.schedule.press_at(time_ns)
+        force_n = None if self.gel.settling_share == 0 else self._memory.at(time_ns).force_n
+        return truth_of(press, {'tip': self._table, **self._others}[press.indenter], self.bins, force_n)
 
 
-def truth_of(press: Press, table: ContactTable, bins: BinGrid) -> Truth:
-    """The paper's label for one press: its force in the bin of its centre."""
+def truth_of(press: Press, table: ContactTable, bins: BinGrid, force_n: float | None = None) -> Truth:
+    """The paper's label for one press: its force (the table's unless given) in the bin of its centre."""
     forces = np.zeros(bins.count, np.float32)
-    total_n = table.force_at(press.depth_mm)
+    total_n = table.force_at(press.depth_mm) if force_n is None else force_n
     forces[bins.bin_of(press.x_mm, press.y_mm)] = total_n
     return Truth(forces.reshape(bins.rows, bins.cols), total_n, (press.x_mm, press.y_mm), max(press.depth_mm, 0.0))

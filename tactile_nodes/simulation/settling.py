@@ -10,6 +10,7 @@ F = share q / (1 + share), which heals as exp(-t / (settling_s (1 + share))).
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
@@ -37,6 +38,10 @@ class Settling:
         self._share, self._settling_s = share, settling_s
         self._time_ns = time_ns
         self._follows_n = self._settled_n = 0.0
+
+    def copy(self) -> Settling:
+        """The same gel, to be fed on its own."""
+        return copy.copy(self)
 
     def advance(self, time_ns: int, depth_mm: float) -> Settled:
         """The gel at a time with the tip at a depth; the depth was reached evenly since the time before."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float32
+from scipy.ndimage import map_coordinates
 from scipy.special import j0, j1, jv
 
 from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
@@ -48,6 +49,22 @@ class ShearTable:
             return 0.0, 0.0
         stiffness = float(np.interp(contact_mm, self.contact_mm, self.stiffness_n_mm))
         return stiffness * shift_mm[0], stiffness * shift_mm[1]
+
+    def displacement_mm(
+        self, contact_mm: float, points_mm: Float32[np.ndarray, 'points 3'], shift_mm: tuple[float, float]
+    ) -> Float32[np.ndarray, 'points 3']:
+        """Displacement of points (seen from the contact) by its sideways motion, linear between the grid's points."""
+        size, distance = float(np.hypot(*shift_mm)), np.hypot(points_mm[:, 0], points_mm[:, 1])
+        way = np.array(shift_mm, np.float32) / size
+        ahead = points_mm[:, :2] @ way / np.maximum(distance, 1e-6)
+        aside = (points_mm[:, 1] * way[0] - points_mm[:, 0] * way[1]) / np.maximum(distance, 1e-6)
+        height = (points_mm[:, 2] - self.z_mm[0]) / (self.z_mm[1] - self.z_mm[0])
+        place = np.stack([np.minimum(distance / self.radius_mm[1], len(self.radius_mm) - 1), height])
+        fields = size * np.moveaxis(self.at(contact_mm), -1, 0)
+        even, twin, lift = (map_coordinates(each, place, order=1, mode='nearest') for each in fields)
+        along, across = even + twin * (2 * ahead**2 - 1), 2 * twin * ahead * aside
+        plane = along[:, None] * way + across[:, None] * np.array([-way[1], way[0]])
+        return np.column_stack([plane, lift * ahead]).astype(np.float32)
 
 
 def shear_per_newton(

@@ -1,0 +1,61 @@
+"""The camera under the gel and the light in it: where it looks, how bright the image is, how it is compressed."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.simulation.gel import Gel
+
+
+def camera_of(gel: Gel) -> FisheyeCamera:
+    """The camera under a gel, looking along +z at the middle of its surface."""
+    centre = (gel.image_width - 1) / 2, (gel.image_height - 1) / 2
+    return FisheyeCamera(gel.image_width, gel.image_height, gel.focal_px_per_rad, centre)
+
+
+def shade(gel: Gel) -> Float32[np.ndarray, 'h w']:
+    """Brightness over the image: `light_gain` in the middle, `1 - vignetting` of that at half the image's height
+    from it, times the light's slope."""
+    y, x = np.mgrid[: gel.image_height, : gel.image_width].astype(np.float32)
+    x, y = x - (gel.image_width - 1) / 2, y - (gel.image_height - 1) / 2
+    falloff = 1 / (1 + gel.vignetting / (1 - gel.vignetting) * (x**2 + y**2) / (gel.image_height / 2) ** 2)
+    right, down = gel.light_slope
+    slope = 1 + right * x / (gel.image_width / 2) + down * y / (gel.image_height / 2)
+    shaded: np.ndarray = falloff * np.maximum(slope, 0) * gel.light_gain
+    return shaded.astype(np.float32)
+
+
+def camera_turn(gel: Gel) -> Float32[np.ndarray, '3 3'] | None:
+    """The matrix that points in the surface's axes are multiplied with from the right to be in the camera's.
+
+    The camera is tilted about its x and then its y axis, then rolled about z; none if it looks straight up.
+    Rolled by 90 degrees it sees what is right of the middle (x > 0) above it (v < 0).
+    """
+    angles = (*gel.camera_tilt_deg, gel.camera_roll_deg)
+    if not any(angles):
+        return None
+    return rotation(np.radians(angles)).astype(np.float32)
+
+
+def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
+    """About x, then y, then z; the columns are the turned axes."""
+    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
+    about_y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
+    about_z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
+    turned: np.ndarray = about_x @ about_y @ about_z
+    return turned
+
+
+def pupil(gel: Gel) -> Float32[np.ndarray, ' 3']:
+    """Where the camera's pupil is in the surface frame."""
+    return np.array([*gel.camera_shift_mm, gel.pupil_z_mm], np.float32)
+
+
+def through_jpeg(image: UInt8[np.ndarray, 'h w'], quality: int) -> UInt8[np.ndarray, 'h w']:
+    """The image after a camera's JPEG compression (quality 1 to 100) and the host's decoding."""
+    _, data = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.uint8)
