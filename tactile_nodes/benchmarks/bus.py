@@ -192,9 +192,14 @@ def _latency_table(latencies: dict[str, Any]) -> str:
             over = entry['p50_by_round']
             ratio = entry.get('ratio_to_floor')
             rows.append(
-                [name, contender, *(f'{entry[level]:.0f}' for level in ('p50', 'p90', 'p99'))]
-                + [f'{over["low"]:.0f} to {over["high"]:.0f}', f'{entry["lost"]}']
-                + [f'{ratio["median"]:.2f} ({ratio["low"]:.2f} to {ratio["high"]:.2f})' if ratio else '']
+                [
+                    name,
+                    contender,
+                    *(f'{entry[level]:.0f}' for level in ('p50', 'p90', 'p99')),
+                    f'{over["low"]:.0f} to {over["high"]:.0f}',
+                    f'{entry["lost"]}',
+                    f'{ratio["median"]:.2f} ({ratio["low"]:.2f} to {ratio["high"]:.2f})' if ratio else '',
+                ]
             )
     return table(heads, rows)
 
