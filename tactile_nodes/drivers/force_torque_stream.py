@@ -205,7 +205,7 @@ class StreamedForceTorque:
         try:
             return self._connect()
         except TactileError as error:
-            self._queue.fail(error)
+            self._queue.fail(DeviceLostError(f'{self.name} is lost: {error}'))
             return None
 
     def _drop(self) -> None:

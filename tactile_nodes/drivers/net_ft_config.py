@@ -85,7 +85,7 @@ _FIELD = re.compile(r'<(\w+)(?:\s[^>]*)?>([^<]*)</\1\s*>')
 
 def _unit(fields: Mapping[str, str], name: str, table: Mapping[str, float], host: str) -> float:
     written = fields.get(name, '')
-    factor = table.get(re.sub(r'[^a-z0-9]', '', written.lower()))
+    factor = table.get(written if written.isdigit() else re.sub(r'[^a-z]', '', written.lower()))
     if factor is None:
         known = ', '.join(unit for unit in table if not unit.isdigit())
         raise DeviceError(

@@ -1,0 +1,195 @@
+"""What every force/torque sensor does, whatever it is: the twin, a Net F/T box, Bota, lines of text."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ft_rigs import LOAD, RIGS, Rig, assert_counted, read, read_until, rig_of
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers.force_torque import AXES, Flag, ForceTorqueSettings, Sample, open_force_torque
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceLostError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
+
+HARDWARE = [kind for kind in RIGS if kind != 'simulated']
+
+
+@pytest.fixture(params=RIGS)
+def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
+    with rig_of(request.param, tmp_path) as made:
+        yield made
+
+
+@pytest.fixture(params=HARDWARE)
+def hardware(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
+    with rig_of(request.param, tmp_path) as made:
+        yield made
+
+
+def test_it_feels_the_load_on_the_axes_that_it_has_and_nothing_on_the_others(rig: Rig) -> None:
+    """The noise is at most 5 mN: the mean of 40 is good to 4 standard errors, 4 mN."""
+    sensor = rig.open()
+    samples = read(sensor)
+    for axis, name in enumerate(AXES):
+        values = [sample.wrench[axis] for sample in samples]
+        if name in sensor.axes:
+            assert math.isclose(sum(values) / len(values), LOAD[axis], abs_tol=0.004)
+        else:
+            assert all(map(math.isnan, values))
+
+
+def test_stamps_increase_and_are_neither_in_the_future_nor_old(rig: Rig) -> None:
+    sensor, clock = rig.open(), SystemClock()
+    opened_ns = clock.now_ns()
+    samples = read(sensor)
+    assert all(later.stamp_ns > earlier.stamp_ns for earlier, later in itertools.pairwise(samples))
+    assert all(opened_ns - 1e9 < sample.stamp_ns <= sample.arrival_ns <= clock.now_ns() for sample in samples)
+
+
+def test_stamps_follow_the_rate_evenly_however_unevenly_samples_arrive(rig: Rig) -> None:
+    """Over 80 periods, within 2 %, which leaves 3 ms for the clock that settles."""
+    sensor = rig.open()
+    samples = read(sensor, 81)
+    period_s = (samples[80].stamp_ns - samples[0].stamp_ns) / 80e9
+    assert math.isclose(period_s * sensor.rate_hz, 1.0, abs_tol=0.02)
+
+
+def test_every_sample_is_read_once_and_in_order(rig: Rig) -> None:
+    samples = read(rig.open(), 100)
+    assert [sample.sequence for sample in samples] == list(range(len(samples)))
+    assert samples[-1].dropped == 0
+    ticks = [sample.device_ticks for sample in samples]
+    assert all(later > earlier for earlier, later in itertools.pairwise(ticks))
+
+
+def test_a_slow_reader_learns_how_many_samples_it_has_lost(rig: Rig) -> None:
+    sensor = rig.open(queue=10)
+    last = read(sensor, 1)[-1]
+    while (newest := sensor.newest()) is None or newest.sequence < last.sequence + 30:
+        SystemClock().sleep_until(SystemClock().now_ns() + 5_000_000)
+    late = read(sensor, 1)
+    assert len(late) <= 10
+    assert late[0].dropped - last.dropped >= 10
+    assert_counted([last, *late])
+
+
+def test_the_newest_sample_is_at_hand_whether_it_was_read_or_not(rig: Rig) -> None:
+    sensor = rig.open()
+    last = read(sensor)[-1]
+    newest = sensor.newest()
+    assert newest is not None
+    assert newest.sequence >= last.sequence
+
+
+def test_a_listener_gets_every_sample_that_is_read(rig: Rig) -> None:
+    heard: list[Sample] = []
+    sensor = rig.open()
+    sensor.listen(heard.append)
+    samples = [sample for sample in read(sensor) + read(sensor, 20) if sample.sequence >= heard[0].sequence]
+    assert samples == heard[: len(samples)]
+
+
+def test_a_sample_that_is_well_is_usable_and_says_its_size(rig: Rig) -> None:
+    sensor = rig.open()
+    size = math.hypot(*(LOAD[axis] for axis in range(3) if AXES[axis] in sensor.axes))
+    for sample in read(sensor):
+        assert sample.usable
+        assert math.isclose(sample.force_n, size, abs_tol=0.05)
+
+
+def test_health_and_description_speak_of_a_sensor_that_works(rig: Rig) -> None:
+    sensor = rig.open()
+    read(sensor)
+    assert sensor.health.level == Level.OK, sensor.health
+    assert 'samples/s' in sensor.health.message
+    assert sensor.description['kind']
+
+
+def test_reading_after_closing_is_an_error_and_closing_twice_is_not(rig: Rig) -> None:
+    sensor = rig.open()
+    sensor.close()
+    sensor.close()
+    with pytest.raises(DeviceError, match='open it before reading'):
+        sensor.read(0.1)
+    assert sensor.health.level == Level.STALE
+
+
+def test_it_can_be_opened_again_and_counts_from_the_beginning(rig: Rig) -> None:
+    sensor = rig.open()
+    read(sensor)
+    sensor.close()
+    sensor.open()
+    assert read(sensor, 1)[0].sequence == 0
+
+
+def test_a_silent_sensor_is_a_timeout_and_never_a_zero(hardware: Rig) -> None:
+    sensor, clock = hardware.open(lost_s=5.0), SystemClock()
+    hardware.faults.silent = True
+    with pytest.raises(DeviceTimeoutError, match='sent no sample within'):
+        while True:
+            started_ns = clock.now_ns()
+            sensor.read(0.1)
+    assert 0.09e9 < clock.now_ns() - started_ns < 1e9
+    assert sensor.health.level == Level.ERROR
+    assert 'silent' in sensor.health.message
+
+
+def test_a_sensor_that_is_lost_says_so_and_comes_back_by_itself(hardware: Rig) -> None:
+    sensor = hardware.open()
+    before = read(sensor)[-1]
+    hardware.take_away()
+    with pytest.raises(DeviceLostError):
+        while True:
+            before = sensor.read(1.0)[-1]
+    assert sensor.health.level == Level.ERROR
+    hardware.bring_back()
+    back = read_until(sensor, lambda sample: True)
+    assert back.flags & Flag.RESTARTED
+    assert back.dropped > before.dropped
+    assert_counted([before, back])
+    assert not read(sensor, 30)[-1].flags
+    assert sensor.description['times lost'] == '1'
+
+
+def test_what_is_lost_on_the_way_is_counted(hardware: Rig) -> None:
+    sensor = hardware.open()
+    read(sensor)
+    hardware.faults.lose = 5
+    sample = read_until(sensor, lambda sample: sample.dropped > 0)
+    assert sample.dropped == 5
+    assert sample.usable
+
+
+def test_a_sensor_at_the_end_of_its_range_gives_no_number_that_can_be_used(hardware: Rig) -> None:
+    sensor = hardware.open()
+    hardware.faults.saturated = True
+    sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.SATURATED))
+    assert not sample.usable
+    assert sample.force_n == math.inf
+
+
+@pytest.mark.parametrize('source', ['bota:/dev/no-such-port', 'text:/dev/no-such-port', 'text:///dev/no-such-port'])
+def test_a_port_that_is_not_there_is_named(source: str) -> None:
+    with pytest.raises(DeviceNotFoundError, match='/dev/no-such-port'):
+        open_force_torque(ForceTorqueSettings(source), SystemClock())
+
+
+@pytest.mark.parametrize('source', ['', 'netft://', 'netft:192.168.1.1:49152', 'bota:', 'hx711:/dev/ttyUSB0'])
+def test_a_source_that_names_no_sensor_is_refused_with_an_example(source: str) -> None:
+    with pytest.raises(ConfigurationError, match='write '):
+        open_force_torque(ForceTorqueSettings(source), SystemClock())
+
+
+def test_the_twin_can_be_chosen_by_name() -> None:
+    sensor = open_force_torque(ForceTorqueSettings('simulated', rate_hz=2000.0), SystemClock())
+    assert abs(read(sensor)[0].wrench[2]) < 0.05

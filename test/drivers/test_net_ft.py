@@ -1,0 +1,250 @@
+"""The driver of the Net F/T box on the emulated box: starting, renewing, and what goes wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ft_rigs import LOAD, Rig, assert_counted, net_ft_rig, read, read_until
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque import Flag, ForceTorqueSettings, NetFtSettings, Sample, open_force_torque
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.emulators.net_ft_config import NetFtConfig, Threshold
+from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeoutError
+
+Make = Callable[..., Rig]
+
+
+@pytest.fixture
+def rig_with(tmp_path: Path) -> Iterator[Make]:
+    """Makes a rig with a configuration of the box and settings of the driver."""
+    with contextlib.ExitStack() as stack:
+
+        def make(config: NetFtConfig | None = None, **net_ft: object) -> Rig:
+            rig = stack.enter_context(net_ft_rig(tmp_path, config, **net_ft))
+            stack.callback(lambda: [sensor.close() for sensor in rig.opened])
+            return rig
+
+        yield make
+
+
+def wait_for(condition: Callable[[], bool], within_s: float = 3.0) -> None:
+    deadline = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_the_driver_asks_for_a_finite_count_and_stops_the_box_when_it_closes(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open()
+    box = rig.device.box
+    assert box.requests[0] == (rdt.START_REALTIME, 5000)  # 10 s at 500 Hz
+    sensor.close()
+    wait_for(lambda: box.requests[-1][0] == rdt.STOP)
+    assert box.client is None
+
+
+def test_the_request_is_renewed_without_losing_a_record(rig_with: Make) -> None:
+    rig = rig_with(renew_s=0.2, count_s=1.0)
+    samples = read(rig.open(), 600)
+    assert len([command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]) >= 5
+    assert samples[-1].dropped == 0
+    assert_counted(samples)
+
+
+def test_the_box_stops_by_itself_when_the_host_dies(rig_with: Make) -> None:
+    rig = rig_with()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as host:
+        host.sendto(rdt.request(rdt.START_REALTIME, 20), ('127.0.0.1', rig.device.rdt_port))
+        wait_for(lambda: rig.device.box.client is not None)
+    wait_for(lambda: rig.device.box.client is None)
+
+
+def test_a_start_that_gets_lost_is_repeated(rig_with: Make) -> None:
+    rig = rig_with()
+    rig.faults.silent = True
+    threading.Timer(0.35, rig.bring_back).start()
+    read(rig.open(), 5)
+    starts = [command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]
+    assert 2 <= len(starts) <= 10
+
+
+def test_a_box_that_never_starts_is_a_timeout_with_advice(rig_with: Make) -> None:
+    rig = rig_with(start_tries=2)
+    rig.faults.silent = True
+    with pytest.raises(DeviceTimeoutError, match='firewall'):
+        rig.open()
+
+
+def test_nobody_at_the_address_is_a_sentence_not_a_hang() -> None:
+    with socket.socket() as unused:
+        unused.bind(('127.0.0.1', 0))
+        port = unused.getsockname()[1]
+        settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=NetFtSettings(http_port=port))
+        with pytest.raises(DeviceNotFoundError, match='check its address, power and cable'):
+            open_force_torque(settings, SystemClock())
+
+
+def test_a_box_with_rdt_switched_off_is_refused(rig_with: Make) -> None:
+    with pytest.raises(DeviceError, match='RDT is switched off'):
+        rig_with(NetFtConfig(rdt_enabled=False)).open()
+
+
+@pytest.mark.parametrize(
+    'config',
+    [
+        NetFtConfig(
+            divider=14, force_unit='lbf', torque_unit='lbf-in', counts_per_force=44_482, counts_per_torque=8851
+        ),
+        NetFtConfig(divider=14, torque_unit='Nmm', counts_per_force=3200, counts_per_torque=64),
+        NetFtConfig(divider=14, force_unit='kg', torque_unit='kg-cm', axia=True),
+    ],
+)
+def test_counts_and_units_are_the_boxs_own(rig_with: Make, config: NetFtConfig) -> None:
+    samples = read(rig_with(config).open(), 60)
+    for axis, expected in enumerate(LOAD):
+        mean = sum(sample.wrench[axis] for sample in samples) / len(samples)
+        assert mean == pytest.approx(expected, abs=0.003)
+
+
+def test_the_raw_counts_are_kept(rig_with: Make) -> None:
+    sample = read(rig_with().open(), 1)[0]
+    assert all(isinstance(count, int) for count in sample.raw)
+    assert sample.wrench == pytest.approx([count * 1e-6 for count in sample.raw])
+
+
+def test_buffered_records_are_all_read(rig_with: Make) -> None:
+    rig = rig_with(NetFtConfig(divider=14, buffer_size=10), buffered=True)
+    samples = read(rig.open(), 100)
+    assert rig.device.box.requests[0][0] == rdt.START_BUFFERED
+    assert samples[-1].dropped == 0
+
+
+def test_doubled_late_and_malformed_datagrams_are_counted_and_spoil_nothing(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open()
+    read(sensor, 10)
+    rig.faults.duplicate, rig.faults.swap, rig.faults.malformed = 3, 2, 4
+    wait_for(lambda: not (rig.faults.duplicate or rig.faults.swap or rig.faults.malformed))
+    samples = read(sensor, 60)
+    assert_counted(samples)
+    lost = 4 + 2  # the malformed, and those that came too late
+    assert samples[-1].dropped == lost
+    assert sensor.description['records lost, doubled, late, malformed'] == '6, 3, 2, 4'
+
+
+def test_random_loss_is_counted_to_the_last_record(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open()
+    rig.faults.loss_rate = 0.05
+    samples = read(sensor, 300)
+    assert_counted(samples)
+    assert samples[-1].device_ticks - samples[0].device_ticks == 14 * (samples[-1].sequence - samples[0].sequence)
+
+
+def test_a_stalled_front_end_is_no_measurement(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open()
+    rig.faults.stalled = True
+    sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.STALLED))
+    assert not sample.usable
+    assert 'stalled' in sensor.health.message
+    rig.faults.stalled = False
+    assert read_until(sensor, lambda sample: sample.usable).flags == 0
+
+
+def test_a_fault_of_the_box_is_passed_on_with_its_status(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open()
+    rig.faults.status = 1 << 28
+    sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.FAULT))
+    assert sample.status == 0x9000_0000
+
+
+def test_a_threshold_in_the_box_is_seen_and_is_no_fault(rig_with: Make) -> None:
+    rig = rig_with(NetFtConfig(divider=14, monitoring=True, thresholds=(Threshold(2, True, 5_000_000),)))
+    latched = threading.Event()
+    rig.device.box.on_latch = latched.set
+    sensor = rig.open()
+    assert not read(sensor, 5)[-1].flags
+    rig.world.wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)
+    sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.THRESHOLD))
+    assert sample.usable
+    assert latched.is_set()
+    assert sensor.health.level == Level.WARN
+
+
+def test_another_client_takes_the_stream_and_the_first_falls_silent(rig_with: Make) -> None:
+    rig = rig_with()
+    first = rig.open(lost_s=5.0)
+    second = rig.open()
+    read(second)
+    with pytest.raises(DeviceTimeoutError):
+        while True:
+            first.read(0.1)
+
+
+def test_a_box_that_was_restarted_is_found_again_with_a_clock_that_begins_anew(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor, box = rig.open(), rig.device.box
+    before = read(sensor)[-1]
+    rig.faults.silent = True
+    box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
+    box.request(rdt.request(rdt.STOP), ('127.0.0.1', 9), 0)
+    rig.faults.silent = False
+    after = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
+    assert after.device_ticks < before.device_ticks
+    assert after.stamp_ns > before.stamp_ns
+
+
+def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
+    """The emulator knows when it measured. Loopback and threads add milliseconds at times, rarely to every record."""
+    rig = rig_with()
+    clock = rig.device.box.clock
+    samples = read(rig.open(), 300)
+    late_ns = sorted(sample.stamp_ns - clock.time_ns(sample.device_ticks - clock.offset) for sample in samples)
+    assert late_ns[0] >= 0
+    assert late_ns[-1] < 3e6
+    assert late_ns[-1] - late_ns[0] < 2e6
+
+
+def test_the_driver_changes_nothing_in_the_box(rig_with: Make) -> None:
+    rig = rig_with()
+    rig.open(rate_hz=1000.0).close()
+    assert rig.device.refused == []
+    assert {command for command, _ in rig.device.box.requests} <= {rdt.START_REALTIME, rdt.STOP}
+    assert rig.device.box.bias == (0,) * 6
+
+
+def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> None:
+    rig = rig_with()
+    sensor = rig.open(rate_hz=1000.0)
+    read(sensor)
+    assert sensor.health.level == Level.WARN
+    assert 'asked for 1000 samples/s, the box gives 500' in sensor.health.message
+
+
+@pytest.mark.parametrize(('axia', 'asked'), [(False, 150.0), (True, 350.0)])
+def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, axia: bool, asked: float) -> None:
+    rig = rig_with(NetFtConfig(axia=axia), set_rate=True)
+    rig.device.writable = True
+    sensor = rig.open(rate_hz=asked)
+    read(sensor)
+    assert sensor.rate_hz == pytest.approx({150.0: 7000 / 46, 350.0: 350.0}[asked])
+    assert sensor.health.level == Level.OK, sensor.health
+
+
+def test_every_record_at_the_highest_rate(rig_with: Make) -> None:
+    rig = rig_with(NetFtConfig(divider=1))
+    samples: list[Sample] = read(rig.open(queue=20_000), 7000)
+    assert samples[-1].dropped == 0
+    assert_counted(samples)

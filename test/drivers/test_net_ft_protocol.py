@@ -1,0 +1,208 @@
+"""RDT byte for byte, its sequence numbers, the status word, and the box's own page."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tactile_nodes.drivers import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque import Flag
+from tactile_nodes.drivers.net_ft_config import parse_config
+from tactile_nodes.drivers.net_ft_rdt import Record, StreamTracker
+from tactile_nodes.drivers.net_ft_status import BITS, flags_of, named
+from tactile_nodes.errors import DeviceError
+
+# As a box of firmware 2.2.59 with a Gamma answers, shortened.
+GAMMA = b"""<?xml version="1.0" encoding="UTF-8"?>
+<netft><runstat>0</runstat><runft>0;0;0;0;0;0</runft><runrate>7000</runrate>
+<cfgcalsn>FT12345</cfgcalsn><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu><cfgcpf>1000000</cfgcpf><cfgcpt>1000000</cfgcpt>
+<cfgmr>130;130;400;10;10;10</cfgmr><comrdte>Enabled</comrdte><comrdtrate>1000</comrdtrate></netft>"""
+
+
+def page(**fields: object) -> bytes:
+    given = {'scfgfu': 'N', 'scfgtu': 'Nm', 'cfgcpf': 1000000, 'cfgcpt': 1000000, **fields}
+    return ('<netft>' + ''.join(f'<{name}>{value}</{name}>' for name, value in given.items()) + '</netft>').encode()
+
+
+def record(rdt_sequence: int, ft_sequence: int | None = None) -> Record:
+    return Record(rdt_sequence, 7 * rdt_sequence if ft_sequence is None else ft_sequence, 0, (0,) * 6)
+
+
+def accepted(tracker: StreamTracker, *records: Record) -> list[int | None]:
+    """How many are missing before each; None for those that are dropped."""
+    found = [tracker.accept(each) for each in records]
+    return [None if each is None else each.missing for each in found]
+
+
+@pytest.mark.parametrize(
+    ('command', 'count', 'expected'),
+    [
+        (rdt.STOP, 0, '1234 0000 00000000'),
+        (rdt.START_REALTIME, 0, '1234 0002 00000000'),
+        (rdt.START_REALTIME, 10_000, '1234 0002 00002710'),
+        (rdt.START_BUFFERED, 40, '1234 0003 00000028'),
+        (rdt.RESET_LATCH, 0, '1234 0041 00000000'),
+    ],
+)
+def test_a_request_is_eight_bytes_big_endian(command: int, count: int, expected: str) -> None:
+    assert rdt.request(command, count) == bytes.fromhex(expected)
+
+
+def test_a_record_is_three_unsigned_and_six_signed_numbers_big_endian() -> None:
+    data = bytes.fromhex('00000001 fffffff0 80010000 000f4240 fff0bdc0 00000000 7fffffff 80000000 ffffffff')
+    counts = (1_000_000, -1_000_000, 0, 2**31 - 1, -(2**31), -1)
+    assert rdt.records(data) == [Record(1, 2**32 - 16, 0x8001_0000, counts)]
+
+
+def test_a_datagram_may_hold_several_records() -> None:
+    assert len(rdt.records(bytes(36 * 40)) or []) == 40
+
+
+@pytest.mark.parametrize('size', [0, 1, 31, 35, 37, 71])
+def test_a_datagram_that_holds_no_whole_number_of_records_is_none(size: int) -> None:
+    assert rdt.records(bytes(size)) is None
+
+
+def test_a_gap_in_the_sequence_is_that_many_lost_records() -> None:
+    tracker = StreamTracker()
+    assert accepted(tracker, record(1), record(2), record(6)) == [0, 0, 3]
+    assert tracker.counters.lost == 3
+
+
+def test_a_record_that_comes_twice_is_dropped_and_counted() -> None:
+    tracker = StreamTracker()
+    assert accepted(tracker, record(1), record(2), record(2), record(3)) == [0, 0, None, 0]
+    assert tracker.counters.duplicates == 1
+
+
+def test_a_record_that_comes_late_is_dropped_and_stays_counted_as_lost() -> None:
+    tracker = StreamTracker()
+    assert accepted(tracker, record(1), record(3), record(2), record(4)) == [0, 1, None, 0]
+    assert (tracker.counters.lost, tracker.counters.out_of_order) == (1, 1)
+
+
+def test_both_counters_may_wrap() -> None:
+    tracker = StreamTracker()
+    wrapped = [record(2**32 - 2, 2**32 - 10), record(2**32 - 1, 2**32 - 3), record(0, 4), record(2, 18)]
+    assert accepted(tracker, *wrapped) == [0, 0, 0, 1]
+
+
+def test_a_renewed_stream_counts_from_one_and_loses_nothing() -> None:
+    tracker = StreamTracker()
+    accepted(tracker, record(499, 3493), record(500, 3500))
+    tracker.requested()
+    assert accepted(tracker, record(1, 3507), record(2, 3514)) == [0, 0]
+    assert tracker.renewed
+
+
+def test_what_is_lost_around_a_renewal_shows_in_the_internal_counter() -> None:
+    """3 records of 7 ticks lie between 3500 and 3528."""
+    tracker = StreamTracker()
+    accepted(tracker, record(499, 3493), record(500, 3500))
+    tracker.requested()
+    assert accepted(tracker, record(2, 3528)) == [3]
+
+
+def test_a_late_record_of_the_old_stream_does_not_pass_for_the_new_one() -> None:
+    tracker = StreamTracker()
+    accepted(tracker, record(499, 3493), record(501, 3507))
+    tracker.requested()
+    assert accepted(tracker, record(500, 3500), record(1, 3514)) == [None, 0]
+
+
+def test_records_of_the_old_stream_go_on_counting_until_the_new_one_begins() -> None:
+    tracker = StreamTracker()
+    accepted(tracker, record(499, 3493), record(500, 3500))
+    tracker.requested()
+    assert accepted(tracker, record(501, 3507), record(1, 3514)) == [0, 0]
+
+
+def test_an_internal_counter_that_stands_still_is_a_stalled_front_end() -> None:
+    tracker = StreamTracker()
+    results = [tracker.accept(each) for each in (record(1, 7), record(2, 14), record(3, 14))]
+    assert [each.stalled for each in results if each] == [False, False, True]
+
+
+def test_an_internal_counter_that_begins_again_is_a_box_that_was_restarted() -> None:
+    tracker = StreamTracker()
+    accepted(tracker, record(4999, 700_000), record(5000, 700_007))
+    tracker.requested()
+    result = tracker.accept(record(1, 350))
+    assert result is not None
+    assert result.rebooted
+
+
+def test_status_zero_is_well() -> None:
+    assert (flags_of(0), named(0)) == (0, 'well')
+
+
+def test_the_threshold_latch_alone_is_no_fault() -> None:
+    assert flags_of(0x8001_0000) == Flag.THRESHOLD
+    assert named(0x8001_0000) == 'threshold passed (latched)'
+
+
+def test_saturation_is_a_fault() -> None:
+    assert flags_of(0x8002_0000) == Flag.SATURATED | Flag.FAULT
+
+
+@pytest.mark.parametrize('bit', [bit for bit in range(32) if bit not in {16, 31}])
+def test_every_other_bit_is_a_fault_also_those_that_have_no_name(bit: int) -> None:
+    assert flags_of(1 << 31 | 1 << bit) & Flag.FAULT
+    assert BITS.get(bit, f'unknown bit {bit}') in named(1 << 31 | 1 << bit)
+
+
+def test_the_configuration_of_a_real_box_is_read() -> None:
+    config = parse_config(GAMMA, 'box')
+    assert config.units_per_count == (1e-6,) * 6
+    assert (config.rate_hz, config.enabled, config.axia) == (1000.0, True, False)
+    assert config.fields['cfgcalsn'] == 'FT12345'
+
+
+def test_an_axia_sensor_spells_its_rate_differently() -> None:
+    config = parse_config(page(commrdtrate=500), 'box')
+    assert (config.rate_hz, config.axia) == (500.0, True)
+
+
+FORCES = {
+    'lbf': 4.4482216,
+    'N': 1,
+    'klbf': 4448.2216,
+    'kN': 1000,
+    'kgf': 9.80665,
+    'kg': 9.80665,
+    'gf': 0.00980665,
+    '2': 1,
+}
+TORQUES = {
+    'Nm': 1, 'N-m': 1, 'N·m': 1, 'Nmm': 1e-3, 'N-mm': 1e-3, 'kg-cm': 0.0980665, 'kgf-cm': 0.0980665, '3': 1,
+    'lbf-in': 0.11298483, 'in-lbf': 0.11298483, 'lbf-ft': 1.3558179, 'kNm': 1000, 'kN-m': 1000,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('unit', 'newtons'), FORCES.items())
+def test_units_of_force_become_newtons(unit: str, newtons: float) -> None:
+    config = parse_config(page(scfgfu=unit, cfgcpf=10), 'box')
+    assert math.isclose(config.units_per_count[2], newtons / 10, rel_tol=1e-7)
+
+
+@pytest.mark.parametrize(('unit', 'newton_metres'), TORQUES.items())
+def test_units_of_torque_become_newton_metres(unit: str, newton_metres: float) -> None:
+    config = parse_config(page(scfgtu=unit, cfgcpt=100), 'box')
+    assert math.isclose(config.units_per_count[5], newton_metres / 100, rel_tol=1e-7)
+
+
+@pytest.mark.parametrize('field', ['scfgfu', 'scfgtu', 'cfgcpf', 'cfgcpt'])
+@pytest.mark.parametrize('value', ['', 'furlong', '0', '-5', 'nan'])
+def test_a_box_whose_counts_mean_nothing_is_refused_by_name(field: str, value: str) -> None:
+    with pytest.raises(DeviceError, match=field):
+        parse_config(page(**{field: value}), 'box')
+
+
+def test_a_page_of_something_else_is_refused() -> None:
+    with pytest.raises(DeviceError, match='not that of a Net F/T box'):
+        parse_config(b'<html>a printer</html>', 'box')
+
+
+def test_rdt_may_be_switched_off() -> None:
+    assert not parse_config(page(comrdte='Disabled'), 'box').enabled
