@@ -1,4 +1,4 @@
-"""``tactile train``: make a force model from simulated presses."""
+"""``tactile train``: make a force model from simulated or recorded presses."""
 
 from __future__ import annotations
 
@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
 
-DESCRIPTION = 'Train a force model on presses of the simulated gel. Ctrl-C keeps the best network so far.'
+DESCRIPTION = (
+    'Train a force model on presses of the simulated gel, or recorded ones. Ctrl-C keeps the best network so far.'
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
-    parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: config/train/paper.yaml)')
+    parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
+    parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
+    parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside of FILE for the test')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,9 +44,13 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.config import load_train_config
 
-    config = load_train_config(arguments.config or paths.share_directory() / 'config' / 'train' / 'paper.yaml')
+    default = 'recorded.yaml' if arguments.dataset else 'paper.yaml'
+    config = load_train_config(arguments.config or paths.share_directory() / 'config' / 'train' / default)
     if arguments.presses is not None and arguments.presses < 20:
         raise ConfigurationError(f'--presses must be at least 20, got {arguments.presses}')
+    config = _with_file(config, arguments)
+    if arguments.presses is not None and config.data.file:
+        raise ConfigurationError('--presses says how many presses to simulate; a data set holds what it holds')
     if arguments.output is not None:
         config = dataclasses.replace(config, output=arguments.output)
     if arguments.presses is not None:
@@ -52,3 +60,16 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
         training = dataclasses.replace(config.training, seed=arguments.seed)
         config = dataclasses.replace(config, data=data, training=training)
     return config
+
+
+def _with_file(config: TrainConfig, arguments: argparse.Namespace) -> TrainConfig:
+    from tactile_nodes.errors import ConfigurationError
+
+    data = config.data
+    if arguments.dataset is not None:
+        data = dataclasses.replace(data, file=str(arguments.dataset))
+    if arguments.split is not None:
+        if not data.file:
+            raise ConfigurationError('--split says how to part recorded presses; give them with --dataset FILE')
+        data = dataclasses.replace(data, split=arguments.split)
+    return dataclasses.replace(config, data=data)

@@ -14,7 +14,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
@@ -38,6 +38,15 @@ class DataConfig:
     frames_per_rest_image: int = parameter(16, 'frames averaged into a rest image', minimum=1)
     processes: int = parameter(2, 'processes that render at the same time', minimum=1)
     crop: int = parameter(440, 'side of the square cut from the middle of the image, px', minimum=32)
+    file: str = parameter('', 'a data set of recorded presses, instead of simulated ones; see tactile dataset build')
+    split: str = parameter('sample', 'what is put aside of a file for the test', choices=('sample', 'position'))
+    split_seed: int = parameter(1, 'seed of what is put aside')
+    test: float = parameter(0.2, 'share of a file that is put aside for the test', minimum=0.01, maximum=0.9)
+
+    def simulated(self) -> dict[str, object]:
+        """What simulated presses depend on, and how many there are."""
+        of_files = ('file', 'split', 'split_seed', 'test')
+        return {name: value for name, value in asdict(self).items() if name not in of_files}
 
 
 @dataclass(frozen=True)
@@ -96,9 +105,14 @@ class TrainConfig:
     gel: Gel = field(default_factory=Gel)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
+    recorded_bins: BinGrid | None = None
+    stated: frozenset[str] = frozenset()
+    """Dotted names that the run's file gives itself; what it leaves open, a file of recorded presses may decide."""
 
     @property
     def bins(self) -> BinGrid:
+        if self.recorded_bins is not None:
+            return self.recorded_bins
         return BinGrid(self.network.rows, self.network.cols, self.gel.size_mm, self.gel.size_mm)
 
     def make_flow(self) -> FlowMethod:
@@ -129,6 +143,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
         gel=Gel.from_mapping(_under('gel', written), str(path)),
         network=blocks.network,
         training=blocks.training,
+        stated=frozenset(written),
     )
 
 

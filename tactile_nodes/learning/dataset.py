@@ -12,7 +12,7 @@ import json
 import multiprocessing
 import signal
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -74,7 +74,7 @@ def simulate(config: TrainConfig, progress: Progress) -> Dataset:
 
 def recipe_id(config: TrainConfig) -> str:
     """Sixteen hexadecimal digits over everything that a block of samples depends on."""
-    data = {name: value for name, value in asdict(config.data).items() if name not in ('presses', 'processes')}
+    data = {name: value for name, value in config.data.simulated().items() if name not in ('presses', 'processes')}
     chosen = {
         'recipe': RECIPE,
         'opencv': cv2.__version__,

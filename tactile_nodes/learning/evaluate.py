@@ -12,7 +12,9 @@ from jaxtyping import Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.dataset_file import load_dataset
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.source import evaluation_samples
 from tactile_nodes.model_file import LoadedModel, load_model
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.features import Features
@@ -55,8 +57,9 @@ class Evaluation:
 
     model_id: str
     groups: Mapping[str, PressScores]
-    rest: RestScores
+    rest: RestScores | None
     fingerprint: str
+    data: str = ''
 
     def as_dict(self) -> dict[str, object]:
         return asdict(self)
@@ -72,7 +75,23 @@ def evaluate(
     """
     loaded = load_model(model_file)
     config = evaluation_config(loaded, presses, seed)
-    dataset = simulate(config, progress or Progress())
+    return score(loaded, simulate(config, progress or Progress()))
+
+
+def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | None = None) -> Evaluation:
+    """Scores of a model on recorded presses that it never saw: what its training put aside, or another file.
+
+    Raises:
+        ModelError: the model cannot be used, needs other features, or saw these presses.
+        DatasetError: the file cannot be used.
+    """
+    loaded = load_model(model_file)
+    samples, words = evaluation_samples(loaded, load_dataset(file), split)
+    return score(loaded, samples, f'{file}: {words}')
+
+
+def score(loaded: LoadedModel, dataset: Dataset, data: str = '') -> Evaluation:
+    """Scores of a model on samples; `data` says which they are."""
     predictions = predict(loaded, dataset)
     forces = np.stack([each.normal_force_n.reshape(-1) for each in predictions])
     positions = np.array([each.contact_mm for each in predictions])
@@ -83,14 +102,17 @@ def evaluate(
         if chosen.any()
     }
     untouched = forces[dataset.presses[:, 2] < 0]
-    return Evaluation(loaded.model_id, groups, score_rest(untouched), dataset.fingerprint)
+    rest = score_rest(untouched) if len(untouched) else None
+    return Evaluation(loaded.model_id, groups, rest, dataset.fingerprint, data)
 
 
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
     """Presses of the paper's depths over the paper's 27 mm, for a model's own gel, flow and features."""
     card = loaded.card
     if card.get('data', {}).get('origin') != 'simulated':
-        raise ModelError(f'model {loaded.model_id} was not trained on the simulated gel; evaluate it on recordings')
+        raise ModelError(
+            f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
+        )
     if card['data']['seed'] == seed:
         raise ModelError(f'model {loaded.model_id} was trained on presses of seed {seed}; choose another --seed')
     data = DataConfig(
@@ -124,7 +146,8 @@ def groups_of(dataset: Dataset, bins: BinGrid) -> dict[str, np.ndarray]:
         'away from bin borders': touched & ~near,
     }
     for low, high in ((0.25, 0.5), (0.5, 1.0), (1.0, 2.0)):
-        groups[f'{low} to {high} mm deep'] = touched & (depth >= low) & (depth < high)
+        below = depth <= high if high == 2.0 else depth < high  # the deepest presses of the paper are 2 mm deep
+        groups[f'{low} to {high} mm deep'] = touched & (depth >= low) & below
     return groups
 
 
@@ -168,13 +191,15 @@ def table(evaluation: Evaluation) -> str:
     """The scores as text, one line a group."""
     heads = ('presses', 'aRMSE N', 'd_loc mm', 'RMSE_mc N', 'total RMSE N', 'p95 N', 'right bin', 'place mm', 'p95 mm')
     width = max(len(name) for name in evaluation.groups)
-    lines = [f'model {evaluation.model_id}', f'{"":{width}}  ' + '  '.join(heads)]
+    heading = [f'model {evaluation.model_id}', *filter(None, [evaluation.data])]
+    lines = [*heading, f'{"":{width}}  ' + '  '.join(heads)]
     for name, scores in evaluation.groups.items():
         cells = [str(scores.presses), *(f'{value:.4f}' for value in list(asdict(scores).values())[1:])]
         lines.append(
             f'{name:{width}}  ' + '  '.join(f'{cell:>{len(head)}}' for cell, head in zip(cells, heads, strict=True))
         )
-    rest = evaluation.rest
+    if (rest := evaluation.rest) is None:
+        return '\n'.join([*lines, 'at rest: the data set holds no image of the untouched gel'])
     lines.append(
         f'at rest, {rest.frames} frames: total {rest.total_mean_n:+.4f} N on average, {rest.total_rms_n:.4f} N RMS, '
         f'{rest.total_largest_n:.4f} N at most; largest bin {rest.largest_bin_n:.4f} N'

@@ -23,8 +23,9 @@ import numpy as np
 from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import TrainConfig
-from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.source import TrainingData, training_data
 from tactile_nodes.model_file import save_model
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel, InputScaling, Mlp
@@ -34,18 +35,19 @@ if TYPE_CHECKING:
 
 
 def train(config: TrainConfig, *, progress: Progress | None = None, command: str = '') -> Path:
-    """Simulate the presses, train the network, and write the model file that the configuration names.
+    """Get the presses, train the network, and write the model file that the configuration names.
 
     Ctrl-C ends the training and keeps the best network so far. The same configuration gives the same network
     on the same machine. `command` goes into the model's card.
 
     Raises:
-        ConfigurationError: torch is not installed.
+        ConfigurationError: torch is not installed, or the configuration contradicts the recorded presses.
+        DatasetError: the file of recorded presses cannot be used.
     """
     torch = import_torch()
     progress = progress or Progress()
-    dataset = simulate(config, progress)
-    held_out = held_out_share(len(dataset.presses), config)
+    data = training_data(config, progress)
+    config, dataset, held_out = data.config, data.dataset, data.held_out
     scaling = fit_scaling(dataset, ~held_out, config)
     inputs, labels = prepare(dataset, scaling), dataset.labels(config.bins)
     scale_n = float(np.sqrt(np.mean(labels[~held_out] ** 2)))
@@ -68,7 +70,7 @@ def train(config: TrainConfig, *, progress: Progress | None = None, command: str
         network=as_mlp(network, fit.best_weights),
         output_scale_n=scale_n,
     )
-    model_id = save_model(config.output, model, card_of(config, dataset, fit, scale_n, command))
+    model_id = save_model(config.output, model, card_of(data, fit, scale_n, command))
     progress.say(
         f'{config.output}: model {model_id}, best of {fit.epoch} epochs: {fit.best_loss * scale_n:.4f} N aRMSE'
     )
@@ -88,13 +90,6 @@ def import_torch() -> Any:
             'training needs torch, which the live sensor does not: install it with: pip install tactile_nodes[train]'
         ) from error
     return torch
-
-
-def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
-    """Which samples are for validation; chosen by the training's seed."""
-    random = np.random.default_rng(config.training.seed)
-    chosen: np.ndarray = random.permutation(samples) < max(1, round(samples * config.training.validation))
-    return chosen
 
 
 def shown_samples(dataset: Dataset, held_out: np.ndarray, config: TrainConfig) -> np.ndarray:
@@ -286,8 +281,9 @@ def as_mlp(network: torch.nn.Sequential, weights: dict[str, torch.Tensor] | None
     return Mlp(tuple(state[f'{name}.weight'] for name in names), tuple(state[f'{name}.bias'] for name in names))
 
 
-def card_of(config: TrainConfig, dataset: Dataset, fit: Fit, scale_n: float, command: str) -> dict[str, Any]:
+def card_of(data: TrainingData, fit: Fit, scale_n: float, command: str) -> dict[str, Any]:
     """What a stranger needs to know about the model."""
+    config = data.config
     return {
         'command': command,
         'made_with': f'tactile_nodes {__version__}',
@@ -295,8 +291,8 @@ def card_of(config: TrainConfig, dataset: Dataset, fit: Fit, scale_n: float, com
         'flow': {'name': config.flow.name, 'options': config.make_flow().options},
         'encoding': {'name': config.encoding.name, 'options': config.make_encoding().options},
         'crop_px': config.data.crop,
-        'gel': {'id': config.gel.gel_id, **asdict(config.gel)},
-        'data': {**asdict(config.data), 'fingerprint': dataset.fingerprint, 'origin': 'simulated'},
+        'gel': data.gel,
+        'data': {**data.origin, 'fingerprint': data.dataset.fingerprint},
         'training': {**asdict(config.training), **asdict(config.network), 'epochs_run': fit.epoch},
         'validation': {'armse_n': fit.best_loss * scale_n, 'epoch': fit.best_epoch},
     }

@@ -1,0 +1,202 @@
+"""Bags of presses in, a data set out: aligned, judged, measured, and what is left out told with its reason."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes import __version__
+from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.learning import exclusions
+from tactile_nodes.learning.bags import CollectionBag, Frame, RecordedPress
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.dataset_file import FORMAT, FORMAT_VERSION
+from tactile_nodes.learning.exclusions import LeftOut, Limits, judge
+from tactile_nodes.learning.labels import describe
+from tactile_nodes.learning.measuring import Measurer
+from tactile_nodes.learning.progress import Bar, Progress
+from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.samples import Sample, Shelf
+from tactile_nodes.sensing.geometry import BinGrid
+
+FRAMES = {
+    'mean': 'the mean of the images of a window, measured once: least noise, less than live images have',
+    'first': 'the first image of a window: the noise of a live image',
+    'each': 'every image of a window: the noise of live images, and a sample for each',
+}
+
+
+@dataclass(frozen=True)
+class BuildOptions:
+    """How bags become samples.
+
+    Attributes:
+        frames: which images of a window are measured, one of `FRAMES`.
+        without_contact: share of the samples that show the untouched gel, as far as the bags hold such images.
+        gel: name or id of the gel, or all about a simulated one, with its id.
+        separate_runs: a press of the same plan in another bag is another press, not another attempt at it.
+        namespace: which sensor's topics to take from bags that hold several.
+    """
+
+    flow: Choice = field(default_factory=lambda: Choice('dis'))
+    encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
+    bins: BinGrid = field(default_factory=BinGrid)
+    frames: str = 'mean'
+    without_contact: float = 0.05
+    limits: Limits = field(default_factory=Limits)
+    gel: dict[str, Any] = field(default_factory=lambda: {'id': ''})
+    crop: int = 440
+    separate_runs: bool = False
+    namespace: str | None = None
+
+
+def build(
+    bags: Sequence[Path], options: BuildOptions, progress: Progress | None = None, *, command: str = ''
+) -> RecordedPresses:
+    """The data set of some bags.
+
+    Ctrl-C ends it at once; what was measured so far is kept, and the next run goes on from there.
+
+    Raises:
+        BagError, DatasetError, ConfigurationError: a bag, an option or the cache cannot be used, or no press can.
+    """
+    progress = progress or Progress()
+    with ExitStack() as stack:
+        opened = [stack.enter_context(CollectionBag(path, options.namespace)) for path in bags]
+        measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
+        bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
+        builder = _Builder(options, measurer, bar)
+        for number, bag in enumerate(opened):
+            for press in bag.presses():
+                builder.take(number, press)
+    samples = builder.finish()
+    if not samples:
+        raise DatasetError(f'no press of {_listed(bags)} can be used: {_reasons(builder.left_out)}')
+    return builder.shelf.recordings(samples, {**_card(options, opened, builder), 'command': command})
+
+
+class _Builder:
+    """Takes presses as they come, bag after bag."""
+
+    def __init__(self, options: BuildOptions, measurer: Measurer, bar: Bar) -> None:
+        self.options, self.measurer, self.bar = options, measurer, bar
+        self.shelf = Shelf(options.bins)
+        self.left_out: list[LeftOut] = []
+        self.untouched_found = 0
+        self._usable: dict[tuple[Any, ...], tuple[LeftOut, list[Sample]]] = {}
+        self._seen: set[tuple[Any, ...]] = set()
+        self._without_contact = 0.0
+
+    def take(self, bag: int, press: RecordedPress) -> None:
+        """Judge and measure one attempt."""
+        told = press.told
+        entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
+        verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
+        samples: list[Sample] = []
+        if verdict is None:
+            try:
+                samples = self._samples(bag, press)
+            except ImageError as error:
+                verdict = exclusions.BAD_IMAGE, str(error)
+        if verdict is None:
+            self._keep(entry, samples)
+        else:
+            self._leave_out(entry, *verdict)
+        self.bar.advance(1, f'{self.measurer.computed} measured, {self.measurer.found} known, {len(self.left_out)} out')
+
+    def finish(self) -> list[Sample]:
+        """All samples, in the order in which their presses were first told."""
+        return [sample for _, samples in self._usable.values() for sample in samples]
+
+    def _doubled(self, press: RecordedPress) -> exclusions.Verdict | None:
+        told = press.told
+        seen = (told.plan_id, told.press, told.attempt, *press.window_ns)
+        if seen in self._seen:
+            return exclusions.DOUBLED, 'the same attempt was told before'
+        self._seen.add(seen)
+        return None
+
+    def _keep(self, entry: LeftOut, samples: list[Sample]) -> None:
+        """The last attempt that can be used counts."""
+        key = (entry.plan, entry.press, entry.bag if self.options.separate_runs else 0)
+        if earlier := self._usable.pop(key, None):
+            old, new = (earlier, (entry, samples))
+            if samples[0].window_ns < earlier[1][0].window_ns:  # the bags were given in another order than recorded
+                old, new = new, old
+            self._leave_out(old[0], exclusions.SUPERSEDED, f'attempt {new[0].attempt} in bag {new[0].bag + 1} counts')
+            self._usable[key] = new
+        else:
+            self._usable[key] = entry, samples
+
+    def _leave_out(self, entry: LeftOut, reason: str, detail: str) -> None:
+        self.left_out.append(LeftOut(entry.bag, entry.plan, entry.press, entry.attempt, reason, detail))
+
+    def _samples(self, bag: int, press: RecordedPress) -> list[Sample]:
+        assert press.reference is not None  # or it would have been judged
+        self.measurer.use_reference(press.reference.image)
+        made = [self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)]
+        if press.untouched:
+            self.untouched_found += 1
+            share = self.options.without_contact
+            self._without_contact += share / (1 - share)
+            if self._without_contact >= 1 - 1e-9:
+                self._without_contact -= 1
+                groups = _groups(press.untouched, self.options.frames)
+                made += [self._sample(bag, press, group, contact=False) for group in groups]
+        return made
+
+    def _sample(self, bag: int, press: RecordedPress, frames: Sequence[Frame], *, contact: bool) -> Sample:
+        measured = self.measurer.measure([frame.image for frame in frames])
+        return self.shelf.sample(bag, press, measured, frames, self.measurer.reference_id, contact=contact)
+
+
+def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
+    """The images of each sample."""
+    if mode == 'each':
+        return [[frame] for frame in frames]
+    return [frames[:1] if mode == 'first' else frames]
+
+
+def _card(options: BuildOptions, bags: Sequence[CollectionBag], builder: _Builder) -> dict[str, Any]:
+    measurer = builder.measurer
+    return {
+        'format': FORMAT,
+        'format_version': FORMAT_VERSION,
+        'made_with': f'tactile_nodes {__version__}',
+        'flow': {'name': measurer.flow.name, 'options': measurer.flow.options},
+        'encoding': {
+            'name': measurer.encoding.name,
+            'options': measurer.encoding.options,
+            'channels': list(measurer.encoding.channels),
+        },
+        'recipe': measurer.recipe_id,
+        'crop_px': measurer.side,
+        'frames': options.frames,
+        'without_contact': {'share': options.without_contact, 'presses_with_such_images': builder.untouched_found},
+        'labels': {**asdict(options.bins), 'reading': describe(options.bins)},
+        'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
+        'gel': json.loads(json.dumps(options.gel)),
+        'bags': [
+            {'id': bag.bag_id, 'gel': options.gel['id'], 'attempts': bag.press_count, 'problems': bag.problems}
+            for bag in bags
+        ],
+        'bag_names': [bag.path.name for bag in bags],
+        'left_out': [each.as_dict() for each in builder.left_out],
+    }
+
+
+def _listed(bags: Sequence[Path]) -> str:
+    return ', '.join(map(str, bags))
+
+
+def _reasons(left_out: Sequence[LeftOut]) -> str:
+    counts = exclusions.counted(left_out)
+    if not counts:
+        return 'there is none'
+    example = left_out[0]
+    return f'{", ".join(f"{count} {reason}" for reason, count in counts.items())} (the first: {example.detail})'

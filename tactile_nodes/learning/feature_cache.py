@@ -1,0 +1,75 @@
+"""Features that were measured once, on disk by a key of what they were measured from."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float16, Float32
+
+from tactile_nodes.errors import DatasetError
+
+COMMIT_EVERY = 50
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Features of one image, with the precision that data sets keep, and how far each region can be believed."""
+
+    values: Float16[np.ndarray, 'rows cols channels']
+    confidence: Float32[np.ndarray, 'rows cols']
+
+
+class FeatureCache:
+    """Features on disk by key, one file a recipe. Several processes may use it at once.
+
+    Raises:
+        DatasetError: the file cannot be written, or is no cache.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._fresh = 0
+        with self._translated():
+            self._open = sqlite3.connect(file, timeout=30.0)
+            self._open.execute('PRAGMA journal_mode=WAL')
+            self._open.execute('PRAGMA synchronous=NORMAL')
+            self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')
+
+    def get(self, key: bytes, shape: tuple[int, int, int]) -> Measured | None:
+        """What was kept under a key; None if nothing was, or something of another shape."""
+        with self._translated():
+            found = self._open.execute('SELECT vals, confidence FROM features WHERE key = ?', (key,)).fetchone()
+        regions = shape[0] * shape[1]
+        if found is None or (len(found[0]), len(found[1])) != (2 * regions * shape[2], 4 * regions):
+            return None
+        values = np.frombuffer(found[0], '<f2').reshape(shape)
+        return Measured(values, np.frombuffer(found[1], '<f4').reshape(shape[:2]))
+
+    def put(self, key: bytes, measured: Measured) -> None:
+        """Keep features under a key."""
+        row = (key, measured.values.astype('<f2').tobytes(), measured.confidence.astype('<f4').tobytes())
+        with self._translated():
+            self._open.execute('INSERT OR REPLACE INTO features VALUES (?, ?, ?)', row)
+            self._fresh += 1
+            if self._fresh % COMMIT_EVERY == 0:
+                self._open.commit()
+
+    def close(self) -> None:
+        """Write what waits."""
+        with self._translated():
+            self._open.commit()
+            self._open.close()
+
+    @contextlib.contextmanager
+    def _translated(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise DatasetError(
+                f'cannot use the cache of features {self._file} ({error}); delete it, it is made again'
+            ) from error

@@ -1,0 +1,181 @@
+"""Where a run's presses come from, simulated or recorded, and which of them it may learn from."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.config import Choice, TrainConfig
+from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.model_file import LoadedModel
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """Samples, which of them are for validation, and what the model's card says of gel and data.
+
+    `config` is the run's, with what a file of recorded presses decides.
+    """
+
+    config: TrainConfig
+    dataset: Dataset
+    held_out: np.ndarray
+    gel: dict[str, Any]
+    origin: dict[str, Any]
+
+
+def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
+    """The samples to learn from.
+
+    Raises:
+        ConfigurationError: the configuration contradicts the file of recorded presses.
+        DatasetError: that file cannot be used.
+    """
+    if config.data.file:
+        return recorded_data(config, load_dataset(config.data.file), progress)
+    dataset = simulate(config, progress)
+    return TrainingData(
+        config,
+        dataset,
+        held_out_share(len(dataset.presses), config),
+        {'id': config.gel.gel_id, **asdict(config.gel)},
+        {**config.data.simulated(), 'origin': 'simulated'},
+    )
+
+
+def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
+    """Which samples are for validation; chosen by the training's seed."""
+    random = np.random.default_rng(config.training.seed)
+    chosen: np.ndarray = random.permutation(samples) < max(1, round(samples * config.training.validation))
+    return chosen
+
+
+def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Progress) -> TrainingData:
+    """Training and validation set of recorded presses; the test set stays out of it.
+
+    Raises:
+        ConfigurationError: the configuration contradicts them.
+        DatasetError: there are too few.
+    """
+    config = with_file(config, recordings)
+    data, validation = config.data, config.training.validation
+    split = recordings.split(data.split, data.split_seed, test=data.test, validation=validation)
+    chosen = np.sort(np.concatenate([split.train, split.validation]))
+    progress.say(
+        f'{data.file}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
+        f'{len(split.test)} put aside for the test, split by {data.split}'
+    )
+    origin = {
+        'origin': 'recorded',
+        'file': Path(data.file).name,
+        'bags': [bag['id'] for bag in recordings.card['bags']],
+        'frames': recordings.card['frames'],
+        'labels': recordings.card['labels']['reading'],
+        'samples': len(recordings),
+        'split': data.split,
+        'split_seed': data.split_seed,
+        'split_id': split.split_id,
+        'test': data.test,
+        'validation': validation,
+    }
+    held_out = np.isin(chosen, split.validation)
+    return TrainingData(config, recordings.as_samples(chosen), held_out, dict(recordings.card['gel']), origin)
+
+
+def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
+    """The configuration with the file's flow, features, crop and bins.
+
+    Raises:
+        ConfigurationError: it names others itself.
+    """
+    card, bins = recordings.card, recordings.bins
+    said: dict[str, object] = {}
+    for block, method in (('flow', config.make_flow), ('encoding', config.make_encoding)):
+        if any(name.startswith(f'{block}.') for name in config.stated):
+            made = method()
+            said[block] = {'name': made.name, 'options': made.options}
+    said |= {name: getattr(config.network, name) for name in ('rows', 'cols') if f'network.{name}' in config.stated}
+    theirs = {**{name: _method(card[name]) for name in ('flow', 'encoding')}, 'rows': bins.rows, 'cols': bins.cols}
+    for name, value in said.items():
+        if value != theirs[name]:
+            raise ConfigurationError(
+                f'the run asks for {name} {value}, and {config.data.file} was made with {theirs[name]}; take {name} '
+                'out of the run, or build the data set anew'
+            )
+    return dataclasses.replace(
+        config,
+        flow=Choice(**_method(card['flow'])),
+        encoding=Choice(**_method(card['encoding'])),
+        recorded_bins=bins,
+        data=dataclasses.replace(config.data, crop=card['crop_px']),
+    )
+
+
+def _method(described: dict[str, Any]) -> dict[str, Any]:
+    return {name: described[name] for name in ('name', 'options')}
+
+
+def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: str | None) -> tuple[Dataset, str]:
+    """Samples that a model never saw, and in words which they are.
+
+    Of the file that it was trained on that is what was put aside, of another file everything, or the test set of the
+    split `kind` with seed 1.
+
+    Raises:
+        ModelError: it needs other features, or saw the presses that it would be judged by.
+        DatasetError: there are too few presses.
+    """
+    _require_same_features(loaded, recordings)
+    origin = loaded.card.get('data', {})
+    if origin.get('origin') == 'recorded' and origin.get('fingerprint') == recordings.fingerprint:
+        return _put_aside(loaded, recordings, kind)
+    ours = {bag['id'] for bag in recordings.card['bags']}
+    if ours & set(origin.get('bags', ())):
+        raise ModelError(
+            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so that it may have '
+            'seen these; evaluate it on the file that it was trained on, or on other bags'
+        )
+    if kind is None:
+        return recordings.as_samples(), f'all {len(recordings)} samples, none of which the model was trained on'
+    chosen = recordings.split(kind, 1).test
+    return recordings.as_samples(chosen), f'{len(chosen)} samples, the test set by {kind}'
+
+
+def _put_aside(loaded: LoadedModel, recordings: RecordedPresses, kind: str | None) -> tuple[Dataset, str]:
+    origin = loaded.card['data']
+    if kind not in (None, origin['split']):
+        raise ModelError(
+            f'model {loaded.model_id} was trained with the split by {origin["split"]}, so it saw presses of the test '
+            f'set by {kind}; train one with --split {kind}'
+        )
+    split = recordings.split(
+        origin['split'], origin['split_seed'], test=origin['test'], validation=origin['validation']
+    )
+    if split.split_id != origin['split_id']:
+        raise ModelError(
+            f'the split that model {loaded.model_id} was trained with cannot be made again with this release of numpy; '
+            'evaluate it with the one that it was trained with'
+        )
+    return recordings.as_samples(split.test), f'{len(split.test)} samples put aside by {origin["split"]}'
+
+
+def _require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> None:
+    card = recordings.card
+    for what, theirs, ours in (
+        ('flow', loaded.flow, tuple(_method(card['flow']).values())),
+        ('encoding', loaded.encoding, tuple(_method(card['encoding']).values())),
+        ('image size', loaded.image_size, (card['crop_px'], card['crop_px'])),
+    ):
+        if theirs != ours:
+            raise ModelError(
+                f'model {loaded.model_id} was trained with {what} {theirs}, the data set was measured with {ours}; '
+                'build the data set with the options of the model'
+            )
