@@ -19,10 +19,10 @@ from tactile_nodes.bus.bridge_calls import BridgeCalls
 from tactile_nodes.bus.bridge_talk import MALFORMED, Choice, ClockOffset, State, fits
 from tactile_nodes.bus.link import Link
 from tactile_nodes.bus.loop import Loop
-from tactile_nodes.bus.protocol import Participant, Qos, Reply, ServiceHandler
+from tactile_nodes.bus.protocol import Participant, Reply, ServiceHandler
 from tactile_nodes.bus.publishing import ZmqRelay
 from tactile_nodes.bus.receiving import Key
-from tactile_nodes.bus.records import Outlet, Record
+from tactile_nodes.bus.records import Outlet
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import default_qos
 from tactile_nodes.bus.zeromq import ZmqBus
@@ -53,7 +53,7 @@ class Peer:
     state: State
     heard_s: float
     clock: ClockOffset = field(default_factory=ClockOffset)
-    forwards: dict[Key, Forward] = field(default_factory=dict)
+    forwards: dict[str, Forward] = field(default_factory=dict)
     relays: dict[str, ZmqRelay] = field(default_factory=dict)
     words: deque[list[Any]] = field(default_factory=deque)
 
@@ -68,8 +68,9 @@ class Bridge(Loop):
         self._link = link
         self._choice = choice
         self._peers: dict[bytes, Peer] = {}
-        self._records: list[Record] = []
-        self._spoken: State | None = None
+        self._spoken: dict[bytes, State] = {}
+        self._outlets: dict[str, Outlet] = {}
+        self._wishes: set[Key] = set()
         self._look_s = self._speak_s = 0.0
         self._remotes: tuple[Participant, ...] = ()
         self._calls = BridgeCalls()
@@ -123,55 +124,59 @@ class Bridge(Loop):
         self._link.close()
 
     def _look_around(self, now_s: float) -> None:
-        self._records = self._bus.meeting.look(trusting=True)
         for peer in [peer for peer in self._peers.values() if now_s - peer.heard_s > _GONE_AFTER_S]:
             self._drop(peer)
-        state = self._state()
-        if state != self._spoken or now_s >= self._speak_s:
-            self._spoken, self._speak_s = state, now_s + _SPEAK_EVERY_S
-            for key in self._peers.keys() | ({b''} if not self._link.listens else set()):
-                self._speak(key)
+        here = self._read_bus()
         for peer in self._peers.values():
             self._adjust(peer)
+        due = now_s >= self._speak_s
+        self._speak_s = now_s + _SPEAK_EVERY_S if due else self._speak_s
+        for key in self._peers.keys() | ({b''} if not self._link.listens else set()):
+            self._speak(key, here, due=due)
 
-    def _speak(self, key: bytes) -> None:
-        assert self._spoken is not None
-        stamps = self._peers[key].clock.ask(self._bus.clock.now_ns()) if key in self._peers else [0, 0, 0]
-        self._link.send(key, [b'state', self._spoken.to_json(stamps)])
-
-    def _state(self) -> State:
+    def _read_bus(self) -> tuple[Participant, ...]:
+        """Who is on this machine; takes in what of theirs may be forwarded, and what they would like to hear."""
+        records = self._bus.meeting.look(trusting=True)
         own = self._bus.own_participant()
-        here = (own, *(record.participant for record in self._records))
+        here = (own, *(record.participant for record in records))
         wishes = {(end.name, end.type_name) for peer in here for end in peer.subscriptions if end.node != FORWARDING}
-        wants = tuple(sorted(wish for wish in wishes if fits(wish[0], self._choice.receive)))
-        return State(self._bus.uid, own.host, here, self._outlets(), wants)
+        self._wishes = {wish for wish in wishes if fits(wish[0], self._choice.receive)}
+        offers = [(own.uid, outlet) for outlet in self._bus.outlets()]
+        offers += [(record.participant.uid, outlet) for record in records for outlet in record.outlets]
+        self._outlets = {
+            outlet.gid: outlet
+            for uid, outlet in offers
+            # What bears another's gid has come over a bridge already.
+            if outlet.gid.partition('.')[0] == uid and fits(outlet.topic, self._choice.send)
+        }
+        return here
 
-    def _outlets(self) -> tuple[Outlet, ...]:
-        """The publishers of this machine's own nodes that may be forwarded."""
-        offers = [(self._bus.uid, outlet) for outlet in self._bus.outlets()]
-        offers += [(record.participant.uid, outlet) for record in self._records for outlet in record.outlets]
-        return tuple(
-            outlet for uid, outlet in offers if _sender(outlet.gid) == uid and fits(outlet.topic, self._choice.send)
-        )
+    def _speak(self, key: bytes, here: tuple[Participant, ...], *, due: bool) -> None:
+        peer = self._peers.get(key)
+        # With the relay's own number: a new relay is a new wish, and is told again what is latched.
+        wants = tuple(sorted(f'{gid}/{relay.number}' for gid, relay in peer.relays.items())) if peer else ()
+        state = State(self._bus.uid, here[0].host, here, tuple(self._outlets.values()), wants)
+        if due or state != self._spoken.get(key):
+            stamps = peer.clock.ask(self._bus.clock.now_ns()) if peer else [0, 0, 0]
+            if self._link.send(key, [b'state', state.to_json(stamps)]):
+                self._spoken[key] = state
 
     # --- what the peer wants, and what we want of it ---------------------------------------------------------
 
     def _adjust(self, peer: Peer) -> None:
-        offered = {(outlet.topic, outlet.type_name): outlet for outlet in self._outlets()}
-        wanted = offered.keys() & set(peer.state.wants)
-        for key in peer.forwards.keys() - wanted:
-            peer.forwards.pop(key).subscription.close()
-        for key in wanted - peer.forwards.keys():
-            qos = default_qos(key[0])
-            qos = Qos(qos.keep, max(qos.depth, 8 if offered[key].latched else 1))
-            made = self._bus.subscribe(*key, qos, FORWARDING, lambda: self.post(_nothing))
-            peer.forwards[key] = Forward(made)
-        assert self._spoken is not None
-        given = {out.gid: out for out in peer.state.outlets if (out.topic, out.type_name) in self._spoken.wants}
+        """Be ready to repeat what is wished for here; forward what the other side is ready to repeat."""
+        given = {out.gid: out for out in peer.state.outlets if (out.topic, out.type_name) in self._wishes}
         for gid in peer.relays.keys() - given.keys():
             peer.relays.pop(gid).close()
         for gid in given.keys() - peer.relays.keys():
             peer.relays[gid] = self._bus.relay(given[gid])
+        wanted = {wish: self._outlets.get(wish.partition('/')[0]) for wish in peer.state.wants}
+        for wish in [wish for wish in peer.forwards if not wanted.get(wish)]:
+            peer.forwards.pop(wish).subscription.close()
+        for wish, outlet in wanted.items():
+            if outlet is not None and wish not in peer.forwards:
+                made = self._bus.follow(outlet, default_qos(outlet.topic), FORWARDING, lambda: self.post(_nothing))
+                peer.forwards[wish] = Forward(made)
 
     def _flush(self, peer: Peer) -> bool:
         """Send what waits, a message of each topic at a time; false when the connection takes no more."""
@@ -183,7 +188,7 @@ class Bridge(Loop):
         while busy:
             busy = False
             for forward in peer.forwards.values():
-                forward.unsent = forward.unsent or self._next(forward.subscription)
+                forward.unsent = forward.unsent or _next(forward.subscription)
                 if forward.unsent is None:
                     continue
                 if not self._link.send(peer.key, forward.unsent):
@@ -191,15 +196,6 @@ class Bridge(Loop):
                 forward.unsent = None
                 busy = True
         return True
-
-    def _next(self, subscription: Subscription) -> list[Any] | None:
-        here = {self._bus.uid, *(record.participant.uid for record in self._records)}
-        while (received := subscription.take()) is not None:
-            if _sender(received.publisher) in here:  # else another bridge has brought it
-                key = wire.type_key(received.type_name)
-                header = wire.pack_header(received.publisher.encode(), key, received.sequence, received.source_ns)
-                return [b'message', header, received.view]
-        return None
 
     # --- what comes in --------------------------------------------------------------------------------------
 
@@ -253,6 +249,7 @@ class Bridge(Loop):
 
     def _drop(self, peer: Peer) -> None:
         del self._peers[peer.key]
+        self._spoken.pop(peer.key, None)
         for forward in peer.forwards.values():
             forward.subscription.close()
         for relay in peer.relays.values():
@@ -286,8 +283,13 @@ class Bridge(Loop):
         self._bus.tell()
 
 
-def _sender(gid: str) -> str:
-    return gid.partition('.')[0]
+def _next(subscription: Subscription) -> list[Any] | None:
+    received = subscription.take()
+    if received is None:
+        return None
+    key = wire.type_key(received.type_name)
+    header = wire.pack_header(received.publisher.encode(), key, received.sequence, received.source_ns)
+    return [b'message', header, received.view]
 
 
 def _nothing() -> None:

@@ -8,7 +8,6 @@ from collections import deque
 from dataclasses import asdict, dataclass
 
 from tactile_nodes.bus.protocol import Participant
-from tactile_nodes.bus.receiving import Key
 from tactile_nodes.bus.records import Outlet, checked, participant_from
 from tactile_nodes.errors import MessageError
 from tactile_nodes.params import matches
@@ -34,13 +33,14 @@ def fits(name: str, patterns: tuple[str, ...]) -> bool:
 
 @dataclass(frozen=True)
 class State:
-    """One machine as its bridge sees it: who lives there, what may be had of them, what they want."""
+    """One machine as its bridge sees it: who lives there, what may be had of them, and whom it is ready to repeat
+    (``<gid>/<number of the relay>``)."""
 
     uid: str
     host: str
     participants: tuple[Participant, ...]
     outlets: tuple[Outlet, ...]
-    wants: tuple[Key, ...]
+    wants: tuple[str, ...] = ()
 
     def to_json(self, stamps: list[int]) -> bytes:
         """With the stamps of `ClockOffset.ask`."""
@@ -60,7 +60,7 @@ class State:
             str(fields['host']),
             tuple(map(participant_from, fields['participants'])),
             tuple(checked(Outlet, entry) for entry in fields['outlets']),
-            tuple((str(topic), str(type_name)) for topic, type_name in fields['wants']),
+            tuple(map(str, fields['wants'])),
         ), stamps
 
 

@@ -49,12 +49,14 @@ class InProcessBus:
     def subscribe(
         self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
     ) -> Subscription:
-        messages.message_class(type_name)
-        made = Subscription(topic, type_name, qos, node, on_ready, self._forget_subscription)
+        return self._listen(Subscription(topic, type_name, qos, node, on_ready, self._forget_subscription))
+
+    def _listen(self, made: Subscription) -> Subscription:
+        messages.message_class(made.type_name)
         with self._lock:
             self._check_open()
             # A new list instead of an append: `deliver` walks the old one without taking the lock.
-            self._subscriptions[topic] = [*self._subscriptions.get(topic, ()), made]
+            self._subscriptions[made.topic] = [*self._subscriptions.get(made.topic, ()), made]
             latched = [publisher.last for publisher in self._publishers if _feeds(publisher, made)]
         for received in latched:
             if received is not None:

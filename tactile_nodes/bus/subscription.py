@@ -16,7 +16,8 @@ _MOST_PUBLISHERS = 1000
 class Subscription:
     """Holds what came in until it is taken; when full, the oldest message gives way and `dropped` counts it.
 
-    `received` counts the messages that came in, `malformed` the frames that were none of this topic's.
+    `received` counts the messages that came in, `malformed` the frames that were none of this topic's. With `only`, it
+    takes the messages of one publisher.
     """
 
     def __init__(
@@ -27,6 +28,7 @@ class Subscription:
         node: str,
         on_ready: Callable[[], None] | None,
         on_close: Callable[[Subscription], None],
+        only: str = '',
     ) -> None:
         self.topic = topic
         self.type_name = type_name
@@ -40,6 +42,7 @@ class Subscription:
         self._lock = threading.Lock()
         self._arrived = threading.Condition(self._lock)
         self._getting = 0
+        self._only = only
         self._on_ready = on_ready
         self._on_close = on_close
         self._closed = False
@@ -51,7 +54,9 @@ class Subscription:
         somebody else, or one that has come by two ways.
         """
         with self._lock:
-            if self._closed or received.sequence <= self._newest.get(received.publisher, 0):
+            if self._closed or (self._only and received.publisher != self._only):
+                return
+            if received.sequence <= self._newest.get(received.publisher, 0):
                 return
             self._newest[received.publisher] = received.sequence
             if len(self._newest) > _MOST_PUBLISHERS:

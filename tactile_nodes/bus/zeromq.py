@@ -85,10 +85,13 @@ class ZmqBus(InProcessBus):
         self._check_open()
         return self._offer(ZmqRelay(self, outlet))
 
-    def subscribe(
-        self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
-    ) -> Subscription:
-        made = super().subscribe(topic, type_name, qos, node, on_ready)
+    def follow(self, outlet: Outlet, qos: Qos, node: str, on_ready: Callable[[], None]) -> Subscription:
+        """Receive the messages of one publisher alone."""
+        key = (outlet.topic, outlet.type_name)
+        return self._listen(Subscription(*key, qos, node, on_ready, self._forget_subscription, outlet.gid))
+
+    def _listen(self, made: Subscription) -> Subscription:
+        super()._listen(made)
         self._hub.post(lambda: self._hub.welcome(made))
         return made
 
