@@ -1,0 +1,132 @@
+"""Pictures out, with the stamp of their capture, whatever happens to the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from feeding import PATTERN
+from stream_server import plugged_in
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.errors import DeviceNotFoundError, ImageError
+from tactile_nodes.messages import stamp_ns
+from tactile_nodes.nodes.camera import CameraNode
+
+PATIENCE_S = 15.0
+
+
+@pytest.fixture
+def bus() -> Iterator[InProcessBus]:
+    made = InProcessBus(SystemClock())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def start(bus: InProcessBus) -> Iterator[Callable[..., CameraNode]]:
+    nodes = []
+
+    def make(*parameters: str) -> CameraNode:
+        words = [word for each in parameters for word in ('-p', each)]
+        nodes.append(CameraNode(bus, parse_arguments(['--ros-args', *words])))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.close()
+
+
+def listen(bus: InProcessBus, topic: Topic) -> Subscription:
+    return bus.subscribe('/' + topic.name.lstrip('/'), topic.type_name, Qos('queue', 1000))
+
+
+def first(subscription: Subscription) -> Received:
+    received = subscription.get(PATIENCE_S)
+    assert received is not None, f'nothing on {subscription.topic}'
+    return received
+
+
+def health(node: CameraNode) -> tuple[int, str]:
+    node._report_health()
+    (status,) = (each for each in node.diagnostics.message(0).status if each.name == 'camera: camera')
+    return status.level, status.message
+
+
+def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
+    bus: InProcessBus, start: Callable[..., CameraNode]
+) -> None:
+    images, infos, truths = (listen(bus, topic) for topic in (topics.IMAGE, topics.CAMERA_INFO, topics.TRUE_FORCE))
+    start()
+    image, info, truth = (first(subscription).message for subscription in (images, infos, truths))
+    assert (image.width, image.height, image.encoding) == (440, 440, 'mono8')
+    assert (info.width, info.height, info.roi.x_offset, info.roi.y_offset) == (640, 480, 100, 20)
+    assert stamp_ns(image.header.stamp) == stamp_ns(info.header.stamp) == stamp_ns(truth.header.stamp)
+    assert truth.header.frame_id == 'gel_surface'
+    assert truth.total == 0.0  # nothing presses in the first second
+
+
+def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    cv2.imwrite(str(tmp_path / '0.png'), np.tile(PATTERN, (2, 2))[:240])  # 320x240
+    images = listen(bus, topics.IMAGE)
+    node = start(f'source:={tmp_path}')
+    assert first(images).message.width == 240
+    told = [status for status in node.diagnostics.message(0).status if status.name == 'camera: picture']
+    assert told[0].level == Level.WARN
+    assert 'too small for a crop of 440' in told[0].message
+
+
+def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNode]) -> None:
+    with pytest.raises(DeviceNotFoundError, match='/dev/video97'):
+        start('source:=/dev/video97')
+
+
+def test_picture_of_another_size_than_asked_names_both(start: Callable[..., CameraNode], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
+    with pytest.raises(ImageError, match=r'160x160.*640x480'):
+        start(f'source:={tmp_path}', 'width:=640', 'height:=480')
+
+
+def test_black_pictures_are_told(bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / '0.png'), np.zeros((440, 440), np.uint8))
+    images = listen(bus, topics.IMAGE)
+    node = start(f'source:={tmp_path}')
+    first(images)
+    told = [status for status in node.diagnostics.message(0).status if status.name == 'camera: picture']
+    assert told[0].level == Level.WARN
+    assert 'black' in told[0].message
+
+
+def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
+    bus: InProcessBus, start: Callable[..., CameraNode]
+) -> None:
+    images = listen(bus, topics.IMAGE)
+    with plugged_in(PATTERN) as address:
+        node = start(f'source:={address}', 'crop:=160')
+        before = stamp_ns(first(images).message.header.stamp)
+        assert health(node)[0] == Level.OK
+    deadline_s = monotonic_s() + PATIENCE_S
+    while health(node)[0] != Level.ERROR and monotonic_s() < deadline_s:
+        images.get(0.05)
+    level, text = health(node)
+    assert level == Level.ERROR
+    assert 'reconnecting' in text
+    while images.take() is not None:
+        pass
+    with plugged_in(PATTERN, int(address.split(':')[2].split('/')[0])):
+        after = stamp_ns(first(images).message.header.stamp)
+        assert after > before
+        assert health(node)[0] == Level.OK
+        assert 'found again' in health(node)[1]
