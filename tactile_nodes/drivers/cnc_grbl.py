@@ -90,6 +90,7 @@ class GrblCnc(GuardedCnc):
 
     def connect(self) -> None:
         """As `Cnc.connect`."""
+        self.close()
         self._homed = False
         self._dialogue = dialogue = GrblDialogue(
             self._open_port(), self._clock, self._settings, self._traffic, self._threaded

@@ -10,6 +10,7 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import CncSettings, CncState, Place, Traffic
 from tactile_nodes.drivers.cnc_grbl_words import (
     BANNER,
+    HOMING_REQUIRED,
     KEEPS_PLACE,
     MM_PER_INCH,
     NEEDS_RESET,
@@ -109,17 +110,22 @@ class GrblDialogue:
         return request
 
     def reset(self, timeout_s: float) -> None:
-        """A soft reset; returns after the banner.
+        """A soft reset; returns after the banner, or, as FluidNC's can be anything, with the next sign of life.
 
         Raises:
-            DeviceTimeoutError: none came.
+            DeviceTimeoutError: neither came.
         """
         with self.link.changed:
             before = self.restarts
             self._restart_expected = True
             self.link.send(RESET)
-            if not self.link.wait(lambda: self.restarts > before, timeout_s):
+            if self.link.wait(lambda: self.restarts > before, timeout_s):
+                return
+            self._asked_open = False
+            self._request_report()
+            if not self.link.wait(lambda: not self._asked_open, SILENT_S):
                 raise self._hung('the reset', timeout_s)
+            self._restarted(self.banner)
 
     def fresh_report(self, timeout_s: float) -> Report:
         """A report that was asked for after this call began.
@@ -229,6 +235,8 @@ class GrblDialogue:
         self.report_ns = stamp_ns - self.uncertainty_ns
 
     def _alarmed(self, number: int) -> None:
+        if number == HOMING_REQUIRED:  # breaks nothing off: so grblHAL says after a start that it is locked
+            return
         self.alarm = number
         self.place_lost = self.place_lost or number not in KEEPS_PLACE
         self.fault = f'is locked by {alarm_text(number)}; look at it, then home it'

@@ -79,6 +79,7 @@ class MarlinCnc(GuardedCnc):
 
     def connect(self) -> None:
         """As `Cnc.connect`."""
+        self.close()
         self._homed = False
         self._guard = guard(self._settings, None)
         self._dialogue = dialogue = MarlinDialogue(self._open_port(), self._clock, self._traffic, self._threaded)
@@ -213,7 +214,7 @@ class MarlinCnc(GuardedCnc):
 def marlin_identity(lines: list[str]) -> Identity:
     """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
     text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
-    match = re.match(r'FIRMWARE_NAME:(\S+)\s+(\S+)', text)
+    match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
     name, version = match.groups() if match else ('Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
 

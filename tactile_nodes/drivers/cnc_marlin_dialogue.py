@@ -14,6 +14,7 @@ from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
 BUSY_S = 5.0  # it says that it is busy every two seconds
 MOST_RESENDS = 5
+NO_OK_S = 0.3
 LONGEST_LINE = 90
 
 
@@ -22,6 +23,7 @@ class _Numbered(Request):
 
     number = 0
     resend = 0
+    resend_ns = 0
     attempts = 0
 
 
@@ -41,7 +43,7 @@ class MarlinDialogue:
         self.fault = ''
         self.place_lost = False
         self.garbled = 0
-        self.link = Link(port, clock, self._hear, lambda: None, traffic, threaded)
+        self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
         self.link.start()
 
     def begin(self, timeout_s: float) -> None:
@@ -125,7 +127,7 @@ class MarlinDialogue:
 
     def _hear(self, line: str, stamp_ns: int) -> None:
         if line == 'ok' or line.startswith('ok '):
-            self._answered(stamp_ns)
+            self._answered(line[2:].strip(), stamp_ns)
         elif line.startswith('echo:busy'):
             self._busy_ns = stamp_ns
         elif line.startswith(('Resend:', 'rs ')):
@@ -139,10 +141,11 @@ class MarlinDialogue:
         elif not line.startswith(('echo:', '//', 'Marlin')):
             self.garbled += 1
 
-    def _answered(self, stamp_ns: int) -> None:
+    def _answered(self, extra: str, stamp_ns: int) -> None:
         if not self._unanswered:
             return
         request = self._unanswered[0]
+        request.lines.append(extra)  # some firmware puts the answer to M114 there
         if request.resend and request.error is None:
             self._repeat(request)
             if not request.done:
@@ -156,11 +159,21 @@ class MarlinDialogue:
         match = re.search(r'\d+', line)
         if self._unanswered and match is not None:
             self._unanswered[0].resend = int(match.group())
+            self._unanswered[0].resend_ns = self._clock.now_ns()
+
+    def _idle(self) -> None:
+        """Marlin sends an ok after it has asked for a resend; its relatives may not."""
+        if self._unanswered and (request := self._unanswered[0]).resend and request.error is None:
+            if self._clock.now_ns() - request.resend_ns > NO_OK_S * NS_PER_S:
+                self._repeat(request)
+            if request.done:
+                self._unanswered.popleft()
 
     def _repeat(self, request: _Numbered) -> None:
         """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""
         wanted, request.resend = request.resend, 0
-        if wanted == request.number + 1:
+        damaged = any('checksum' in line.lower() for line in request.lines)
+        if wanted == request.number + 1 and not damaged:
             request.answered_ns = self._clock.now_ns()
             return
         request.attempts += 1

@@ -125,9 +125,10 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
 
 
 def _pulse(port: serial.Serial, clock: Clock) -> None:
-    port.dtr = False
-    clock.sleep_until(clock.now_ns() + PULSE_NS)
-    port.dtr = True
+    with contextlib.suppress(OSError):  # a port without that line, as a pseudo terminal, has nothing to pulse
+        port.dtr = False
+        clock.sleep_until(clock.now_ns() + PULSE_NS)
+        port.dtr = True
 
 
 def _keep_line_on_close(descriptor: int) -> None:

@@ -30,7 +30,7 @@ class PtyPort:
     def __init__(self, device: SerialDevice, clock: Clock, link: Path, reset_on_open: bool = False) -> None:
         self._device = device
         self._clock = clock
-        self._reset_on_open = reset_on_open
+        self.reset_on_open = reset_on_open
         self._master = -1
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -75,7 +75,7 @@ class PtyPort:
                 self._device.receive(_read(self._master))
             if (present := not flags & select.POLLHUP) != opened:
                 opened = present
-                if opened and self._reset_on_open:
+                if opened and self.reset_on_open:
                     self._device.power_cycle()
             self._exchange(opened)
             if not opened:

@@ -14,6 +14,7 @@ from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.cnc import CncSettings, CncState, open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
+from tactile_nodes.params import describe, from_mapping
 
 
 @pytest.fixture(params=KINDS)
@@ -273,6 +274,16 @@ def test_a_stop_from_another_thread_breaks_off_who_waits(kind: str, tmp_path: Pa
         assert status.homed
         assert status.position_mm == pytest.approx(rig.tip, abs=0.01)
         assert rig.at(-60, 0, 0)[0] < rig.tip[0] or kind == 'marlin'
+
+
+def test_settings_come_from_a_parameter_file() -> None:
+    values = {'source': '/dev/ttyUSB0', 'lowest_mm': [-90.0, -90.0, -40.0], 'accept': ['no homing']}
+    settings = from_mapping(CncSettings, values)
+    assert (settings.lowest_mm, settings.accept) == ((-90.0, -90.0, -40.0), ('no homing',))
+    assert all(description.description for description in describe(CncSettings))
+    for wrong in ({'accept': ['everything']}, {'lowest_mm': [1.0]}, {'kind': 'klipper'}, {'report_hz': 50.0}):
+        with pytest.raises(ConfigurationError):
+            from_mapping(CncSettings, wrong)
 
 
 def raised_by(call: object) -> BaseException:

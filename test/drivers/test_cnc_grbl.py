@@ -196,6 +196,34 @@ def test_a_stop_that_ends_in_alarm_3_has_lost_the_place() -> None:
     play(CONNECT + HOME + script, act)
 
 
+def test_a_reset_whose_banner_is_not_known_is_seen_by_the_next_report() -> None:
+    """FluidNC's start message is a setting of its owner."""
+
+    def act(cnc: GrblCnc) -> None:
+        cnc.home()
+        cnc.move(z=-4.0, feed=600.0)
+        cnc.stop()
+        assert cnc.status().homed
+
+    rest = b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'
+    script = [
+        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
+        (b'!', b''),
+        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.300|FS:600,0>\r\n'),
+        (b'\x18', b'\r\nWelcome to the workshop\r\n'),
+        *[(b'?', rest)] * (15 + 2),  # 5 a second for the 3 s that a banner may take; the sign of life; where it is
+        PREAMBLE,
+        (b'?', rest),
+    ]
+    play(CONNECT + HOME + script, act)
+
+
+def test_a_lock_that_asks_for_homing_does_not_break_homing_off() -> None:
+    """grblHAL's alarm 11 after a start."""
+    locked = [(b'$H\n', b'ALARM:11\r\nok\r\n'), *HOME[1:]]
+    play(CONNECT + locked, lambda cnc: cnc.home())
+
+
 def test_messages_of_any_kind_are_no_answers() -> None:
     """A startup line's :ok, FluidNC's [MSG:INFO], settings with comments; the ok is still the line's."""
     noise = b'>G54:ok\r\n[MSG:INFO: Connecting]\r\n' + b'$0=10 (step pulse, usec)\r\nnonsense\r\n'
@@ -497,6 +525,20 @@ def test_an_unplugged_machine_is_lost_at_once_and_can_be_connected_again(tmp_pat
         rig.port.plug()
         rig.cnc.connect()
         assert not rig.cnc.status().homed
+
+
+@pytest.mark.parametrize('dtr', ['pulse', 'low', 'untouched'])
+def test_every_policy_for_the_reset_line_opens_a_port(dtr: str, tmp_path: Path) -> None:
+    with pty_rig('grbl', tmp_path, dtr=dtr) as rig:
+        assert rig.cnc.status().state is CncState.ALARM
+
+
+def test_a_board_that_does_not_restart_on_opening_is_found_without_its_banner(tmp_path: Path) -> None:
+    with pty_rig('grbl', tmp_path, boot_s=0.3) as rig:
+        rig.cnc.close()
+        rig.port.reset_on_open = False
+        rig.cnc.connect()
+        assert rig.cnc.identify().firmware == 'Grbl'
 
 
 def test_a_port_is_held_by_one_program(tmp_path: Path) -> None:

@@ -86,6 +86,21 @@ def test_a_resend_of_the_line_after_means_that_this_one_had_arrived() -> None:
     assert port.left == []
 
 
+def test_a_resend_without_an_ok_after_it_is_answered_all_the_same() -> None:
+    """Marlin says ok after it has asked again; OctoPrint's virtual printer does not."""
+    again = b'Error: Checksum mismatch\nResend:5\n'
+    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', again), (b'N5 M114*34\n', b'ok X:1.0 Y:2.0 Z:3.0 E:0\n')])
+    assert cnc.status().position_mm == (1.0, 2.0, 3.0)
+    assert port.left == []
+
+
+def test_a_damaged_line_whose_successor_is_asked_for_was_not_done() -> None:
+    again = b'Error: Checksum mismatch\nResend:6\nok\n'
+    cnc, _ = scripted([*CONNECT, (b'N5 M114*34\n', again)])
+    with pytest.raises(DeviceFaultError, match='asks again for line 6, sent was 5'):
+        cnc.status()
+
+
 def test_a_line_that_never_gets_through_is_given_up() -> None:
     again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
     cnc, _ = scripted([*CONNECT, *[(b'N5 M114*34\n', again)] * 6])
@@ -189,4 +204,5 @@ def test_capabilities_and_places_are_read() -> None:
     identity = marlin_identity(['FIRMWARE_NAME:Marlin bugfix-2.1.x (Jan 1 2026) X', 'Cap:EEPROM:1', 'noise'])
     assert (identity.version, identity.options) == ('bugfix-2.1.x', ('EEPROM:1',))
     assert marlin_place('X:-1.50 Y:0.00 Z:60.00 E:0.00 Count X:0') == (-1.5, 0.0, 60.0)
+    assert marlin_identity(['FIRMWARE_NAME:Virtual Marlin 1.0 PROTOCOL_VERSION:1.0']).version == '1.0'
     assert marlin_place('T:25.0 /0.0') is None
