@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.cycle import Ground, Record, check_free, press_cycle
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
 from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, Journal
@@ -24,6 +26,8 @@ from tactile_nodes.collection.surface import Surface, find_surface
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.reference import average
+
+Result = TypeVar('Result')
 
 
 @dataclass(frozen=True)
@@ -189,14 +193,21 @@ class Campaign:
             self._hands.safety.tare(self._last_tare.wrench)
             self._hands.run(check_free(self._last_tare, self._settings))
 
+    def _patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
+        """What a procedure gives; again from its beginning when sensor or camera failed meanwhile."""
+        for _ in range(self._settings.limits.attempts - 1):
+            try:
+                return self._hands.run(procedure())
+            except TrippedError as tripped:
+                self._hands.retreat()
+                if tripped.trip.kind not in {SENSOR, CAMERA}:
+                    raise
+                self._go_on_after(tripped)
+        return self._hands.run(procedure())
+
     def _reference(self) -> None:
-        """A new rest image; again if sensor or camera failed meanwhile."""
-        try:
-            frames = self._hands.run(rest_frames(self._settings, self._safe_z_mm))
-        except TrippedError as tripped:
-            self._hands.retreat()
-            self._go_on_after(tripped)
-            frames = self._hands.run(rest_frames(self._settings, self._safe_z_mm))
+        """A new rest image."""
+        frames = self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
 
@@ -223,12 +234,12 @@ class Campaign:
         self._outlet.say('homing')
         hands.cnc.home()
         hands.check()
-        zero = self._last_tare = hands.run(go_to_gel(self._settings, self._safe_z_mm))
+        zero = self._last_tare = self._patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
         self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
-        noise = image_noise(hands.run(rest_frames(self._settings, self._safe_z_mm)))
+        noise = image_noise(self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
         self._reference()
         self._outlet.say('feeling for the surface of the gel')
-        self.surface = surface = hands.run(find_surface(self._settings, self._safe_z_mm))
+        self.surface = surface = self._patiently(lambda: find_surface(self._settings, self._safe_z_mm))
         self._check_safe_height(surface)
         self._ground = Ground(surface, self._safe_z_mm, zero, noise)
         self._outlet.say(

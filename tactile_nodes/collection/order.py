@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -13,51 +12,61 @@ import numpy.typing as npt
 
 from tactile_nodes.collection.plan import Plan, PlanSettings, Point
 
-FAR = 1e9  # mm: done
+FAR_MM = 1e6
+AHEAD = 2.0  # of the resting distance: what a place costs for each press that it is ahead of the others
 
 
 def ordered(plan: Plan, settings: PlanSettings) -> tuple[Point, ...]:
     """The plan's points from the first to do to the last; the same for the same plan, whenever it is asked.
 
-    The next press is always the nearest one to the last that keeps `rest_mm` away from the last `rest_presses`
-    presses; among the depths of one place chance decides, by the plan's own hash. Where nothing keeps that
-    distance, at the end of a plan, the press whose neighbours were left alone for longest comes next.
+    The next press is at the nearest place that keeps `rest_mm` away from the last `rest_presses` presses, where a
+    place that has had more presses than others counts as farther away, so that the last presses of a plan do not
+    crowd in one corner. Which depth of a place comes first is left to chance, by the plan's own hash. Where no place
+    keeps that distance, the one that has rested longest comes next.
     """
-    return tuple(plan.points[index] for index in _order(plan, settings.rest_mm, settings.rest_presses))
+    waiting = _by_place(plan)
+    places = np.array(list(waiting), np.float64).reshape(-1, 2)
+    stacks = list(waiting.values())
+    rest_mm = settings.rest_mm if settings.rest_presses else 0.0
+    walk = _walk(places, [len(stack) for stack in stacks], rest_mm, settings.rest_presses)
+    return tuple(stacks[place].pop() for place in walk)
 
 
-def _order(plan: Plan, rest_mm: float, rest_presses: int) -> Sequence[int]:
-    shuffled = sorted(range(len(plan.points)), key=lambda index: _mixed(plan, index))
-    places = np.array([plan.points[index][1:3] for index in shuffled])
-    left = np.zeros(len(places))  # FAR once done
-    recent: deque[int] = deque(maxlen=max(1, rest_presses))
-    found = [int(np.argmin(np.hypot(*(places - places.min(axis=0)).T)))]
-    while True:
-        left[found[-1]] = FAR
-        recent.append(found[-1])
-        if len(found) == len(places):
-            return [shuffled[index] for index in found]
-        found.append(_next(places, left, recent, rest_mm if rest_presses else 0.0))
+def _by_place(plan: Plan) -> dict[tuple[float, float], list[Point]]:
+    found: dict[tuple[float, float], list[Point]] = {}
+    for point in sorted(plan.points, key=lambda point: _mixed(plan, point)):
+        found.setdefault(point[1:3], []).append(point)
+    return dict(sorted(found.items()))
 
 
-def _next(places: npt.NDArray[np.float64], left: npt.NDArray[np.float64], recent: deque[int], rest_mm: float) -> int:
-    away = np.hypot(*(places - places[recent[-1]]).T)
-    crowded = np.zeros(len(places), bool)
-    oldest_touch = np.full(len(places), -1)
-    for age, index in enumerate(recent):
-        near = np.hypot(*(places - places[index]).T) < rest_mm
-        crowded |= near
-        oldest_touch[near] = age
-    cost = away + left
-    free = np.where(crowded, 2 * FAR, cost)
-    best = int(np.argmin(free))
-    if free[best] < FAR:
+def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float, rest_presses: int) -> Sequence[int]:
+    """Numbers of places, each as often as its count says."""
+    left, visits = np.array(counts), np.zeros(len(places))
+    free_from = np.zeros(len(places), np.int64)  # the step from which a place has rested
+    walk = [0]
+    for step in range(1, sum(counts) + 1):
+        here = walk[-1]
+        away = np.sqrt(((places - places[here]) ** 2).sum(axis=1))
+        left[here] -= 1
+        visits[here] += 1
+        free_from[away < rest_mm] = step + rest_presses
+        if step < sum(counts):
+            walk.append(_next(away + AHEAD * rest_mm * visits, left, free_from, step))
+    return walk
+
+
+def _next(
+    cost: npt.NDArray[np.float64], left: npt.NDArray[np.int64], free_from: npt.NDArray[np.int64], step: int
+) -> int:
+    rested = np.where((left > 0) & (free_from <= step), cost, np.inf)
+    best = int(np.argmin(rested))
+    if np.isfinite(rested[best]):
         return best
-    return int(np.argmin(np.where(left >= FAR, 2 * FAR, oldest_touch * 1e3 + away)))
+    return int(np.argmin(np.where(left > 0, free_from * FAR_MM + cost, np.inf)))
 
 
-def _mixed(plan: Plan, index: int) -> bytes:
-    return hashlib.sha256(f'{plan.plan_id} {index}'.encode('ascii')).digest()
+def _mixed(plan: Plan, point: Point) -> bytes:
+    return hashlib.sha256(f'{plan.plan_id} {point.press}'.encode('ascii')).digest()
 
 
 def travel_mm(points: Sequence[Point]) -> float:
@@ -66,7 +75,7 @@ def travel_mm(points: Sequence[Point]) -> float:
 
 
 def least_rest(points: Sequence[Point], rest_mm: float) -> int:
-    """The least number of presses between two that are nearer than `rest_mm` to each other."""
+    """The least number of presses that lie between two that are nearer than `rest_mm` to each other."""
     places = np.array([point[1:3] for point in points])
     for gap in range(1, len(points)):
         if (np.hypot(*(places[gap:] - places[:-gap]).T) < rest_mm).any():

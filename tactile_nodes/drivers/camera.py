@@ -28,6 +28,7 @@ class SceneSettings:
 
     gel: str = parameter('', "YAML file of the gel's properties; empty: the paper's gel")
     gel_seed: int = parameter(-1, 'where the markers are; -1: as in the file', minimum=-1)
+    world: str = parameter('', 'name of a world that a node of this process shares, whose tip presses instead')
     seed: int = parameter(1, 'where and how deep the tip presses')
     start_ns: int = parameter(
         0, "nothing touches the gel before this time of the host's time base; 0: a second after the start", minimum=0

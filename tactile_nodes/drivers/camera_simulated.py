@@ -21,6 +21,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth
+from tactile_nodes.simulation.worlds import Shared
 
 NAME = 'the simulated camera'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
@@ -63,6 +64,8 @@ class SimulatedCamera:
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
             scene.schedule = _schedule(self._settings.scene, self._start_ns + REST_BEFORE_FIRST_PRESS_NS)
+        if self._settings.scene.world:
+            scene.schedule = Shared(self._settings.scene.world)
         self._scene = scene
         self._sequence, self._dropped = -1, 0
 

@@ -14,7 +14,7 @@ from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.runtime import NodeFactory, run_nodes
 from tactile_nodes.errors import ConfigurationError, TactileError
 
-KNOWN = ('camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge')
+KNOWN = ('camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig')
 
 
 def node_class(name: str) -> type[Node]:

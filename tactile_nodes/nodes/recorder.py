@@ -35,7 +35,7 @@ _MB = 1_000_000
 class RecorderParams(NodeParams):
     """Parameters of the recorder."""
 
-    bag: str = parameter('', 'folder to write, which must not exist; empty: rosbag2_<date> in the working folder')
+    bag: str = parameter('', 'folder to write, which must not exist; empty or ending in a slash: rosbag2_<date> in it')
     topics: tuple[str, ...] = parameter((), 'topics to record; empty: those that the topic table marks as recorded')
     all: bool = parameter(False, 'record every topic there is')
     regex: str = parameter('', 'record also the topics in which this expression is found')
@@ -77,7 +77,7 @@ class RecorderNode(Node):
         names = frozenset(self.names.resolve(name) for name in params.topics)
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * _MB, params.max_file_bytes, params.max_file_s)
-        self.writer = BagWriter(params.bag or dated_name(), compression=params.compression, limits=limits)
+        self.writer = BagWriter(_folder(params.bag), compression=params.compression, limits=limits)
         self.failure, self.missed, self.malformed, self._bytes_before = None, 0, 0, 0
         self._look()
         return f'recording into {self.writer.folder}'
@@ -194,6 +194,11 @@ def describe(totals: BagTotals) -> str:
 def dated_name() -> Path:
     """The name that ``ros2 bag record`` gives: 'rosbag2_2030_01_31-13_59_59'."""
     return Path(datetime.fromtimestamp(wall_ns() / NS_PER_S).strftime('rosbag2_%Y_%m_%d-%H_%M_%S'))
+
+
+def _folder(bag: str) -> Path:
+    """What the parameter `bag` means."""
+    return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)
 
 
 def _in_table(topic: str) -> bool:

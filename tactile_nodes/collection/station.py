@@ -1,0 +1,109 @@
+"""The rig as it stands: machine, sensor and camera images, brought together with their threads and the safety.
+
+Four threads: the sensor's own, which hands every sample to the safety; the guard's, which stops the machine; one that
+passes samples on; and that of the run. Whoever makes a `Station` closes it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.hands import Guard, Hands
+from tactile_nodes.collection.readings import Picture, Readings, frame_of
+from tactile_nodes.collection.safety import Safety
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched, open_cnc
+from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, Sample, open_force_torque
+from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
+from tactile_nodes.emulators.mounting import UPRIGHT, UPSIDE_DOWN, Mounted
+from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.errors import TactileError
+from tactile_nodes.simulation import worlds
+
+WORLD = 'rig'
+READ_S = 0.1
+
+
+class Station:
+    """Open devices under a safety.
+
+    Args:
+        settings: limits and motion.
+        cnc: which machine.
+        force_torque: which sensor.
+        world: where simulated devices stand; shared under the name ``rig``.
+        clock: the host's.
+        on_sample: told every sample, in a thread of its own.
+        on_status: told where the machine is, in the thread of the run.
+        on_switch: told each switching of the digital line, likewise.
+
+    Raises:
+        ConfigurationError, DeviceError: a device that cannot be opened.
+    """
+
+    def __init__(
+        self,
+        settings: CollectionSettings,
+        cnc: CncSettings,
+        force_torque: ForceTorqueSettings,
+        world: WorldSettings,
+        clock: Clock,
+        on_sample: Callable[[Sample], None],
+        on_status: Callable[[CncStatus], None],
+        on_switch: Callable[[Switched], None],
+    ) -> None:
+        self._on_sample = on_sample
+        self._clock = clock
+        self._open = True
+        self.readings = Readings()
+        self.world = World(world) if SIMULATED in {cnc.source, force_torque.source} else None
+        if self.world is not None:
+            worlds.share(WORLD, self.world)
+        self.cnc: Cnc = open_cnc(cnc, clock, machine=self.world)
+        self.guard = Guard(self.cnc, clock)
+        self.safety = Safety(settings.limits, self.guard.trip)
+        try:
+            self.sensor = self._sensor(force_torque, settings)
+        except BaseException:
+            self.cnc.close()
+            raise
+        self.sensor.listen(self.safety.sample)
+        self.sensor.listen(self.readings.put_sample)
+        stopped = self.guard.stopped
+        self.hands = Hands(self.cnc, clock, self.safety, self.readings, settings.motion, on_status, on_switch, stopped)
+        self.guard.start(self.safety)
+        self._pump = threading.Thread(target=self._pass_on, name='force samples', daemon=True)
+        self._pump.start()
+
+    def image(self, stamp_ns: int, image: Picture) -> None:
+        """An image has come. Raises ImageError."""
+        self.safety.frame(self._clock.now_ns())
+        self.readings.put_frame(frame_of(stamp_ns, image))
+
+    def close(self) -> None:
+        """Let go of the devices; the machine's motors stay on."""
+        self._open = False
+        self.guard.close()
+        self._pump.join(5 * READ_S)
+        self.sensor.close()
+        self.cnc.close()
+
+    def _sensor(self, asked: ForceTorqueSettings, settings: CollectionSettings) -> ForceTorqueSensor:
+        if asked.source != SIMULATED or self.world is None:
+            return open_force_torque(asked, self._clock)
+        mounted = Mounted(self.world, UPSIDE_DOWN if settings.mounting.upside_down else UPRIGHT)
+        sensor = SimulatedForceTorque(asked, self._clock, mounted)
+        sensor.open()
+        return sensor
+
+    def _pass_on(self) -> None:
+        while self._open:
+            try:
+                samples = self.sensor.read(READ_S)
+            except TactileError:  # the safety sees the silence, the sensor's health says it
+                self._clock.sleep_until(self._clock.now_ns() + round(READ_S * 1e8))
+                continue
+            for sample in samples:
+                self._on_sample(sample)

@@ -1,0 +1,123 @@
+"""A camera that looks at a world: MJPEG over HTTP on the loopback address, as cheap network cameras send it.
+
+A picture is rendered when it is due and somebody looks; whoever comes too late for one gets the next.
+"""
+
+from __future__ import annotations
+
+import http.server
+import threading
+from types import TracebackType
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.world import World, contact_table
+from tactile_nodes.simulation.optics import Optics
+
+LOOPBACK = '127.0.0.1'
+BOUNDARY = 'picture'
+QUALITY = 95
+
+
+class CameraStream:
+    """The server, for as long as it is open; ``silent`` holds the pictures back, ``delay_s`` sends old ones.
+
+    Args:
+        world: what it looks at.
+        clock: when pictures are due.
+        fps: pictures a second; a slow machine makes fewer.
+        port: to listen at; 0: any.
+    """
+
+    def __init__(self, world: World, clock: Clock, fps: float = 30.0, port: int = 0) -> None:
+        self.silent = False
+        self.delay_s = 0.0
+        self._world = world
+        self._clock = clock
+        self._fps = fps
+        self._optics = Optics(world.gel, contact_table(world.gel))
+        self._stop = threading.Event()
+        self._server = _server(self, port)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), name='camera', daemon=True)
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._server.server_address[1])
+
+    def __enter__(self) -> CameraStream:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
+
+    def parts(self) -> _Parts:
+        """The pictures of one viewer."""
+        return _Parts(self)
+
+    def picture(self, time_ns: int) -> bytes:
+        """The JPEG picture at a time."""
+        import cv2
+
+        image = self._optics.render(self._world.presses_at(time_ns), noise_seed=time_ns)
+        _, data = cv2.imencode('.jpg', np.asarray(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        return bytes(data)
+
+    def next_picture(self, after_ns: int) -> tuple[int, bytes] | None:
+        """The next one that is due after a time, when it is due; None: the end."""
+        period_ns = round(NS_PER_S / self._fps)
+        due_ns = max(after_ns + period_ns, self._clock.now_ns())
+        while not self._stop.is_set():
+            left_s = (due_ns - self._clock.now_ns()) / NS_PER_S
+            if left_s <= 0 and not self.silent:
+                now_ns = self._clock.now_ns()
+                return now_ns, self.picture(now_ns - round(self.delay_s * NS_PER_S))
+            self._stop.wait(min(max(left_s, 0.001), 0.02))
+        return None
+
+
+class _Parts:
+    def __init__(self, stream: CameraStream) -> None:
+        self._stream = stream
+        self._last_ns = 0
+
+    def __iter__(self) -> _Parts:
+        return self
+
+    def __next__(self) -> bytes:
+        found = self._stream.next_picture(self._last_ns)
+        if found is None:
+            raise StopIteration
+        self._last_ns, data = found
+        head = f'--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n'
+        return head.encode('ascii') + data + b'\r\n'
+
+
+class _ThreadingServer(http.server.ThreadingHTTPServer):
+    daemon_threads = True
+    block_on_close = False
+
+
+def _server(owner: CameraStream, port: int) -> _ThreadingServer:
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header('Content-Type', f'multipart/x-mixed-replace; boundary={BOUNDARY}')
+            self.end_headers()
+            try:
+                for part in owner.parts():
+                    self.wfile.write(part)
+            except OSError:  # the viewer has gone
+                self.close_connection = True
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Quiet."""
+
+    return _ThreadingServer((LOOPBACK, port), Handler)
