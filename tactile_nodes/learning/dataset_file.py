@@ -86,10 +86,12 @@ def load_dataset(path: Path | str) -> RecordedPresses:
 
 def _entries(path: Path) -> dict[str, Any]:
     try:
-        with np.load(path, allow_pickle=False) as opened:
-            if not isinstance(opened, np.lib.npyio.NpzFile):
-                raise DatasetError(f'{path} is no data set of tactile_nodes')
-            return {name: opened[name] for name in opened.files}
+        with path.open('rb') as opened:  # numpy leaves a file open that it opened itself and cannot read
+            loaded = np.load(opened, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
+            with loaded:
+                return {name: loaded[name] for name in loaded.files}
     except FileNotFoundError as error:
         raise DatasetError(
             f'there is no data set {path}; make one with: tactile dataset build BAG -o {path}'

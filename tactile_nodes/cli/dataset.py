@@ -1,0 +1,176 @@
+"""``tactile dataset``: training sets from the bags of a collection."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tactile_nodes.cli.session import Verbs
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.building import BuildOptions
+    from tactile_nodes.learning.config import Choice
+    from tactile_nodes.learning.recordings import RecordedPresses
+
+DESCRIPTION = 'Make a training set of the bags of a collection, and say what it holds.'
+EPILOG = """\
+examples:
+  tactile dataset build collected_1 collected_2 -o presses.npz --gel gel-7
+  tactile dataset build collected_1 -o presses.npz --encoding cartesian_mean --rows 20 --cols 20
+  tactile dataset info presses.npz --picture presses.png
+  tactile train --dataset presses.npz -o gel-7.safetensors
+"""
+FRAMES = ('mean', 'first', 'each')
+LIMITS = {
+    'max_force_rate': ('force_rate_n_per_s', 'N/s', 'leave out presses whose force changed faster in the window'),
+    'max_deviation': ('force_deviation_n', 'N', 'leave out presses whose force spread more in the window'),
+    'max_depth_error': ('depth_error_mm', 'MM', 'leave out presses that were that far from the depth commanded'),
+    'max_force': ('largest_force_n', 'N', 'leave out presses with more force'),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    verbs = Verbs(parser)
+    _add_build(verbs.add('build', _build, 'make a data set of bags'))
+    info = verbs.add('info', _info, 'say what a data set holds')
+    info.add_argument('file', type=Path, help='a data set')
+    info.add_argument(
+        '--picture', type=Path, metavar='FILE.png', help='draw coverage, force over depth, forces, a label'
+    )
+    info.add_argument('--left-out', action='store_true', help='list every attempt that was left out')
+
+
+def _add_build(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
+    parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE', help='the file to write (.npz)')
+    parser.add_argument('--gel', default='', help='name of the gel, or the YAML file of a simulated one')
+    parser.add_argument('--flow', default='dis', metavar='NAME', help='how motion is measured (default: dis)')
+    parser.add_argument('--flow-options', nargs='+', default=[], metavar='NAME=VALUE', help='options of the flow')
+    parser.add_argument(
+        '--encoding', default='polar_mean', metavar='NAME', help='how motion is summed up (default: polar_mean)'
+    )
+    parser.add_argument('--rows', type=int, default=40, help='regions of the image along y (default: 40)')
+    parser.add_argument('--cols', type=int, default=40, help='regions of the image along x (default: 40)')
+    parser.add_argument('--bins', default='9x9', metavar='ROWSxCOLS', help='bins of the labels (default: 9x9)')
+    parser.add_argument('--surface', default='32x32', metavar='MMxMM', help='what the bins divide (default: 32x32)')
+    parser.add_argument('--crop', type=int, default=440, metavar='PX', help='side of the images (default: 440)')
+    parser.add_argument(
+        '--frames', choices=FRAMES, default='mean', help='which images of a window are measured (default: mean)'
+    )
+    parser.add_argument(
+        '--without-contact', type=float, default=0.05, metavar='SHARE',
+        help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
+    )  # fmt: skip
+    parser.add_argument('--separate-runs', action='store_true', help='bags of one plan are runs, not one run resumed')
+    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    for name, (_, unit, line) in LIMITS.items():
+        parser.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=unit, help=line)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what the second word says."""
+    status: int = arguments.action(arguments)
+    return status
+
+
+def _build(arguments: argparse.Namespace) -> int:
+    from tactile_nodes.learning.building import build
+    from tactile_nodes.learning.dataset_file import save_dataset
+    from tactile_nodes.learning.dataset_report import report
+    from tactile_nodes.learning.progress import TerminalProgress
+
+    progress = TerminalProgress()
+    command = shlex.join(['tactile', *sys.argv[1:]])
+    try:
+        presses = build(arguments.bags, build_options(arguments), progress, command=command)
+    except KeyboardInterrupt:
+        progress.say('stopped; what was measured is kept, and the same command goes on from there')
+        raise
+    save_dataset(arguments.output, presses)
+    print(report(presses))
+    _point_to_the_list(presses, arguments.output)
+    return 0
+
+
+def _point_to_the_list(presses: RecordedPresses, file: Path) -> None:
+    if presses.card['left_out']:
+        print(f'each of them: tactile dataset info {file} --left-out')
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    from tactile_nodes.learning.dataset_file import load_dataset
+    from tactile_nodes.learning.dataset_report import left_out_table, report
+
+    presses = load_dataset(arguments.file)
+    print(report(presses))
+    if arguments.left_out:
+        print(left_out_table(presses.card['left_out'], presses.card['bag_names']))
+    if arguments.picture:
+        from tactile_nodes.learning.dataset_picture import draw
+
+        draw(presses, arguments.picture)
+        print(f'drawn: {arguments.picture}')
+    return 0
+
+
+def build_options(arguments: argparse.Namespace) -> BuildOptions:
+    """The options that the command line says.
+
+    Raises:
+        ConfigurationError: one of them cannot be used.
+    """
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.building import BuildOptions
+    from tactile_nodes.learning.exclusions import Limits
+    from tactile_nodes.learning.labels import parse_bins
+
+    if not 0 <= arguments.without_contact <= 0.5:
+        raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')
+    given = {field: value for name, (field, *_) in LIMITS.items() if (value := getattr(arguments, name)) is not None}
+    flow, encoding = _choices(arguments)
+    return BuildOptions(
+        flow=flow,
+        encoding=encoding,
+        bins=parse_bins(arguments.bins, arguments.surface),
+        frames=arguments.frames,
+        without_contact=arguments.without_contact,
+        limits=dataclasses.replace(Limits(), **given),
+        gel=_gel(arguments.gel),
+        crop=arguments.crop,
+        separate_runs=arguments.separate_runs,
+        namespace=arguments.namespace,
+    )
+
+
+def _choices(arguments: argparse.Namespace) -> tuple[Choice, Choice]:
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.config import Choice
+    from tactile_nodes.params import parse_scalar
+
+    options: dict[str, object] = {}
+    for text in arguments.flow_options:
+        name, equals, value = text.partition('=')
+        if not equals:
+            raise ConfigurationError(f'{text!r} is no option of the flow; write NAME=VALUE, for example preset=medium')
+        options[name] = parse_scalar(value)
+    regions = {'rows': arguments.rows, 'cols': arguments.cols}
+    if min(*regions.values(), arguments.crop) < 1:
+        raise ConfigurationError('--rows, --cols and --crop must be at least 1')
+    return Choice(arguments.flow, options), Choice(arguments.encoding, regions)
+
+
+def _gel(text: str) -> dict[str, Any]:
+    """What is known of the gel: its name, or all properties of a simulated one."""
+    if not text.endswith(('.yaml', '.yml')):
+        return {'id': text}
+    from tactile_nodes.params import load_mapping
+    from tactile_nodes.simulation.gel import Gel
+
+    written = {name.removeprefix('gel.'): located.value for name, located in load_mapping(text).items()}
+    gel = Gel.from_mapping(written, text)
+    return {'id': gel.gel_id, **dataclasses.asdict(gel)}

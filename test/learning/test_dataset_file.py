@@ -1,0 +1,214 @@
+"""Files of data sets: they come back as they were, say what they are, and a damaged one is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
+from tactile_nodes.learning.building import BuildOptions, build
+from tactile_nodes.learning.config import Choice, NetworkConfig, TrainConfig, TrainingConfig, load_train_config
+from tactile_nodes.learning.dataset_file import load_dataset, save_dataset
+from tactile_nodes.learning.dataset_picture import draw
+from tactile_nodes.learning.dataset_report import report
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.source import with_file
+from tactile_nodes.sensing.geometry import BinGrid
+
+pytestmark = pytest.mark.usefixtures('own_cache')
+
+OPTIONS = BuildOptions(
+    encoding=Choice('cartesian_mean', {'rows': 20, 'cols': 20}), without_contact=0.2, gel={'id': 'gel-7'}
+)
+
+
+@pytest.fixture(scope='module')
+def presses(bag: Path, own_cache: Path) -> RecordedPresses:
+    return build([bag], OPTIONS, command='tactile dataset build collected')
+
+
+@pytest.fixture(scope='module')
+def file(presses: RecordedPresses, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp('files') / 'presses.npz'
+    save_dataset(path, presses)
+    return path
+
+
+def test_what_was_written_is_read(presses: RecordedPresses, file: Path) -> None:
+    found = load_dataset(file)
+    for name, array in presses.arrays().items():
+        np.testing.assert_array_equal(getattr(found, name), array)
+    assert dict(found.card) == dict(presses.card)
+    assert found.fingerprint == presses.fingerprint
+
+
+def test_the_same_presses_give_the_same_bytes(presses: RecordedPresses, file: Path, tmp_path: Path) -> None:
+    save_dataset(tmp_path / 'again.npz', presses)
+    assert (tmp_path / 'again.npz').read_bytes() == file.read_bytes()
+
+
+def test_numpy_alone_opens_the_file_without_pickle(file: Path) -> None:
+    with np.load(file, allow_pickle=False) as opened:
+        card = json.loads(str(opened['card']))
+        assert opened['labels'].shape == (15, 81)
+    assert card['labels']['reading'].startswith('9x9 bins of 3.556x3.556 mm over 32x32 mm')
+    assert card['bags'][0]['gel'] == 'gel-7'
+
+
+def test_the_fingerprint_changes_with_any_value(presses: RecordedPresses) -> None:
+    other = dataclasses.replace(presses, force_n=presses.force_n + np.eye(1, len(presses), 3)[0] * 1e-9)
+    assert other.fingerprint != presses.fingerprint
+
+
+def test_the_fingerprint_does_not_depend_on_how_the_file_came_about(presses: RecordedPresses) -> None:
+    other = dataclasses.replace(presses, card={**presses.card, 'command': 'another', 'bag_names': ['elsewhere']})
+    assert other.fingerprint == presses.fingerprint
+
+
+def test_a_missing_file_is_told_with_what_makes_one(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r'there is no data set .*tactile dataset build'):
+        load_dataset(tmp_path / 'none.npz')
+
+
+def test_damage_anywhere_is_noticed(file: Path, tmp_path: Path) -> None:
+    """One bit in each of fifty places, through the whole file."""
+    data = file.read_bytes()
+    damaged = tmp_path / 'damaged.npz'
+    for place in np.linspace(0, len(data) - 30, 50).astype(int).tolist():
+        damaged.write_bytes(data[:place] + bytes([data[place] ^ 0x10]) + data[place + 1 :])
+        try:
+            found = load_dataset(damaged)
+        except DatasetError:
+            continue
+        # Some bits of a zip archive mean nothing: dates, for instance.
+        assert found.fingerprint == load_dataset(file).fingerprint
+
+
+@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 no archive', b'\x80\x04pickle', b'text' * 100, b'\x93NUMPY'])
+def test_what_is_no_data_set_is_refused_with_a_sentence(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / 'foreign.npz').write_bytes(content)
+    with pytest.raises(DatasetError, match=r'foreign\.npz'):
+        load_dataset(tmp_path / 'foreign.npz')
+
+
+def test_a_plain_array_is_refused(tmp_path: Path) -> None:
+    with (tmp_path / 'array.npz').open('wb') as opened:
+        np.save(opened, np.zeros(3))
+    with pytest.raises(DatasetError, match='no data set'):
+        load_dataset(tmp_path / 'array.npz')
+
+
+def test_a_file_cut_short_is_refused(file: Path, tmp_path: Path) -> None:
+    (tmp_path / 'cut.npz').write_bytes(file.read_bytes()[:-1000])
+    with pytest.raises(DatasetError, match='damaged'):
+        load_dataset(tmp_path / 'cut.npz')
+
+
+def test_values_changed_by_hand_are_noticed(file: Path, tmp_path: Path) -> None:
+    with np.load(file, allow_pickle=False) as opened:
+        arrays = {name: opened[name] for name in opened.files}
+    np.savez(tmp_path / 'better.npz', **{**arrays, 'force_n': arrays['force_n'] * 2})
+    with pytest.raises(DatasetError, match='does not match its fingerprint'):
+        load_dataset(tmp_path / 'better.npz')
+
+
+def test_arrays_that_do_not_go_together_are_refused(presses: RecordedPresses, tmp_path: Path) -> None:
+    save_dataset(tmp_path / 'odd.npz', dataclasses.replace(presses, confidence_row=presses.confidence_row + 9))
+    with pytest.raises(DatasetError, match='damaged'):
+        load_dataset(tmp_path / 'odd.npz')
+
+
+def test_a_newer_format_is_told(presses: RecordedPresses, tmp_path: Path) -> None:
+    save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 2}))
+    with pytest.raises(DatasetError, match='has version 2, this release reads version 1'):
+        load_dataset(tmp_path / 'new.npz')
+
+
+def test_the_report_tells_what_there_is(presses: RecordedPresses) -> None:
+    text = report(presses)
+    assert '15: 12 of 12 presses, 3 of the untouched gel' in text
+    assert '0.5 mm (4), 1 mm (4), 1.5 mm (4)' in text
+    assert 'gel-7' in text
+    assert '20x20x2 of cartesian_mean from dis (preset ultrafast' in text
+
+
+def test_the_picture_is_drawn(presses: RecordedPresses, tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    draw(presses, tmp_path / 'presses.png')
+    assert (tmp_path / 'presses.png').read_bytes().startswith(b'\x89PNG')
+
+
+# --- training and evaluation ------------------------------------------------------------------------------
+
+
+def run_config(folder: Path, file: Path, split: str = 'sample') -> TrainConfig:
+    config = TrainConfig(
+        output=folder / 'model.safetensors',
+        network=NetworkConfig(hidden=(8,), dropout=0.0),
+        training=TrainingConfig(batch=5, epochs=2, warm_up_epochs=1, threads=1, validation=0.2),
+    )
+    return dataclasses.replace(config, data=dataclasses.replace(config.data, file=str(file), split=split))
+
+
+def test_the_file_decides_flow_features_and_bins(presses: RecordedPresses, file: Path, tmp_path: Path) -> None:
+    config = with_file(run_config(tmp_path, file), presses)
+    assert (config.encoding.name, config.encoding.options['rows']) == ('cartesian_mean', 20)
+    assert config.bins == BinGrid()
+
+
+def test_a_run_that_asks_for_other_features_is_refused(presses: RecordedPresses, file: Path, tmp_path: Path) -> None:
+    (tmp_path / 'run.yaml').write_text(f'data: {{file: "{file}"}}\nencoding: {{name: polar_mean}}\n')
+    with pytest.raises(ConfigurationError, match=r'asks for encoding .*polar_mean.* made with .*cartesian'):
+        with_file(load_train_config(tmp_path / 'run.yaml'), presses)
+
+
+def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
+    """Three of twelve presses are put aside (a fifth, rounded up); of the nine left seven train."""
+    from tactile_nodes.learning.source import training_data
+
+    data = training_data(run_config(tmp_path, file), Progress())
+    touched = data.dataset.presses[:, 2] > 0
+    assert (touched.sum(), (touched & ~data.held_out).sum()) == (9, 7)
+
+
+@pytest.mark.parametrize('split', ['sample', 'position'])
+def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path, tmp_path: Path, split: str) -> None:
+    pytest.importorskip('torch')
+    from tactile_nodes.learning.evaluate import evaluate_recorded, table
+    from tactile_nodes.learning.train import train
+    from tactile_nodes.model_file import load_model
+
+    model = train(run_config(tmp_path, file, split))
+    card = load_model(model).card
+    assert (card['data']['origin'], card['data']['split'], card['gel']) == ('recorded', split, {'id': 'gel-7'})
+    assert card['data']['fingerprint'] == load_dataset(file).fingerprint
+    scores = evaluate_recorded(model, file)
+    assert scores.groups['all presses'].presses == 3
+    assert f'put aside by {split}' in table(scores)
+    other = 'position' if split == 'sample' else 'sample'
+    with pytest.raises(ModelError, match='it saw presses of the test set'):
+        evaluate_recorded(model, file, split=other)
+
+
+def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_path: Path) -> None:
+    pytest.importorskip('torch')
+    from tactile_nodes.learning.evaluate import evaluate_recorded
+    from tactile_nodes.learning.train import train
+
+    model = train(run_config(tmp_path, file))
+    save_dataset(tmp_path / 'first.npz', build([bag], dataclasses.replace(OPTIONS, frames='first')))
+    with pytest.raises(ModelError, match='presses of the same bags'):
+        evaluate_recorded(model, tmp_path / 'first.npz')
+
+
+def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> None:
+    from tactile_nodes.learning.evaluate import evaluate_recorded
+    from tactile_nodes.model_file import find_model
+
+    with pytest.raises(ModelError, match='was trained with encoding'):
+        evaluate_recorded(find_model('paper'), file)
