@@ -89,8 +89,7 @@ class TickClock:
             self._refit()
         elif y < self._block[1]:
             self._block = (x, y)
-            if y < self._line[0] + self._line[1] * x:
-                self._refit()
+            self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
 
     def _end_block(self) -> None:
         if self._block is not None:

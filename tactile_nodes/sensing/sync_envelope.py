@@ -27,13 +27,14 @@ def lower_line(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], steep
 
 
 def _lower_hull(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n']) -> list[int]:
+    points = list(zip(x.tolist(), y.tolist(), strict=True))  # plain numbers: an array's elements are ten times slower
     hull: list[int] = []
-    for i in range(len(x)):
-        while len(hull) >= 2 and _turns_right(x, y, hull[-2], hull[-1], i):
+    for i, point in enumerate(points):
+        while len(hull) >= 2 and _turns_right(points[hull[-2]], points[hull[-1]], point):
             hull.pop()
         hull.append(i)
     return hull
 
 
-def _turns_right(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], a: int, b: int, c: int) -> bool:
-    return bool((x[b] - x[a]) * (y[c] - y[a]) <= (y[b] - y[a]) * (x[c] - x[a]))
+def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])

@@ -1,0 +1,216 @@
+"""Bota frames and the text line byte for byte, the configuration dialogue, and what comes down a bad line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ft_rigs import Rig, assert_counted, read, read_until, rig_of
+
+from tactile_nodes.drivers import force_torque_bota as bota
+from tactile_nodes.drivers import force_torque_text as text
+from tactile_nodes.drivers.force_torque import Flag, ForceTorqueSettings, TextLineSettings
+from tactile_nodes.drivers.force_torque_serial import Gaps, Repetition
+from tactile_nodes.errors import DeviceError, DeviceTimeoutError
+
+# Status 0; 1, -2, 0.5 N; 0, 0.25, -0.125 N·m; 1 000 000 µs; 25 °C.
+BODY = bytes.fromhex('0000 0000803f 000000c0 0000003f 00000000 0000803e 000000be 40420f00 0000c841')
+FRAME = b'\xaa' + BODY + bota.crc16_x25(BODY).to_bytes(2, 'little')
+READING = bota.Frame(0, (1.0, -2.0, 0.5, 0.0, 0.25, -0.125), 1_000_000, 25.0)
+
+
+class ScriptedPort:
+    """A port on which a dialogue is played: for each command that is expected, what is answered."""
+
+    name = 'port'
+
+    def __init__(self, greeting: bytes, dialogue: list[tuple[bytes, bytes]]) -> None:
+        self._to_say = [greeting]
+        self._dialogue = dialogue
+
+    def write(self, data: bytes) -> None:
+        expected, answer = self._dialogue.pop(0)
+        assert data == expected
+        self._to_say.append(answer)
+
+    def read(self, timeout_s: float) -> bytes:
+        return self._to_say.pop(0) if self._to_say else b''
+
+    def close(self) -> None:
+        assert not self._dialogue
+
+
+DIALOGUE = [
+    (b'C', b'r,0,C,0\r\n'),
+    (b'c,0,1,0,4', b'r,0,c,0\r\n'),
+    (b'f,512,0,0,1', b'r,0,f,0\r\n'),
+    (b'R', b'r,0,R,0\r\n'),
+]
+
+
+def test_the_check_sum_is_crc_16_x25() -> None:
+    assert bota.crc16_x25(b'123456789') == 0x906E
+
+
+def test_a_frame_is_37_bytes_little_endian() -> None:
+    assert len(FRAME) == bota.FRAME_BYTES == 37
+    assert bota.parse(FRAME) == READING
+
+
+def test_a_frame_is_found_whatever_comes_before_it_and_in_whatever_pieces() -> None:
+    parser = bota.FrameParser()
+    stream = b'r,0,R,0\r\n\xaa\xaa' + FRAME + FRAME
+    frames = [frame for byte in stream for frame in parser.feed(bytes([byte]))]
+    assert frames == [READING, READING]
+    assert parser.bad == 2
+
+
+def test_a_damaged_frame_is_dropped_and_the_next_one_found() -> None:
+    parser = bota.FrameParser()
+    damaged = FRAME[:20] + bytes([FRAME[20] ^ 1]) + FRAME[21:]
+    assert parser.feed(damaged + FRAME) == [READING]
+
+
+def test_a_force_that_is_no_number_is_no_frame() -> None:
+    body = BODY[:2] + bytes.fromhex('0000c07f') + BODY[6:]
+    assert bota.parse(b'\xaa' + body + bota.crc16_x25(body).to_bytes(2, 'little')) is None
+
+
+@pytest.mark.parametrize(
+    ('status', 'flags'),
+    [(0, 0), (1, Flag.WARNING), (2, Flag.SATURATED), (4, Flag.FAULT), (8, Flag.FAULT), (16, Flag.FAULT), (3, 16 | 2)],
+)
+def test_the_bits_of_the_status_have_their_meaning(status: int, flags: int) -> None:
+    assert bota.flags_of(status) == flags
+
+
+@pytest.mark.parametrize(('rate_hz', 'sinc'), [(100, 512), (200, 256), (800, 64), (1000, 51), (5000, 51), (10, 512)])
+def test_the_filter_gives_the_rate(rate_hz: float, sinc: int) -> None:
+    assert bota.sinc_for(rate_hz) == sinc
+
+
+def test_the_dialogue_is_that_of_the_manual() -> None:
+    port = ScriptedPort(b'App Init\r\n', list(DIALOGUE))
+    bota.set_up(port, 512, 460_800)
+    port.close()
+
+
+def test_a_sensor_that_runs_already_is_set_up_all_the_same() -> None:
+    port = ScriptedPort(FRAME * 4, [(b'C', FRAME[5:] + b'r,0,C,0\r\n'), *DIALOGUE[1:]])
+    bota.set_up(port, 512, 460_800)
+    port.close()
+
+
+def test_a_refused_command_is_named() -> None:
+    port = ScriptedPort(b'App Init', [*DIALOGUE[:2], (b'f,512,0,0,1', b'r,0,f,1\r\n')])
+    with pytest.raises(DeviceError, match='refuses'):
+        bota.set_up(port, 512, 460_800)
+
+
+def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
+    with pytest.raises(DeviceTimeoutError, match='does not answer'):
+        bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')]), 512, 460_800)
+
+
+@pytest.mark.parametrize(
+    ('line', 'expected'),
+    [
+        (b'1200,-351', (1200, (-351.0,))),
+        (b'4294967295,8388607\r', (2**32 - 1, (8388607.0,))),
+        (b'5, 1.5, -2e3, 0, 1, 2, 3', (5, (1.5, -2000.0, 0, 1, 2, 3))),
+    ],
+)
+def test_a_line_is_a_time_and_one_to_six_numbers(line: bytes, expected: tuple) -> None:
+    assert text.parse(line) == expected
+
+
+@pytest.mark.parametrize(
+    'line',
+    [b'', b'1200', b'1200,', b'-5,3', b'1200,abc', b'1,2,3,4,5,6,7,8', b'12 00,3', b'1200,0x7f', b'1200,nan', b'# 1,2'],
+)
+def test_anything_else_is_no_line(line: bytes) -> None:
+    assert text.parse(line) is None
+
+
+def test_the_first_line_may_have_lost_its_head_and_is_not_believed() -> None:
+    parser = text.LineParser()
+    lines = parser.feed(b'34,5\r\n1000,7\r\n# remark\r\n\r\n20') + parser.feed(b'00,8\nrubbish\n')
+    assert lines == [(1000, (7.0,)), (2000, (8.0,))]
+    assert parser.bad == 1
+
+
+def test_a_line_that_never_ends_does_not_fill_the_memory() -> None:
+    parser = text.LineParser()
+    assert parser.feed(b'x' * 10_000) == []
+    assert parser.feed(b'y\n5,6\n') == [(5, (6.0,))]
+
+
+def test_channels_go_to_their_axes_and_the_others_are_not_zero() -> None:
+    settings = TextLineSettings(axes=('tz', 'fx'), units_per_count=(0.001, 0.5))
+    wrench = text.wrench_of((30.0, 4.0), settings)
+    assert (wrench[5], wrench[0]) == (0.03, 2.0)
+    assert all(map(math.isnan, wrench[1:5]))
+
+
+@pytest.mark.parametrize(
+    ('axes', 'scales'), [(('fz', 'fz'), (1.0, 1.0)), (('up',), (1.0,)), ((), ()), (('fx', 'fz'), (1.0,))]
+)
+def test_channels_that_cannot_be_assigned_are_refused(axes: tuple, scales: tuple) -> None:
+    with pytest.raises(ValueError, match='axes'):
+        TextLineSettings(axes=axes, units_per_count=scales)
+
+
+def test_missing_samples_follow_from_the_sensors_own_clock() -> None:
+    """12 500 µs from one to the next: 37 480 µs are three periods."""
+    gaps = Gaps(12_500)
+    assert [gaps.missing(ticks) for ticks in (0, 12_510, 49_990, 62_500)] == [0, 0, 2, 0]
+
+
+def test_the_period_is_learnt_where_nobody_says_it() -> None:
+    gaps = Gaps()
+    for number in range(8):
+        gaps.missing(number * 100_000)
+    assert gaps.period_ticks == 100_000
+    assert gaps.missing(1_000_000) == 2
+
+
+def test_a_converter_that_stands_still_is_told_from_one_that_is_quiet() -> None:
+    repetition = Repetition(3)
+    assert [repetition.too_often(value) for value in (5, 5, 5, 5, 6, 6, 6)] == [False] * 3 + [True] + [False] * 3
+
+
+@pytest.fixture(params=['bota', 'text'])
+def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
+    with rig_of(request.param, tmp_path) as made:
+        yield made
+
+
+def test_garbage_on_the_line_loses_samples_and_nothing_else(rig: Rig) -> None:
+    sensor = rig.open()
+    read(sensor, 20)
+    rig.faults.garbage, rig.faults.garble = 3, 2
+    read_until(sensor, lambda sample: sample.dropped > 3)
+    samples = read(sensor, 40)
+    assert_counted(samples)
+    assert 4 <= samples[-1].dropped <= 7  # a damaged byte may be in the time, or take the line end with it
+    assert all(abs(sample.wrench[2] - 2.0) < 0.1 for sample in samples)
+
+
+def test_values_that_repeat_for_ever_are_no_measurement(rig: Rig) -> None:
+    sensor = rig.open()
+    rig.faults.stuck = True
+    sample = read_until(sensor, lambda sample: bool(sample.flags & Flag.STALLED))
+    assert not sample.usable
+
+
+def test_bytes_that_are_never_a_sample_are_told_from_silence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text, 'GARBAGE_S', 0.2)
+    with rig_of('text', tmp_path) as rig:
+        wrong = ForceTorqueSettings(
+            rig.settings.source, text=TextLineSettings(axes=('fx', 'fz'), units_per_count=(1.0, 1.0))
+        )
+        with pytest.raises(DeviceTimeoutError, match='no lines of t_us and 2 channels'):
+            rig.make(wrong)
