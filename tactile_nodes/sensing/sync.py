@@ -15,14 +15,13 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from tactile_nodes.sensing.sync_match import Lines, Match, best_matches
+from tactile_nodes.sensing.sync_robust import RobustLine, bend, robust_line
 
 NS_PER_S = 1_000_000_000
 ENOUGH_MATCHED = 0.6
 ENOUGH_INLIERS = 0.75
 RIVAL_SHARE = 0.75
-TUKEY = 4.685
 FINEST_S = 20e-6
-SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -116,6 +115,8 @@ def fit_clocks(
     limits: SyncLimits = SyncLimits(),
     device_levels: Bool[np.ndarray, ' n'] | None = None,
     host_levels: Bool[np.ndarray, ' m'] | None = None,
+    device_uncertainty_s: Float64[np.ndarray, ' n'] | None = None,
+    host_uncertainty_s: Float64[np.ndarray, ' m'] | None = None,
 ) -> ClockFit | Refusal:
     """The line between two lists of the same edges.
 
@@ -124,11 +125,13 @@ def fit_clocks(
         host_ns: on the host's clock, not decreasing.
         limits: what is known beforehand, and what is asked.
         device_levels, host_levels: the line's level after each edge; if both are given, a rise matches only a rise.
+        device_uncertainty_s, host_uncertainty_s: half width of each edge's error, where recorders know it; edges that
+            are known well then count more than those that are not.
     """
     fewest = max(3, limits.fewest)
     if min(len(device_ns), len(host_ns)) < fewest:
         return _too_few(min(len(device_ns), len(host_ns)), fewest)
-    lines = Lines.of(device_ns, host_ns, device_levels, host_levels)
+    lines = Lines.of(device_ns, host_ns, device_levels, host_levels, device_uncertainty_s, host_uncertainty_s)
     matches = best_matches(lines, limits.jitter_s, limits.max_drift_ppm * 1e-6, limits.max_offset_s)
     if not matches:
         return _no_match(0, len(device_ns), len(host_ns))
@@ -151,26 +154,24 @@ def _judged(lines: Lines, matches: list[Match], limits: SyncLimits, fewest: int)
 
 def _laid(lines: Lines, match: Match, limits: SyncLimits, edges: tuple[int, int]) -> ClockFit | Refusal:
     x, y = lines.device_s[match.device], lines.host_s[match.host] - lines.device_s[match.device]
-    middle = float(x.mean())
-    level, slope, inlier = robust_line(x - middle, y)
-    residual = y - level - slope * (x - middle)
-    if abs(slope) > limits.max_drift_ppm * 1e-6:
+    line = robust_line(x, y, lines.uncertainty_s(match.device, match.host), FINEST_S)
+    if abs(line.slope) > limits.max_drift_ppm * 1e-6:
         return Refusal(
             Reason.NO_MATCH,
-            f'the best match of the edges makes the clocks drift by {slope * 1e6:+.0f} ppm, more than the '
+            f'the best match of the edges makes the clocks drift by {line.slope * 1e6:+.0f} ppm, more than the '
             f'{limits.max_drift_ppm:g} ppm that are allowed; check that both lists are of the same run',
         )
-    bound_s = _bound(x[inlier] - middle, residual[inlier], lines.device_s[[0, -1]] - middle)
-    if (trouble := _trouble(x, residual, inlier, bound_s, limits.required_s)) is not None:
+    bound_s = line.bound(x, y, lines.device_s[[0, -1]], FINEST_S)
+    if (trouble := _trouble(line, x, line.residual(x, y), bound_s, limits.required_s)) is not None:
         return trouble
-    size = np.abs(residual[inlier])
-    device_ref_ns, host_ref_ns = lines.instant_ns(middle, middle + level)
+    size = np.abs(line.residual(x, y)[line.inlier])
+    device_ref_ns, host_ref_ns = lines.instant_ns(line.centre, line.centre + line.level)
     return ClockFit(
         device_ref_ns,
         host_ref_ns,
-        1.0 + slope,
-        match.device[inlier],
-        match.host[inlier],
+        1.0 + line.slope,
+        match.device[line.inlier],
+        match.host[line.inlier],
         edges,
         float(np.median(size)),
         float(size.max()),
@@ -178,57 +179,14 @@ def _laid(lines: Lines, match: Match, limits: SyncLimits, edges: tuple[int, int]
     )
 
 
-def robust_line(
-    x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n']
-) -> tuple[float, float, Bool[np.ndarray, ' n']]:
-    """(y at 0, slope, which points count) of the line that most points lie on, by Tukey's biweight.
-
-    Points further off than 4.685 robust standard deviations have no weight; of 20 points on y = 2 x with one moved
-    away by 1, the line is y = 2 x and the moved point does not count.
-    """
-    weight = np.ones_like(x)
-    level = slope = 0.0
-    for turn in range(30):
-        before = level, slope
-        level, slope = weighted_line(x, y, weight)
-        residual = y - level - slope * x
-        scale = max(1.4826 * float(np.median(np.abs(residual))), FINEST_S)
-        weight = np.clip(1 - (residual / (TUKEY * scale)) ** 2, 0, None) ** 2
-        if turn > 2 and abs(level - before[0]) + abs(slope - before[1]) * np.ptp(x) < 1e-9:
-            break
-    return level, slope, weight > 0
-
-
-def weighted_line(
-    x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], weight: Float64[np.ndarray, ' n']
-) -> tuple[float, float]:
-    """(y at 0, slope) by least squares; the slope is 0 if all x are one."""
-    total = weight.sum()
-    mean_x, mean_y = (weight @ x) / total, (weight @ y) / total
-    spread = float(weight @ (x - mean_x) ** 2)
-    slope = float(weight @ ((x - mean_x) * (y - mean_y))) / spread if spread > 0 else 0.0
-    return float(mean_y - slope * mean_x), slope
-
-
-def _bound(x: Float64[np.ndarray, ' k'], residual: Float64[np.ndarray, ' k'], ends: Float64[np.ndarray, ' 2']) -> float:
-    """Three standard errors of the line at its worse end: sigma sqrt(1/k + (x - mean)^2 / sum (x - mean)^2)."""
-    if len(x) < 3:
-        return math.inf
-    sigma = max(math.sqrt(float(residual @ residual) / (len(x) - 2)), FINEST_S)
-    spread = float(((x - x.mean()) ** 2).sum())
-    if spread <= 0:
-        return math.inf
-    return SIGMAS * sigma * math.sqrt(1 / len(x) + float(((ends - x.mean()) ** 2).max()) / spread)
-
-
 def _trouble(
+    line: RobustLine,
     x: Float64[np.ndarray, ' n'],
     residual: Float64[np.ndarray, ' n'],
-    inlier: Bool[np.ndarray, ' n'],
     bound_s: float,
     required_s: float,
 ) -> Refusal | None:
-    if (share := float(inlier.mean())) < ENOUGH_INLIERS:
+    if (share := float(line.inlier.mean())) < ENOUGH_INLIERS:
         return Refusal(
             Reason.RESIDUALS,
             f'only {share:.0%} of the matched edges lie on one line; look for a recorder that stamps unevenly',
@@ -236,10 +194,10 @@ def _trouble(
     if bound_s > required_s:
         return Refusal(
             Reason.RESIDUALS,
-            f'{int(inlier.sum())} edges give the time to {bound_s * 1e3:.2f} ms only, {required_s * 1e3:g} ms are '
+            f'{int(line.inlier.sum())} edges give the time to {bound_s * 1e3:.2f} ms only, {required_s * 1e3:g} ms are '
             'required; record more edges over the whole run, or with less jitter',
         )
-    bend_s = _bend(x[inlier], residual[inlier])
+    bend_s = bend(x[line.inlier], residual[line.inlier])
     if bend_s > required_s:
         return Refusal(
             Reason.RESIDUALS,
@@ -247,14 +205,6 @@ def _trouble(
             'synchronise shorter parts',
         )
     return None
-
-
-def _bend(x: Float64[np.ndarray, ' k'], residual: Float64[np.ndarray, ' k']) -> float:
-    """How far parts of the run lie off the line, less what chance explains."""
-    order = np.argsort(x, kind='stable')
-    parts = np.array_split(residual[order], max(1, min(10, len(x) // 8)))
-    chance = 4 * float(residual.std())
-    return max(0.0, *(abs(float(part.mean())) - chance / math.sqrt(len(part)) for part in parts))
 
 
 def _too_few(count: int, fewest: int) -> Refusal:

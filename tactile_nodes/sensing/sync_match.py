@@ -29,6 +29,8 @@ class Lines:
     device_level: Bool[np.ndarray, ' n']
     host_level: Bool[np.ndarray, ' m']
     zero_ns: tuple[int, int]
+    device_half_s: Float64[np.ndarray, ' n'] | None
+    host_half_s: Float64[np.ndarray, ' m'] | None
 
     @classmethod
     def of(
@@ -37,12 +39,26 @@ class Lines:
         host_ns: Int64[np.ndarray, ' m'],
         device_levels: Bool[np.ndarray, ' n'] | None,
         host_levels: Bool[np.ndarray, ' m'] | None,
+        device_half_s: Float64[np.ndarray, ' n'] | None,
+        host_half_s: Float64[np.ndarray, ' m'] | None,
     ) -> Lines:
         """From integer nanoseconds, which seconds as floating-point numbers could not hold."""
         if device_levels is None or host_levels is None:
             device_levels, host_levels = np.zeros(len(device_ns), bool), np.zeros(len(host_ns), bool)
         zero = int(device_ns[0]), int(host_ns[0])
-        return cls((device_ns - zero[0]) / NS_PER_S, (host_ns - zero[1]) / NS_PER_S, device_levels, host_levels, zero)
+        device_s, host_s = (device_ns - zero[0]) / NS_PER_S, (host_ns - zero[1]) / NS_PER_S
+        return cls(device_s, host_s, device_levels, host_levels, zero, device_half_s, host_half_s)
+
+    def uncertainty_s(
+        self, device: Int64[np.ndarray, ' k'], host: Int64[np.ndarray, ' k']
+    ) -> Float64[np.ndarray, ' k'] | None:
+        """Half widths of the errors of these pairs; None if nothing is known of either list."""
+        if self.device_half_s is None and self.host_half_s is None:
+            return None
+        squares = [np.zeros(len(device))]
+        squares += [self.device_half_s[device] ** 2] if self.device_half_s is not None else []
+        squares += [self.host_half_s[host] ** 2] if self.host_half_s is not None else []
+        return np.asarray(np.sqrt(np.sum(squares, axis=0)))
 
     @property
     def middle(self) -> float:

@@ -1,0 +1,225 @@
+"""A control line of a serial port as a digital input, on an emulated line and on pyserial's own loop."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+import serial
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.drivers.sync_input import (
+    Edge,
+    SerialControlLine,
+    SyncInputSettings,
+    WatchedLine,
+    open_sync_input,
+)
+from tactile_nodes.emulators import world
+from tactile_nodes.emulators.clocks import DeviceClock
+from tactile_nodes.emulators.sync_line import EmulatedControlLine, RecorderFaults, light_brightness, recorded
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.sensing.sync import ClockFit, SyncLimits, fit_clocks
+from tactile_nodes.sensing.sync_light import light_edges
+
+MS = 1_000_000
+
+
+class Line:
+    """A line with edges at given times."""
+
+    def __init__(self, times_ns: Sequence[int]) -> None:
+        self._edges = [world.Edge(time_ns, number % 2 == 0) for number, time_ns in enumerate(times_ns)]
+
+    def line_level(self, time_ns: int) -> bool:
+        return next((edge.level for edge in reversed(self._edges) if edge.stamp_ns <= time_ns), False)
+
+    def line_edges(self) -> Sequence[world.Edge]:
+        return self._edges
+
+
+@pytest.fixture
+def times_ns() -> list[int]:
+    start_ns = SystemClock().now_ns() + 50 * MS
+    return [start_ns + each * MS for each in (0, 70, 130, 240, 300, 410)]
+
+
+@pytest.fixture
+def wire(times_ns: list[int]) -> EmulatedControlLine:
+    return EmulatedControlLine(Line(times_ns), SystemClock())
+
+
+def watch(line, **settings: object) -> WatchedLine:
+    watched = WatchedLine('CTS of the emulated port', line, SyncInputSettings(**settings), SystemClock())
+    watched.open()
+    return watched
+
+
+@pytest.fixture
+def watched(wire: EmulatedControlLine) -> Iterator[WatchedLine]:
+    opened = watch(wire)
+    yield opened
+    opened.close()
+
+
+def read(line: WatchedLine, count: int) -> list[Edge]:
+    edges: list[Edge] = []
+    while len(edges) < count:
+        edges += line.read(2.0)
+    return edges
+
+
+def test_every_edge_is_seen_with_its_level_and_number(watched: WatchedLine) -> None:
+    edges = read(watched, 6)
+    assert [edge.level for edge in edges] == [True, False] * 3
+    assert [edge.number for edge in edges] == [1, 2, 3, 4, 5, 6]
+
+
+def test_each_edge_happened_within_its_stated_uncertainty(watched: WatchedLine, times_ns: list[int]) -> None:
+    for edge, true_ns in zip(read(watched, 6), times_ns, strict=True):
+        assert abs(edge.stamp_ns - true_ns) <= edge.uncertainty_s * 1e9 + 0.2 * MS
+        assert edge.uncertainty_s < 0.1
+
+
+def test_a_constant_delay_is_taken_off(wire: EmulatedControlLine, times_ns: list[int]) -> None:
+    line = watch(wire, delay_ms=1000.0)
+    edge = read(line, 1)[0]
+    line.close()
+    assert abs(edge.stamp_ns + 1000 * MS - times_ns[0]) <= edge.uncertainty_s * 1e9 + 0.2 * MS
+
+
+def test_an_optocoupler_that_inverts_is_inverted_back(times_ns: list[int]) -> None:
+    line = watch(EmulatedControlLine(Line(times_ns), SystemClock(), inverted=True), invert=True)
+    assert read(line, 1)[0].level is True
+    line.close()
+
+
+def test_a_line_that_does_not_change_is_a_timeout() -> None:
+    line = watch(EmulatedControlLine(Line([]), SystemClock()))
+    with pytest.raises(DeviceTimeoutError, match='has not changed within'):
+        line.read(0.05)
+    assert line.health.level == Level.OK
+    line.close()
+
+
+def test_a_port_that_is_pulled_out_is_lost(wire: EmulatedControlLine, watched: WatchedLine) -> None:
+    wire.unplugged = True
+    with pytest.raises(DeviceLostError, match='check its cable'):
+        read(watched, 100)
+    assert watched.health.level == Level.ERROR
+
+
+def test_reading_after_closing_is_an_error(watched: WatchedLine) -> None:
+    watched.close()
+    watched.close()
+    with pytest.raises(DeviceError, match='open it before reading'):
+        watched.read(0.1)
+
+
+def test_where_the_driver_can_wait_nothing_is_polled() -> None:
+    class Waiting:
+        """A line that changes whenever it is waited for, ten times."""
+
+        def __init__(self) -> None:
+            self.looks = 0
+            self.waits = 0
+
+        def level(self) -> bool:
+            self.looks += 1
+            return self.waits % 2 == 1
+
+        def wait(self) -> bool:
+            if self.waits == 10:
+                raise OSError(errno.EIO, 'gone')
+            self.waits += 1
+            return True
+
+        def close(self) -> None:
+            """Nothing."""
+
+    port = Waiting()
+    line = watch(port)
+    edges = read(line, 10)
+    assert len(edges) == 10
+    assert port.looks == 11
+    assert all(edge.uncertainty_s == 1e-4 for edge in edges)
+    line.close()
+
+
+def test_a_real_serial_port_object_is_watched() -> None:
+    """pyserial's loop connects RTS to CTS."""
+    port = serial.serial_for_url('loop://')
+    port.rts = False
+    line = watch(SerialControlLine(port, 'cts'), wait=False)
+    port.rts = True
+    assert read(line, 1)[0].level is True
+    port.rts = False
+    assert read(line, 1)[0].level is False
+    line.close()
+
+
+def test_a_port_that_is_not_there_is_named() -> None:
+    with pytest.raises(DeviceNotFoundError, match='/dev/no-such-port to watch its DSR line'):
+        open_sync_input(SyncInputSettings('/dev/no-such-port', 'dsr'), SystemClock())
+
+
+def test_a_port_without_control_lines_is_refused() -> None:
+    ours, theirs = os.openpty()
+    with pytest.raises(DeviceError, match='use an adapter with control lines'):
+        open_sync_input(SyncInputSettings(os.ttyname(theirs)), SystemClock())
+    for end in (ours, theirs):
+        os.close(end)
+
+
+def irregular(count: int) -> Line:
+    gaps = np.random.default_rng(1).uniform(0.4, 2.5, count)
+    return Line(np.round(np.cumsum(gaps) * 1e9).astype(np.int64).tolist())
+
+
+def test_two_recorders_of_one_line_are_brought_together() -> None:
+    """0.3 s apart, 100 ppm, 5 % missing and doubled: the device's microseconds are put on the host's time base."""
+    line = irregular(120)
+    clock = DeviceClock(1e6, start_ns=300 * MS, drift_ppm=100, bits=64)
+    faults = RecorderFaults(missing=0.05, doubled=0.05, jitter_s=0.001)
+    device = np.array([1000 * ticks for ticks, _ in recorded(line.line_edges(), clock, faults, seed=2)])
+    host = np.array([ticks for ticks, _ in recorded(line.line_edges(), DeviceClock(1e9, bits=64), faults, seed=3)])
+    fit = fit_clocks(device, host, SyncLimits(jitter_s=0.003))
+    assert isinstance(fit, ClockFit), fit
+    times_ns = np.arange(1, 200, 5) * 1000 * MS
+    found = fit.host_ns(np.array([1000 * clock.count(int(time_ns)) for time_ns in times_ns]))
+    assert np.abs(found - times_ns).max() < 2 * MS
+
+
+def test_a_light_before_a_camera_and_a_line_of_the_host_are_brought_together() -> None:
+    """At 60 frames a second with 10 ms of exposure, on a camera clock that is 0.1 s off."""
+    edges = irregular(60).line_edges()
+    start_ns = np.arange(0, edges[-1].stamp_ns, 16_666_667)
+    levels = np.array([light_brightness(edges, int(each), 0.010) for each in start_ns])
+    seen = light_edges(start_ns + 100 * MS, levels, 0.010)
+    host = np.array([edge.stamp_ns for edge in edges])
+    host_levels = np.array([edge.level for edge in edges])
+    fit = fit_clocks(seen.stamp_ns, host, SyncLimits(0.01), seen.level, host_levels, seen.uncertainty_s)
+    assert isinstance(fit, ClockFit), fit
+    assert abs(fit.offset_s + 0.1) < 0.002
+
+
+def test_recorded_edges_stay_in_order_whatever_the_faults() -> None:
+    faults = RecorderFaults(missing=0.2, doubled=0.5, jitter_s=0.3)
+    seen = recorded(irregular(200).line_edges(), DeviceClock(7000), faults)
+    assert all(later[0] >= earlier[0] for earlier, later in itertools.pairwise(seen))
+
+
+def test_waiting_for_a_still_line_does_not_burn_the_processor(wire: EmulatedControlLine) -> None:
+    wire.stuck = False
+    line = watch(wire)
+    before = time.thread_time(), time.process_time()
+    with pytest.raises(DeviceTimeoutError):
+        line.read(0.3)
+    assert time.process_time() - before[1] < 0.2
+    line.close()
