@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.learning.bags import RecordedPress
 from tactile_nodes.learning.labels import outside
 from tactile_nodes.messages import types
@@ -24,12 +25,16 @@ BAD_NUMBERS = 'impossible numbers'
 DOUBLED = 'doubled'
 SUPERSEDED = 'tried again later'
 
+SIGMAS = 4.0
+
 
 @dataclass(frozen=True)
 class Limits:
     """What a press must keep to, beyond what the rig demanded while it pressed."""
 
-    force_rate_n_per_s: float = parameter(0.2, 'most change of the force within the window', minimum=0.0)
+    force_rate_n_per_s: float = parameter(
+        0.2, 'most change of the force within the window, beyond what noise makes of it', minimum=0.0
+    )
     force_deviation_n: float = parameter(0.1, 'largest standard deviation of the force in the window', minimum=0.0)
     depth_error_mm: float = parameter(0.05, 'most that reported and commanded depth may differ', minimum=0.0)
     largest_force_n: float = parameter(math.inf, 'most force', minimum=0.0)
@@ -68,7 +73,7 @@ def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None
     for verdict in (
         _numbers(press),
         _place(told, bins),
-        _settling(told, limits),
+        _settling(press, limits),
         _limits(told, limits),
         _frames(press),
     ):
@@ -79,10 +84,9 @@ def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None
 
 def _numbers(press: RecordedPress) -> Verdict | None:
     told = press.told
-    force, torque = told.wrench.force, told.wrench.torque
-    needed = (told.position.x, told.position.y, told.depth, force.x, force.y, force.z, torque.x, torque.y, torque.z)
-    if not all(map(math.isfinite, needed)):
-        return BAD_NUMBERS, 'position, depth or wrench is no number'
+    # The other parts of the wrench are NaN where a sensor does not measure them.
+    if not all(map(math.isfinite, (told.position.x, told.position.y, told.depth, told.wrench.force.z))):
+        return BAD_NUMBERS, 'position, depth or normal force is no number'
     if told.depth <= 0:
         return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is no press'
     start_ns, end_ns = press.window_ns
@@ -98,13 +102,26 @@ def _place(told: types.Press, bins: BinGrid) -> Verdict | None:
     return None
 
 
-def _settling(told: types.Press, limits: Limits) -> Verdict | None:
-    if abs(told.force_rate) > limits.force_rate_n_per_s:
+def _settling(press: RecordedPress, limits: Limits) -> Verdict | None:
+    told, deviation = press.told, float(press.told.wrench_deviation.force.z)
+    start_ns, end_ns = press.window_ns
+    noise = rate_noise(told.force_rate, deviation, told.samples, (end_ns - start_ns) / NS_PER_S)
+    if abs(told.force_rate) > limits.force_rate_n_per_s + SIGMAS * noise:
         return NOT_SETTLED, f'force changed by {told.force_rate:+.3g} N/s'
-    deviation = float(told.wrench_deviation.force.z)
     if deviation > limits.force_deviation_n:
         return NOT_SETTLED, f'force spread by {deviation:.3g} N'
     return None
+
+
+def rate_noise(rate_n_per_s: float, deviation_n: float, samples: int, window_s: float) -> float:
+    """Standard error of the slope of a force, by what its spread leaves once the slope itself is taken out.
+
+    A spread of 0.01 N in 100 even samples over 0.1 s, with no slope: 0.01 * sqrt(12 / 100) / 0.1 = 0.035 N/s.
+    """
+    left = deviation_n**2 - (rate_n_per_s * window_s) ** 2 / 12
+    if not left > 0 or samples < 1:
+        return 0.0
+    return math.sqrt(left * 12 / samples) / window_s
 
 
 def _limits(told: types.Press, limits: Limits) -> Verdict | None:

@@ -177,6 +177,23 @@ def test_a_press_that_cannot_be_used_is_left_out_and_listed(
     assert detail in found.card['left_out'][0]['detail']
 
 
+def test_noise_of_a_coarse_cell_is_not_taken_for_a_changing_force() -> None:
+    """0.02 N of noise in 8 samples over 0.1 s make 0.02 * sqrt(12 / 8) / 0.1 = 0.245 N/s of slope at one sigma."""
+    assert exclusions.rate_noise(0.0, 0.02, 8, 0.1) == pytest.approx(0.245, abs=1e-3)
+
+
+def test_a_force_that_only_drifts_has_no_noise() -> None:
+    """A straight ramp of 1 N/s over 0.1 s spreads by 0.1 / sqrt(12) N."""
+    assert exclusions.rate_noise(1.0, 0.1 / 12**0.5 * 0.999, 1000, 0.1) == 0.0
+
+
+def test_axes_that_a_sensor_does_not_measure_leave_nothing_out(collection: Collection) -> None:
+    unknown = float('nan')
+    wrench = types.Wrench(force=types.Vector3(x=unknown, y=unknown, z=-0.2), torque=types.Vector3(x=unknown))
+    collection.press(0, 1, 0.0, 0.0, 0.5, wrench=wrench)
+    assert build([collection.close()], COARSE).force_n.tolist() == [0.2]
+
+
 def test_a_press_from_before_the_first_rest_image_is_left_out(tmp_path: Path, sensor: Sensor) -> None:
     collection = Collection(tmp_path / 'late', sensor)
     collection.press(0, 1, 0.0, 0.0, 0.5)
