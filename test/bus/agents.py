@@ -194,6 +194,9 @@ class Other:
         os.kill(self._process.pid, number)
         if number == signal.SIGKILL:
             self._process.join(DEADLINE_S)
+        if number == signal.SIGSTOP:
+            process = psutil.Process(self._process.pid)
+            until(lambda: process.status() == psutil.STATUS_STOPPED, 'it to stop')
 
     def end(self) -> None:
         self._process.kill()

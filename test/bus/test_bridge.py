@@ -79,11 +79,15 @@ def machine(keys: Path) -> Iterator[Callable[[], Machine]]:
         made.close()
 
 
-@pytest.fixture
-def port() -> int:
+def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind((HERE, 0))
         return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def port() -> int:
+    return _free_port()
 
 
 @pytest.fixture
@@ -175,11 +179,11 @@ def test_only_what_is_chosen_crosses_the_bridge(machine: Callable[[], Machine], 
 
 
 def test_two_bridges_between_two_machines_neither_loop_nor_double(machine: Callable[[], Machine], port: int) -> None:
-    robot, lab = machine(), machine()
+    robot, lab, second = machine(), machine(), _free_port()
     robot.bridge(f'listen:={HERE}:{port}', node='one')
     lab.bridge(f'connect:={HERE}:{port}', node='one_too')
-    robot.bridge(f'connect:={HERE}:{port + 1}', node='two')
-    lab.bridge(f'listen:={HERE}:{port + 1}', node='two_too')
+    robot.bridge(f'connect:={HERE}:{second}', node='two')
+    lab.bridge(f'listen:={HERE}:{second}', node='two_too')
     here, there = robot.agent(), lab.agent()
     for agent in (here, there):
         agent.listen('/n')
@@ -187,9 +191,15 @@ def test_two_bridges_between_two_machines_neither_loop_nor_double(machine: Calla
     until(lambda: {'/one', '/one_too', '/two', '/two_too'} <= set(here.nodes()), 'all bridges')
     numbers = iter(range(1, 100_000))
     until(lambda: here.say('/n', next(numbers)) or there.heard('/n'))
-    until(lambda: there.say('/n', next(numbers)) or len(set(here.heard('/n'))) > len(set(here.said('/n'))))
+    until(lambda: there.say('/n', next(numbers)) or set(here.heard('/n')) - set(here.said('/n')))
+    here.say('/n', *range(200_000, 200_050))
+    there.say('/n', *range(300_000, 300_050))
     for agent in (here, there):
-        assert len(agent.heard('/n')) == len(set(agent.heard('/n')))
+        until(lambda: {200_049, 300_049} <= set(agent.heard('/n')))  # noqa: B023
+        heard = agent.heard('/n')
+        assert len(heard) == len(set(heard))
+        assert [number for number in heard if 200_000 <= number < 300_000] == list(range(200_000, 200_050))
+        assert [number for number in heard if number >= 300_000] == list(range(300_000, 300_050))
     assert len(here.nodes()) == len(set(here.nodes()))
 
 
