@@ -57,10 +57,12 @@ class TerminalProgress(Progress):
             below.plain = text
 
         # What a step measured stands in a line of its own: beside the bar an 80 column terminal has no room for it.
-        with Live(Group(rich, below), console=self._console):
-            yield _Shown(show)
-        if not self._console.is_terminal:
-            self._console.print()
+        try:
+            with Live(Group(rich, below), console=self._console):
+                yield _Shown(show)
+        finally:
+            if not self._console.is_terminal:
+                self._console.print()
 
     def say(self, text: str) -> None:
         self._console.print(text, markup=False, soft_wrap=True)
