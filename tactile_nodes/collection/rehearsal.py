@@ -78,6 +78,7 @@ class Rehearsal:
         self.clock = JumpingClock()
         self.readings = Readings()
         self.silent_sensor = self.silent_camera = False
+        self._tripped: Trip | None = None
         self._camera = camera or self._small_picture
         self.cnc: Cnc = open_cnc(cnc, self.clock, machine=world)
         self.safety = Safety(settings.limits, self._stop)
@@ -90,11 +91,12 @@ class Rehearsal:
         self.hands = Hands(self.cnc, self.clock, self.safety, self.readings, settings.motion)
         self.clock.every(1 / rate_hz, self._feel)
         self.clock.every(1 / fps, self._take_picture)
-        self.clock.every(TICK_S, lambda: self.safety.tick(self.clock.now_ns(), self.cnc.health))
+        self.clock.every(TICK_S, self._look_around)
 
     def _feel(self) -> None:
         if not self.silent_sensor:
-            self.sensor.read(0.0)
+            self.sensor.newest()
+        self._obey()
 
     def _take_picture(self) -> None:
         if not self.silent_camera:
@@ -107,5 +109,14 @@ class Rehearsal:
         return np.full((32, 32), round(100 + 50 * min(depth_mm, 3.0)), np.uint8)
 
     def _stop(self, trip: Trip) -> None:
-        del trip
-        self.cnc.stop()
+        self._tripped = trip
+
+    def _look_around(self) -> None:
+        self.safety.tick(self.clock.now_ns(), self.cnc.health)
+        self._obey()
+
+    def _obey(self) -> None:
+        """Not in the midst of a sample: a stop takes time, in which further samples come."""
+        if self._tripped is not None:
+            self._tripped = None
+            self.cnc.stop()

@@ -41,7 +41,7 @@ class PressSettings:
     """How a press is made and when it counts."""
 
     tare_s: float = parameter(0.5, 'unloaded samples that a tare is the mean of', minimum=0.05)
-    unloaded_n: float = parameter(0.1, 'a force that differs less from the tare is none', minimum=0.001)
+    unloaded_n: float = parameter(0.05, 'a force that differs less from the tare is none', minimum=0.001)
     drift_n: float = parameter(1.0, 'greatest change of the tare since the start of the run', minimum=0.01)
     contact_n: float = parameter(0.01, 'a press that gives less force has not met the gel', minimum=0.0)
     steady_s: float = parameter(0.2, 'force and image must be steady for so long', minimum=0.02)

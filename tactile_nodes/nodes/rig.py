@@ -33,7 +33,7 @@ from tactile_nodes.collection.station import Station
 from tactile_nodes.drivers.cnc import CncSettings, CncStatus, Switched
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings, Sample
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import BusError, TactileError
+from tactile_nodes.errors import BusError, DeviceNotFoundError, DeviceTimeoutError, TactileError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.params import parameter
 
@@ -84,9 +84,7 @@ class RigNode(Node):
         self._station: Station | None = None
         try:
             self._audit()
-            self._station = station = Station(
-                p, p.cnc, p.force_torque, p.world, self.clock, self._on_sample, self._on_status, self._on_switch
-            )
+            self._station = station = self._opened()
             outlet = Outlet(self._on_record, self._on_rest_image, self.log.info, self._require_recorder)
             order = ordered(self._plan, settings)
             self._campaign = Campaign(self._plan, order, self._journal, station.hands, p, p.cnc.safe_z_mm, outlet)
@@ -100,6 +98,20 @@ class RigNode(Node):
         self.create_timer(STATUS_S, self._report)
         self._runner = threading.Thread(target=self._collect, name='collection', daemon=True)
         self._runner.start()
+
+    def _opened(self) -> Station:
+        """The devices, once they are there: a rig that was just switched on takes its time."""
+        p = self.params
+        told = (self._on_sample, self._on_status, self._on_switch)
+        deadline_ns = self.clock.now_ns() + round(p.wait_s * NS_PER_S)
+        while True:
+            try:
+                return Station(p, p.cnc, p.force_torque, p.world, self.clock, *told)
+            except (DeviceNotFoundError, DeviceTimeoutError) as error:
+                if self.clock.now_ns() > deadline_ns:
+                    raise
+                self.log.warn(f'waiting for a device: {error}', once=type(error).__name__)
+            self.clock.sleep_until(self.clock.now_ns() + NS_PER_S // 4)
 
     def on_close(self) -> None:
         if self._station is not None:

@@ -1,0 +1,192 @@
+"""Whole runs of a plan of twelve presses in simulated time, undisturbed and with faults in the midst of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from rehearsing import SAFE_Z_MM, TABLE, Run, changed
+
+from tactile_nodes.collection.journal import Journal
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
+
+ALL = list(range(1, 13))
+
+
+def test_each_press_of_a_plan_is_recorded_once(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    assert '12 of 12 presses recorded' in run.campaign.run()
+    assert sorted(run.recorded) == ALL
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_recorded_force_is_that_of_the_depth_on_a_tilted_gel(tmp_path: Path) -> None:
+    run = Run(tmp_path, world=WorldSettings(slope_x=0.01, slope_y=-0.005))
+    run.campaign.run()
+    for record in run.told:
+        # The surface is found to about 0.02 mm, which is 0.012 N on the steepest part of the table.
+        assert -record.wrench[2] == pytest.approx(TABLE.force_at(record.point.depth_mm), abs=0.015)
+
+
+def test_images_and_samples_lie_within_the_window_and_rest_images_before_it(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.campaign.run()
+    for record in run.told:
+        assert len(record.frames) == 5
+        assert all(record.start_ns <= frame.stamp_ns <= record.end_ns for frame in record.frames)
+        assert all(frame.stamp_ns < record.start_ns for frame in record.rest) and record.rest
+
+
+def test_line_is_high_during_each_window_only(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.campaign.run()
+    edges = run.world.line_edges()
+    assert len(edges) == 24
+    for record, rise, fall in zip(run.told, edges[::2], edges[1::2], strict=True):
+        assert rise.level and not fall.level
+        assert rise.stamp_ns <= record.start_ns < record.end_ns <= fall.stamp_ns
+
+
+def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes_up(tmp_path: Path) -> None:
+    run = Run(tmp_path, changed(limits={'force_n': 0.5, 'attempts': 1, 'rejects_in_a_row': 20}))
+    run.campaign.run()
+    deep = [record for record in run.told if record.point.depth_mm == 1.5]
+    assert all('above the limit of 0.5 N' in record.reason for record in deep)
+    # 200 samples a second and 1 mm/s: a sample is 0.005 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
+    assert run.rig.safety.greatest_n < 0.5 + 0.05
+    assert sorted(run.recorded) == [press for press in ALL if press % 2]
+
+
+def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
+    limits: dict[str, object] = {'force_rate_n_s': 3.0, 'attempts': 1, 'rejects_in_a_row': 20}
+    run = Run(tmp_path, changed(limits=limits, motion={'press_mm_min': 600.0}))
+    run.campaign.run()  # 10 mm/s and half a newton a millimetre are 5 N/s
+    assert any('N/s' in record.reason for record in run.told)
+
+
+def test_silent_sensor_stops_the_tip_and_the_run_goes_on_when_it_speaks_again(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+
+    def fall_silent() -> None:
+        run.rig.silent_sensor = True
+        run.after(5.0, lambda: setattr(run.rig, 'silent_sensor', False))
+
+    run.at(3, run.in_the_gel(fall_silent))
+    run.campaign.run()
+    assert 'has been silent' in run.told[3].reason
+    assert sorted(run.recorded) == ALL
+
+
+def test_silent_camera_stops_the_tip_and_the_run_goes_on_when_it_sees_again(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+
+    def go_blind() -> None:
+        run.rig.silent_camera = True
+        run.after(5.0, lambda: setattr(run.rig, 'silent_camera', False))
+
+    run.at(3, run.in_the_gel(go_blind))
+    run.campaign.run()
+    assert 'the camera has sent no image' in run.told[3].reason
+    assert sorted(run.recorded) == ALL
+
+
+def test_sensor_that_stays_silent_ends_the_run_with_the_tip_up(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.at(3, run.in_the_gel(lambda: setattr(run.rig, 'silent_sensor', True)))
+    with pytest.raises(DeviceError, match='not well again within 30 s'):
+        run.campaign.run()
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_axis_that_sticks_in_the_gel_ends_the_run_before_anything_moves_sideways(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.at(3, run.in_the_gel(lambda: run.world.stick(2, run.rig.clock.now_ns())))
+    with pytest.raises(DeviceFaultError, match='left after the tip went up'):
+        run.campaign.run()
+    press = run.told[3].point
+    here = run.world.press_at(run.rig.clock.now_ns())
+    assert (here.x_mm, here.y_mm) == pytest.approx((press.x_mm, press.y_mm), abs=0.01)
+
+
+def test_axis_that_sticks_above_the_gel_ends_the_run_after_rejects_in_a_row(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.at(3, lambda: run.world.stick(2, run.rig.clock.now_ns()))
+    with pytest.raises(DeviceFaultError, match='5 presses in a row were rejected'):
+        run.campaign.run()
+    assert all('as if nothing were touched' in record.reason for record in run.told[3:])
+
+
+def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest(tmp_path: Path) -> None:
+    first = Run(tmp_path)
+    first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
+    assert 'stopped on request' in first.campaign.run()
+    assert first.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+    first.journal.close()
+    second = Run(tmp_path)
+    second.campaign.run()
+    assert sorted(first.recorded + second.recorded) == ALL
+
+
+def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path) -> None:
+    first = Run(tmp_path)
+    first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
+    first.campaign.run()
+    first.journal.close()
+    second = Run(tmp_path)
+    second.campaign.run()
+    assert second.told[0].attempt == 2
+
+
+def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    heights = []
+
+    def pause() -> None:
+        run.campaign.paused = True
+        run.after(9.0, lambda: heights.append(run.height_mm))
+        run.after(10.0, lambda: setattr(run.campaign, 'paused', False))
+
+    run.at(5, pause)
+    run.campaign.run()
+    assert heights == [pytest.approx(SAFE_Z_MM, abs=0.01)]
+    assert sorted(run.recorded) == ALL
+
+
+def test_rest_image_is_renewed(tmp_path: Path) -> None:
+    run = Run(tmp_path, dataclasses.replace(changed(), reference_every=5))
+    run.campaign.run()
+    assert len(run.rests) == 3  # at the start, after 5 and after 10
+
+
+def test_recorder_that_goes_away_ends_the_run(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+
+    def nobody() -> None:
+        raise TactileError('nobody records')
+
+    outlet = run.campaign._outlet
+    run.at(2, lambda: object.__setattr__(outlet, 'require_recorder', nobody))
+    with pytest.raises(TactileError, match='nobody records'):
+        run.campaign.run()
+    assert len(run.told) == 2
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_plan_that_is_too_deep_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r'limits\.depth_mm allows 1'):
+        Run(tmp_path, changed(limits={'depth_mm': 1.0}))
+
+
+def test_gel_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
+    run = Run(tmp_path, world=WorldSettings(gel_z_mm=-40.0))
+    with pytest.raises(DeviceFaultError, match='met no surface'):
+        run.campaign.run()
+    assert not run.told
+
+
+def test_two_runs_cannot_share_a_journal(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    with pytest.raises(ConfigurationError, match='in use'):
+        Journal(run.journal.path, run.plan)
