@@ -33,8 +33,9 @@ class SyncLimits:
         max_drift_ppm: the clocks' rates differ by this much at most.
         max_offset_s: the clocks differ by this much at most; infinite: nothing is known. With a periodic line, less
             than half its period makes the match unique.
-        required_s: the error allowed anywhere between the device's first and last edge, at three standard deviations.
+        required_s: the error allowed anywhere between the device's first and last edge, at four standard deviations.
         fewest: matched edges.
+        bounce_s: of edges that follow each other within this time only the first counts; 0: all do.
     """
 
     jitter_s: float = 0.02
@@ -42,6 +43,7 @@ class SyncLimits:
     max_offset_s: float = math.inf
     required_s: float = 0.002
     fewest: int = 8
+    bounce_s: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class ClockFit:
         device_index, host_index: which edges of the two lists are one edge; outliers left out.
         edges: how many of the device's and of the host's edges lie where both recorded.
         residual_median_s, residual_max_s: of the inliers, absolute.
-        bound_s: the error of a time anywhere between the device's first and last edge, at three standard deviations.
+        bound_s: the error of a time anywhere between the device's first and last edge, at four standard deviations.
     """
 
     device_ref_ns: int
@@ -131,10 +133,12 @@ def fit_clocks(
     fewest = max(3, limits.fewest)
     if min(len(device_ns), len(host_ns)) < fewest:
         return _too_few(min(len(device_ns), len(host_ns)), fewest)
-    lines = Lines.of(device_ns, host_ns, device_levels, host_levels, device_uncertainty_s, host_uncertainty_s)
+    lines = Lines.of(
+        device_ns, host_ns, device_levels, host_levels, device_uncertainty_s, host_uncertainty_s, limits.bounce_s
+    )
     matches = best_matches(lines, limits.jitter_s, limits.max_drift_ppm * 1e-6, limits.max_offset_s)
     if not matches:
-        return _no_match(0, len(device_ns), len(host_ns))
+        return _no_match(0, len(lines.device_s), len(lines.host_s))
     return _judged(lines, matches, limits, fewest)
 
 
@@ -170,8 +174,8 @@ def _laid(lines: Lines, match: Match, limits: SyncLimits, edges: tuple[int, int]
         device_ref_ns,
         host_ref_ns,
         1.0 + line.slope,
-        match.device[line.inlier],
-        match.host[line.inlier],
+        lines.device_kept[match.device[line.inlier]],
+        lines.host_kept[match.host[line.inlier]],
         edges,
         float(np.median(size)),
         float(size.max()),

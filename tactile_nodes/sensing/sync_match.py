@@ -22,7 +22,11 @@ GATE = 2.5  # times the jitter: two recorders are off by it, and the line by a l
 
 @dataclass(frozen=True)
 class Lines:
-    """Two lists of edges in seconds, each from its own first edge; and their levels, 0 for all if not known."""
+    """Two lists of edges in seconds, each from its own first edge; their levels, all low if not known.
+
+    The half widths are of the edges' errors, None if not known; `device_kept` and `host_kept` are the edges' places in
+    the lists that they were taken from.
+    """
 
     device_s: Float64[np.ndarray, ' n']
     host_s: Float64[np.ndarray, ' m']
@@ -31,23 +35,36 @@ class Lines:
     zero_ns: tuple[int, int]
     device_half_s: Float64[np.ndarray, ' n'] | None
     host_half_s: Float64[np.ndarray, ' m'] | None
+    device_kept: Int64[np.ndarray, ' n']
+    host_kept: Int64[np.ndarray, ' m']
 
     @classmethod
     def of(
         cls,
-        device_ns: Int64[np.ndarray, ' n'],
-        host_ns: Int64[np.ndarray, ' m'],
-        device_levels: Bool[np.ndarray, ' n'] | None,
-        host_levels: Bool[np.ndarray, ' m'] | None,
-        device_half_s: Float64[np.ndarray, ' n'] | None,
-        host_half_s: Float64[np.ndarray, ' m'] | None,
+        device_ns: Int64[np.ndarray, ' a'],
+        host_ns: Int64[np.ndarray, ' b'],
+        device_levels: Bool[np.ndarray, ' a'] | None,
+        host_levels: Bool[np.ndarray, ' b'] | None,
+        device_half_s: Float64[np.ndarray, ' a'] | None,
+        host_half_s: Float64[np.ndarray, ' b'] | None,
+        bounce_s: float,
     ) -> Lines:
-        """From integer nanoseconds, which seconds as floating-point numbers could not hold."""
+        """From integer nanoseconds, which seconds as floating-point numbers could not hold; bounces left out."""
         if device_levels is None or host_levels is None:
             device_levels, host_levels = np.zeros(len(device_ns), bool), np.zeros(len(host_ns), bool)
+        device, host = without_bounces(device_ns, bounce_s), without_bounces(host_ns, bounce_s)
         zero = int(device_ns[0]), int(host_ns[0])
-        device_s, host_s = (device_ns - zero[0]) / NS_PER_S, (host_ns - zero[1]) / NS_PER_S
-        return cls(device_s, host_s, device_levels, host_levels, zero, device_half_s, host_half_s)
+        return cls(
+            (device_ns[device] - zero[0]) / NS_PER_S,
+            (host_ns[host] - zero[1]) / NS_PER_S,
+            device_levels[device],
+            host_levels[host],
+            zero,
+            None if device_half_s is None else device_half_s[device],
+            None if host_half_s is None else host_half_s[host],
+            device,
+            host,
+        )
 
     def uncertainty_s(
         self, device: Int64[np.ndarray, ' k'], host: Int64[np.ndarray, ' k']
@@ -73,6 +90,15 @@ class Lines:
     def instant_ns(self, device_s: float, host_s: float) -> tuple[int, int]:
         """Back to nanoseconds of each clock."""
         return self.zero_ns[0] + round(device_s * NS_PER_S), self.zero_ns[1] + round(host_s * NS_PER_S)
+
+
+def without_bounces(stamps_ns: Int64[np.ndarray, ' a'], bounce_s: float) -> Int64[np.ndarray, ' k']:
+    """Indices of the edges that do not follow another within `bounce_s`: a bouncing contact is first right, then late.
+
+    Of edges at 0, 10, 20 and 200 ms, with 50 ms, the first and the last.
+    """
+    apart = np.diff(stamps_ns, prepend=stamps_ns[:1] - 2 * round(bounce_s * NS_PER_S) - 1)
+    return np.flatnonzero(apart > bounce_s * NS_PER_S)
 
 
 @dataclass(frozen=True)
