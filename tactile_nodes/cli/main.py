@@ -26,6 +26,7 @@ VERBS = {
     'service': 'list and call services',
     'bag': 'record topics, play recordings, say what is in them',
     'dataset': 'make a training set of collected bags, say what one holds',
+    'collect': 'look at a plan of presses before a rig does it',
     'train': 'make a force model from simulated or recorded presses',
     'evaluate': 'score a force model on presses that it never saw',
     'bench': 'measure this machine with the benchmarks that the documentation quotes',

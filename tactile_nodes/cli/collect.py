@@ -1,0 +1,82 @@
+"""``tactile collect``: look at a plan before anything moves."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.collection.plan import Plan, Point
+
+DESCRIPTION = 'Say what a plan asks of a rig: its points, their order, box and duration. Nothing moves.'
+EPILOG = """\
+examples:
+  tactile collect paper --dry-run                      a plan of config/plans
+  tactile collect my_points.yaml --draw path.png       draws the path (needs matplotlib)
+  tactile launch collect plan:=paper                   does it
+"""
+HEIGHT_MM = 4.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('plan', help='YAML file of a plan, or the name of one in config/plans')
+    parser.add_argument('--dry-run', action='store_true', help='only say (it never does more; see tactile launch)')
+    parser.add_argument('--draw', type=Path, metavar='FILE', help='draw places and path as PNG, PDF or SVG')
+    parser.add_argument('--points', action='store_true', help='print every press in its order')
+    parser.add_argument(
+        '--height', type=float, default=HEIGHT_MM, metavar='MM', help='safe height above the gel (default: %(default)s)'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print, and draw if asked; 0."""
+    from tactile_nodes import paths
+    from tactile_nodes.collection.estimate import estimate
+    from tactile_nodes.collection.order import ordered
+    from tactile_nodes.collection.plan import load_plan_settings, make_plan
+    from tactile_nodes.collection.settings import CollectionSettings
+    from tactile_nodes.drivers.cnc import CncSettings
+
+    file = Path(arguments.plan)
+    if not file.suffix:
+        file = paths.share_directory() / 'config' / 'plans' / f'{arguments.plan}.yaml'
+    settings = load_plan_settings(file)
+    plan = make_plan(settings)
+    order = ordered(plan, settings)
+    print(f'plan {plan.plan_id} from {file}')
+    print(_box(plan))
+    print(estimate(order, CollectionSettings(), CncSettings(), arguments.height, settings.rest_mm).told())
+    if arguments.points:
+        for point in order:
+            print(f'{point.press:6d}  x {point.x_mm:8.3f}  y {point.y_mm:8.3f}  depth {point.depth_mm:.3f} mm')
+    if arguments.draw is not None:
+        _draw(order, arguments.draw)
+        print(f'drew {arguments.draw}')
+    return 0
+
+
+def _box(plan: Plan) -> str:
+    left, near, right, far = plan.box_mm
+    return f'x {left:g} to {right:g} mm, y {near:g} to {far:g} mm from the middle, at most {plan.deepest_mm:g} mm deep'
+
+
+def _draw(order: Sequence[Point], file: Path) -> None:
+    from tactile_nodes.errors import ConfigurationError
+
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigurationError('drawing needs matplotlib; install it with: pip install matplotlib') from error
+    figure = Figure(figsize=(7, 7))
+    axes = figure.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=f'{len(order)} presses')
+    xs, ys = [point.x_mm for point in order], [point.y_mm for point in order]
+    axes.plot(xs, ys, linewidth=0.3, color='0.6')
+    drawn = axes.scatter(xs, ys, c=range(len(order)), s=8, zorder=2)
+    figure.colorbar(drawn, label='order', shrink=0.8)
+    try:
+        figure.savefig(file)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f'cannot draw into {file}: {error}') from error

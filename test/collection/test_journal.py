@@ -1,0 +1,84 @@
+"""The journal: nothing lost, nothing twice, whatever becomes of its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan import numbered
+from tactile_nodes.errors import ConfigurationError
+
+PLAN = numbered([(float(x), 0.0, 1.0) for x in range(5)])
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / 'journal.jsonl'
+
+
+def numbers(journal: Journal) -> list[int]:
+    return [point.press for point in journal.left(PLAN.points, 3)]
+
+
+def test_recorded_press_is_not_done_again(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        journal.note(2, 1, STARTED, 10)
+        journal.note(2, 1, RECORDED, 20)
+    with Journal(file, PLAN) as journal:
+        assert numbers(journal) == [1, 3, 4, 5]
+        assert journal.done == 1
+
+
+def test_press_that_was_only_started_is_done_again_under_another_number(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        journal.note(3, 1, STARTED, 10)
+    with Journal(file, PLAN) as journal:
+        assert 3 in numbers(journal)
+        assert journal.next_attempt(3) == 2
+
+
+def test_press_is_given_up_after_so_many_rejections(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        for attempt in (1, 2, 3):
+            journal.note(4, attempt, STARTED, 10)
+            journal.note(4, attempt, REJECTED, 20, 'not steady')
+        assert numbers(journal) == [1, 2, 3, 5]
+
+
+def test_journal_that_was_cut_at_any_byte_of_its_last_line_reads_as_without_it(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        journal.note(1, 1, STARTED, 10)
+        journal.note(1, 1, RECORDED, 20)
+    whole = file.read_bytes()
+    start = whole.rfind(b'\n', 0, -1) + 1
+    for cut in range(start + 1, len(whole)):
+        file.write_bytes(whole[:cut])
+        with Journal(file, PLAN) as journal:
+            assert journal.repaired
+            assert numbers(journal) == [1, 2, 3, 4, 5]
+            assert journal.next_attempt(1) == 2
+        assert file.read_bytes() == whole[:start]
+
+
+def test_damage_before_the_end_is_refused_with_its_line(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        journal.note(1, 1, STARTED, 10)
+    file.write_bytes(file.read_bytes().replace(b'"press": 1', b'"press": x') + b'{}\n')
+    with pytest.raises(ConfigurationError, match=r'jsonl:2: .* damaged'):
+        Journal(file, PLAN)
+
+
+def test_journal_of_another_plan_is_refused(file: Path) -> None:
+    Journal(file, PLAN).close()
+    with pytest.raises(ConfigurationError, match='another folder'):
+        Journal(file, numbered([(0.0, 0.0, 1.0)]))
+
+
+def test_verified_press_is_not_looked_for_again(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        for press in (1, 2):
+            journal.note(press, 1, RECORDED, 20)
+        journal.note(1, 1, VERIFIED, 30)
+        assert [entry.press for entry in journal.unverified()] == [2]

@@ -1,0 +1,48 @@
+"""The order of a plan."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactile_nodes.collection.estimate import leg_s
+from tactile_nodes.collection.order import least_rest, ordered, travel_mm
+from tactile_nodes.collection.plan import PlanSettings, make_plan, numbered
+
+PAPER = PlanSettings()
+
+
+def test_every_press_comes_once_and_always_in_the_same_order() -> None:
+    plan = make_plan(PAPER)
+    order = ordered(plan, PAPER)
+    assert sorted(order) == list(plan.points)
+    assert order == ordered(plan, PAPER)
+
+
+def test_nearly_all_neighbours_of_the_papers_plan_rest_for_eight_presses_and_the_way_is_short() -> None:
+    order = ordered(make_plan(PAPER), PAPER)
+    hurried = sum(
+        any((a.x_mm - b.x_mm) ** 2 + (a.y_mm - b.y_mm) ** 2 < 4.0**2 for b in order[max(0, i - 8) : i])
+        for i, a in enumerate(order)
+    )
+    assert hurried < 0.01 * len(order)
+    assert travel_mm(order) / len(order) < 1.25 * 4.0  # nearer than 4 mm would be no rest
+
+
+def test_without_rest_a_row_is_walked_from_end_to_end() -> None:
+    row = numbered([(float(x), 0.0, 1.0) for x in (3, 0, 2, 4, 1)])
+    order = ordered(row, PlanSettings(rest_mm=0.0))
+    assert [point.x_mm for point in order] == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_travel_is_the_sum_of_the_ways() -> None:
+    points = numbered([(0.0, 0.0, 1.0), (3.0, 4.0, 1.0), (3.0, 5.0, 1.0)]).points
+    assert travel_mm(points) == 6.0
+
+
+def test_least_rest_counts_the_presses_in_between() -> None:
+    points = numbered([(0.0, 0.0, 1.0), (9.0, 0.0, 1.0), (9.0, 9.0, 1.0), (0.5, 0.0, 1.0)]).points
+    assert least_rest(points, 1.0) == 2
+
+
+def test_leg_takes_the_time_of_a_trapezoid() -> None:
+    assert leg_s(10.0, 600.0) == pytest.approx(1.05)  # 10 mm at 10 mm/s, and 10 mm/s at 200 mm/s²

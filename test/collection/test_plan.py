@@ -1,0 +1,77 @@
+"""Plans: their points, numbers and names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes import paths
+from tactile_nodes.collection.plan import Plan, PlanSettings, Point, load_plan_settings, make_plan, numbered
+from tactile_nodes.errors import ConfigurationError
+
+PLANS = paths.share_directory() / 'config' / 'plans'
+
+
+def test_plan_of_the_paper_has_10952_presses_from_minus_to_plus_13_5_mm() -> None:
+    plan = make_plan(load_plan_settings(PLANS / 'paper.yaml'))
+    assert len(plan.points) == 37 * 37 * 8 == 10952
+    assert plan.box_mm == (-13.5, -13.5, 13.5, 13.5)
+    assert sorted({point.depth_mm for point in plan.points}) == [0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0]
+
+
+def test_every_plan_that_ships_can_be_made() -> None:
+    for file in PLANS.glob('*.yaml'):
+        assert make_plan(load_plan_settings(file)).points
+
+
+def test_presses_are_numbered_from_one() -> None:
+    plan = numbered([(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)])
+    assert plan.points == (Point(1, 0.0, 0.0, 1.0), Point(2, 1.0, 0.0, 1.0))
+
+
+def test_plan_is_named_by_its_points_alone() -> None:
+    # printf '1 0 0 1000\n2 1500 -250 500' | sha256sum
+    plan = numbered([(0.0, 0.0, 1.0), (1.5, -0.25, 0.5)])
+    assert plan.plan_id == '75201074f574'
+    assert numbered([(0.0, 0.0, 1.0), (1.5, -0.25, 0.501)]).plan_id != plan.plan_id
+
+
+def test_random_plan_is_the_same_every_time_and_another_for_another_seed() -> None:
+    same = [make_plan(PlanSettings(kind='random', count=20, seed=seed)).plan_id for seed in (1, 1, 2)]
+    assert same[0] == same[1] != same[2]
+
+
+def test_jittered_grid_stays_near_the_grid() -> None:
+    grid = make_plan(PlanSettings(columns=4, rows=4))
+    jittered = make_plan(PlanSettings(kind='jittered', columns=4, rows=4, jitter_mm=0.3))
+    shifts = [abs(a.x_mm - b.x_mm) for a, b in zip(grid.points, jittered.points, strict=True)]
+    assert 0.1 < max(shifts) <= 0.3005
+
+
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        ('points.csv', 'x_mm,y_mm,depth_mm\n1.0, 2.0, 0.5\n-1, 0, 1\n'),
+        ('points.csv', '# by hand\n1.0,2.0,0.5\n-1,0,1\n'),
+        ('points.yaml', '- [1.0, 2.0, 0.5]\n- {x_mm: -1, y_mm: 0, depth_mm: 1}\n'),
+        ('points.yaml', 'points:\n- [1, 2, 0.5]\n- [-1, 0, 1]\n'),
+    ],
+)
+def test_list_of_points_is_read(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    (tmp_path / 'plan.yaml').write_text(f'kind: list\nfile: {name}\n')
+    plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
+    assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5), (-1.0, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize('text', ['1,2\n', 'x,y,z\n1,2,3\n', '1,2,-0.5\n', '1,2,nan\n', '1,2,1\n1,2,1\n', ''])
+def test_list_that_holds_something_else_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / 'points.csv').write_text(text)
+    with pytest.raises(ConfigurationError):
+        make_plan(PlanSettings(kind='list', file=str(tmp_path / 'points.csv')))
+
+
+def test_plan_without_points_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match='no points'):
+        Plan(())
