@@ -117,6 +117,8 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
         raise _cannot_open(path, error) from error
     except ValueError as error:
         raise ConfigurationError(f'cannot open {path} with {baud} baud ({error}); give another rate') from error
+    with contextlib.suppress(OSError, ValueError, NotImplementedError):
+        port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise; others need it not
     if dtr == 'untouched':
         _keep_line_on_close(port.fileno())
     elif dtr == 'pulse':

@@ -253,6 +253,8 @@ def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
             f'cannot open {settings.device or "a port without a name"} to watch its {settings.line.upper()} line '
             f'({error}); name a port that exists and that no other program uses'
         ) from error
+    with contextlib.suppress(AttributeError, OSError, ValueError, NotImplementedError):
+        port.set_low_latency_mode(True)  # FTDI adapters tell of a change after up to 16 ms otherwise
     watched = WatchedLine(name, SerialControlLine(port, settings.line), settings, clock)
     try:
         watched.open()

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64
 
 TUKEY = 4.685
 HONEST = 0.3  # a uniform error has a standard deviation of 0.6 of its half width, and most of a mixture has less
-SIGMAS = 4.0  # of 3000 simulated runs at the limit, three let two pass that were off by more than was required
+SIGMAS = 4.0  # with three, 2 of 3000 simulated runs were accepted and off by more than required
 
 
 @dataclass(frozen=True)

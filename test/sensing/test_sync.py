@@ -131,7 +131,7 @@ def test_the_edges_of_a_60_hz_camera_give_2_ms_when_there_are_enough_of_them() -
     assert isinstance(fit, ClockFit), fit
     assert worst_error_s(fit, device_time(host_s, 0.3, 100), 0.3, 100) < 0.002
     assert 0.003 < fit.residual_median_s < 0.0055  # of a uniform error of 8.3 ms the median is 4.2 ms
-    assert fit.residual_max_s < 0.009
+    assert fit.residual_max_s < 0.0084 + fit.bound_s
 
 
 def test_a_few_edges_with_the_jitter_of_a_camera_do_not_suffice_and_it_says_how_good_they_are() -> None:
