@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from collecting import Collection, Sensor, whole_collection
+from press_bags import Collection, Sensor, whole_collection
 
 from tactile_nodes.cli.main import main
 

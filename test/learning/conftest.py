@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from collecting import Sensor, whole_collection
+from press_bags import Sensor, whole_collection
 
 
 @pytest.fixture(scope='session')

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from collecting import DEPTHS_MM, FRAME_NS, FRAMES, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
+from press_bags import DEPTHS_MM, FRAME_NS, FRAMES, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import REFERENCE_IMAGE
