@@ -50,7 +50,8 @@ class Contact:
         self.rest_mm = mesh.across_mm[:-1, None] + half * (1 + POINTS)
         self._weight = POINT_WEIGHT * half * (1.0 if mesh.plane else 2 * np.pi * self.rest_mm)
         self._indenter, self._friction = indenter, friction
-        self._stiffness, self._hold = stiffness, stiffness / 5
+        # Where points may slip, a softer spring lets Newton's method find which do.
+        self._stiffness, self._hold = stiffness, stiffness / (5 if np.isinf(friction) else 20)
         self._anchor = np.zeros((*self.rest_mm.shape, 2))
         self._tangent = np.zeros_like(self._anchor)
         self._limit = np.zeros(self.rest_mm.shape)

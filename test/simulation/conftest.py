@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from tactile_nodes.drivers.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import Scene
@@ -20,3 +21,9 @@ def table(gel: Gel) -> ContactTable:
 @pytest.fixture(scope='session')
 def scene(gel: Gel, table: ContactTable) -> Scene:
     return Scene(gel, table=table)
+
+
+@pytest.fixture(scope='session')
+def finite_table() -> ContactTable:
+    """The paper's gel at finite strain, from the table that ships."""
+    return contact_table(Gel(mechanics='finite_strain', shear_modulus_mpa=0.111))

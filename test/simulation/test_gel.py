@@ -24,3 +24,15 @@ def test_a_wrong_property_is_refused_by_name(mapping: dict[str, object]):
 def test_any_other_property_makes_another_id():
     assert Gel().gel_id == Gel(seed=1).gel_id
     assert Gel().gel_id != Gel(blur_px=0.6).gel_id
+
+
+def test_properties_that_came_later_leave_the_id_of_older_gels_alone():
+    assert Gel().gel_id == Gel(exposure_s=0.0).gel_id
+    assert Gel().gel_id != Gel(exposure_s=0.01).gel_id
+    assert Gel(mechanics='finite_strain').gel_id != Gel(mechanics='finite_strain', contact='smooth').gel_id
+
+
+@pytest.mark.parametrize('mapping', [{'mechanics': 'plastic'}, {'contact': 'wet'}, {'mechanics': 3}])
+def test_a_choice_that_does_not_exist_is_refused(mapping: dict[str, object]):
+    with pytest.raises(ConfigurationError, match=next(iter(mapping))):
+        Gel.from_mapping(mapping)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import NoiseBank, Optics, Press, mix, place_markers
@@ -113,3 +114,82 @@ def test_noise_differs_from_frame_to_frame(scene: Scene):
 
 def test_splitmix_is_splitmix():
     assert mix(0) == 0xE220A8397B1DCDAF  # first output of the published generator for seed 0
+
+
+def lone(table: ContactTable, **properties: object) -> Optics:
+    """One marker on black, evenly lit."""
+    return Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0, **properties), table)
+
+
+def test_a_smear_has_its_middle_where_the_marker_was_on_average(table: ContactTable):
+    optics = lone(table)
+    x, y, _ = optics.markers_mm[0]
+    moments = tuple((Press(float(x) + 1.5, float(y), depth),) for depth in (1.0, 2.0))
+    places = np.array([optics.project(each)[0] for each in moments])
+    assert np.hypot(*(places[1] - places[0])) > 0.1
+    np.testing.assert_allclose(centroid(optics._smeared(moments)), places.mean(axis=0), atol=2e-3)
+
+
+def test_a_smear_is_the_mean_of_its_moments(table: ContactTable, scene: Scene):
+    moments = ((DEEP,), (dataclasses.replace(DEEP, depth_mm=1.9),))
+    mean = np.mean([scene.optics.radiance(each) for each in moments], axis=0)
+    assert np.abs(scene.optics._smeared(moments) - mean).max() < 0.1  # of 150 grey levels
+
+
+def test_an_exposure_in_which_nothing_moves_is_sharp(scene: Scene):
+    np.testing.assert_array_equal(scene.optics.expose(((DEEP,), (DEEP,)), 4), scene.optics.render((DEEP,), 4))
+
+
+def test_jpeg_changes_an_image_a_little_and_always_alike(scene: Scene, table: ContactTable):
+    sent = [Optics(dataclasses.replace(scene.gel, jpeg_quality=90), table).render((DEEP,), 7) for _ in range(2)]
+    np.testing.assert_array_equal(*sent)
+    error = sent[0].astype(float) - scene.optics.render((DEEP,), 7)
+    assert 0.3 < error.std() < 4
+
+
+def test_a_camera_rolled_by_a_right_angle_sees_the_right_above(table: ContactTable):
+    x, y = lone(table).project(())[0] - [319.5, 239.5]
+    np.testing.assert_allclose(lone(table, camera_roll_deg=90.0).project(())[0] - [319.5, 239.5], [y, -x], atol=1e-3)
+
+
+def test_a_camera_tilted_about_x_shifts_an_equidistant_image_by_focal_length_times_angle(table: ContactTable):
+    """A marker over the camera's pupil, seen 2 degrees beside the optical axis."""
+    gel = Gel(marker_count=1)
+    x, y, _ = place_markers(gel)[0][0]
+    shifted = lone(table, camera_shift_mm=(float(x), float(y)), camera_tilt_deg=(2.0, 0.0))
+    np.testing.assert_allclose(shifted.project(())[0], [319.5, 239.5 + 290 * np.radians(2.0)], atol=1e-2)
+
+
+def test_a_shifted_camera_sees_what_is_over_it_in_the_middle(table: ContactTable):
+    x, y, _ = place_markers(Gel(marker_count=1))[0][0]
+    np.testing.assert_allclose(
+        lone(table, camera_shift_mm=(float(x), float(y))).project(())[0], [319.5, 239.5], atol=1e-3
+    )
+
+
+def test_light_from_the_right_is_brighter_there(table: ContactTable):
+    lit = Optics(Gel(marker_count=1, vignetting=0.0, light_slope=(0.2, 0.0), light_gain=0.5), table).radiance(())
+    edge, middle = lit[10, 639] / 14, lit[10, 319:321].mean() / 14
+    assert edge == pytest.approx(0.5 * (1 + 0.2 * 319.5 / 320), rel=1e-4)
+    assert middle == pytest.approx(0.5, rel=1e-4)
+
+
+def test_a_press_moves_the_gel_by_its_own_indenters_table(table: ContactTable, finite_table: ContactTable):
+    optics = Optics(Gel(), table, {'ball': finite_table})
+    other = Optics(Gel(), finite_table)
+    np.testing.assert_array_equal(
+        optics.displacement_mm((dataclasses.replace(DEEP, indenter='ball'),)), other.displacement_mm((DEEP,))
+    )
+
+
+def test_an_indenter_without_a_table_is_refused_by_name(scene: Scene):
+    with pytest.raises(ConfigurationError, match='spoon'):
+        scene.optics.displacement_mm((Press(0.0, 0.0, 1.0, 'spoon'),))
+
+
+def test_a_dragged_tip_takes_the_gel_with_it(scene: Scene):
+    pressed = scene.optics.displacement_mm((DEEP,))
+    dragged = scene.optics.displacement_mm((dataclasses.replace(DEEP, shift_mm=(0.3, 0.0)),)) - pressed
+    near = np.linalg.norm(scene.optics.markers_mm - [3.0, -2.0, -1.5], axis=1) < 1
+    assert dragged[near, 0].min() > 0.005
+    assert np.abs(dragged[:, 1]).max() < np.abs(dragged[:, 0]).max() / 2

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
 import pytest
 
+from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.scene import PressSchedule, Scene, smooth
 
@@ -82,3 +84,35 @@ def test_a_time_of_day_in_nanoseconds_is_as_good_as_any():
 @pytest.mark.parametrize(('share', 'value'), [(-1.0, 0), (0.0, 0), (0.5, 0.5), (1.0, 1), (2.0, 1)])
 def test_the_smooth_step_starts_at_zero_and_ends_at_one(share: float, value: float):
     assert smooth(share) == value
+
+
+SLOW = Gel(settling_share=0.2, settling_s=0.4)
+UP = 18 * SECOND // 10  # the tip is up again, 0.1 s ago
+
+
+def test_a_settling_gel_pushes_back_harder_while_the_tip_comes_down(table: ContactTable, scene: Scene):
+    slow = Scene(SLOW, table=table)
+    arrived, held = 8 * SECOND // 10, 13 * SECOND // 10
+    assert slow.truth(arrived).total_n > 1.05 * scene.truth(arrived).total_n
+    assert slow.truth(held).total_n - scene.truth(held).total_n < 0.1 * scene.truth(held).total_n
+
+
+def test_a_settling_gel_keeps_a_dent_where_the_tip_was(table: ContactTable):
+    slow = Scene(SLOW, table=table)
+    down, after = slow.presses_at(DWELL)[0], slow.presses_at(UP)
+    assert slow.truth(UP).total_n == 0
+    assert any((each.x_mm, each.y_mm) == (down.x_mm, down.y_mm) and each.depth_mm > 0.02 for each in after)
+
+
+def test_a_settling_gel_remembers_the_same_whoever_asked_before(table: ContactTable):
+    asked, fresh = (Scene(SLOW, table=table) for _ in range(2))
+    for time_ns in (DWELL, 9 * SECOND, 3 * SECOND, UP - SECOND // 3):
+        asked.presses_at(time_ns)
+    assert asked.presses_at(UP) == fresh.presses_at(UP)
+
+
+def test_an_exposed_frame_is_blurred_only_while_the_tip_moves(table: ContactTable, scene: Scene):
+    exposed = Scene(dataclasses.replace(scene.gel, exposure_s=0.008), table=table)
+    np.testing.assert_array_equal(exposed.render(DWELL), scene.render(DWELL))
+    down = 6 * SECOND // 10
+    assert (exposed.render(down) != scene.render(down)).any()

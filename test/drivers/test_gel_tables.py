@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import paths
+from tactile_nodes.drivers import gel_tables
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.params import load_mapping
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.solution import Problem, Solution
+
+QUICK = Problem(finest_mm=0.3, growth=1.4, deepest_mm=0.2, rungs=2)
+GELS = paths.share_directory() / 'config' / 'gels'
+
+
+def refuse(problem: Problem) -> Solution:
+    raise AssertionError(f'{problem} was solved')
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(paths, 'cache_directory', lambda: tmp_path)
+    return tmp_path / 'contacts'
+
+
+def load(name: str) -> Gel:
+    return Gel.from_mapping({key: located.value for key, located in load_mapping(GELS / name).items()}, name)
+
+
+@pytest.mark.parametrize('name', ['paper.yaml', 'stiff.yaml', 'lifelike.yaml'])
+def test_gels_of_the_papers_layer_need_no_solution(name: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(gel_tables, 'solve_problem', refuse)
+    gel_tables.contact_table.cache_clear()
+    assert gel_tables.contact_table(load(name)).force_at(2.0) == pytest.approx(
+        9.0 * load(name).shear_modulus_mpa, rel=0.01
+    )
+
+
+def test_every_gel_that_ships_can_be_read():
+    assert [load(each.name).layer_mm for each in sorted(GELS.glob('*.yaml'))] == [6.0, 6.0, 6.0, 4.0]
+
+
+def test_a_solution_is_kept_and_found_again(own_cache: Path, monkeypatch: pytest.MonkeyPatch):
+    first = gel_tables.solution_of(QUICK)
+    assert [each.name for each in own_cache.iterdir()] == [f'{QUICK.key}.npz']
+    monkeypatch.setattr(gel_tables, 'solve_problem', refuse)
+    np.testing.assert_array_equal(gel_tables.solution_of(QUICK).moved_mm, first.moved_mm)
+
+
+def test_a_kept_file_of_another_problem_is_not_taken(own_cache: Path):
+    solution = gel_tables.solution_of(QUICK)
+    other = Problem(finest_mm=0.3, growth=1.4, deepest_mm=0.2, rungs=2, layer_mm=5.0)
+    gel_tables.write_solution(own_cache / f'{other.key}.npz', solution)
+    assert gel_tables.solution_of(other).key == other.key
+
+
+def test_the_linear_gel_has_its_own_tip_only():
+    with pytest.raises(ConfigurationError, match='finite_strain'):
+        gel_tables.contact_table(Gel(), 'ball')

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.solution import Problem, Solution, problem_of, solve_problem
+
+QUICK = Problem(finest_mm=0.3, growth=1.4, deepest_mm=0.4, rungs=4)
+
+
+@pytest.fixture(scope='module')
+def solution() -> Solution:
+    return solve_problem(QUICK)
+
+
+def test_a_solution_comes_back_from_its_arrays(solution: Solution):
+    again = Solution.from_arrays(solution.to_arrays(), QUICK.key)
+    np.testing.assert_array_equal(again.moved_mm, solution.moved_mm)
+    assert again.key == QUICK.key
+
+
+def test_the_solution_of_another_problem_is_refused(solution: Solution):
+    other = dataclasses.replace(QUICK, layer_mm=5.0)
+    with pytest.raises(ConfigurationError, match=other.key):
+        Solution.from_arrays(solution.to_arrays(), other.key)
+
+
+def test_arrays_that_lack_something_are_refused(solution: Solution):
+    arrays = {name: array for name, array in solution.to_arrays().items() if name != 'force_mm2'}
+    with pytest.raises(ConfigurationError, match='force_mm2'):
+        Solution.from_arrays(arrays, QUICK.key)
+
+
+def test_gels_that_differ_in_modulus_and_markers_share_a_solution():
+    one, two = (
+        problem_of(Gel(mechanics='finite_strain', shear_modulus_mpa=g, seed=s)) for g, s in ((0.1, 1), (0.2, 2))
+    )
+    assert one.key == two.key
+    assert one.key != problem_of(Gel(mechanics='finite_strain', soft_mm=4.0)).key
+    assert one.key != problem_of(Gel(mechanics='finite_strain', contact='smooth')).key
+
+
+def test_a_table_goes_through_the_rungs_of_the_ladder(solution: Solution):
+    table = solution.table(0.2, steps=4)
+    np.testing.assert_allclose(table.depth_mm, [0, 0.1, 0.2, 0.3, 0.4])
+    rungs = [np.abs(solution.depth_mm - depth).argmin() for depth in table.depth_mm]
+    np.testing.assert_allclose(table.force_n, 0.2 * solution.force_mm2[rungs], rtol=1e-9)
+
+
+def test_points_on_nodes_move_as_the_nodes(solution: Solution):
+    moved = solution.at(solution.across_mm[:5], solution.z_mm)
+    np.testing.assert_allclose(moved, solution.moved_mm[:, :9:2, ::2], atol=1e-6)
+
+
+def test_twice_as_light_a_touch_takes_hertzs_share_of_the_force(solution: Solution):
+    table = solve_problem(Problem(finest_mm=0.1, growth=1.3, deepest_mm=0.2, rungs=4)).table(1.0, steps=40)
+    assert table.force_at(0.1) / table.force_at(0.05) == pytest.approx(2**1.5, rel=0.1)
+
+
+def test_an_unknown_indenter_is_refused_by_name():
+    with pytest.raises(ConfigurationError, match=r'spoon.*ball, punch'):
+        problem_of(Gel(), 'spoon')
