@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cache
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
+from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth
 from tactile_nodes.simulation.worlds import Shared
 
@@ -112,7 +111,7 @@ def build_scene(settings: SceneSettings) -> Scene:
         ConfigurationError: a gel file that cannot be used.
     """
     gel = _gel(settings)
-    return Scene(gel, _schedule(settings, settings.start_ns), table=_table(gel))
+    return Scene(gel, _schedule(settings, settings.start_ns), table=contact_table(gel))
 
 
 def _schedule(settings: SceneSettings, start_ns: int) -> PressSchedule:
@@ -123,11 +122,6 @@ def _schedule(settings: SceneSettings, start_ns: int) -> PressSchedule:
         shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
         deepest_mm=settings.deepest_mm,
     )
-
-
-@cache
-def _table(gel: Gel) -> ContactTable:
-    return solve(gel)
 
 
 def _gel(settings: SceneSettings) -> Gel:

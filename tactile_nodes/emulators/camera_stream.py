@@ -12,7 +12,8 @@ from types import TracebackType
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.emulators.world import World, contact_table
+from tactile_nodes.emulators.world import World
+from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.simulation.optics import Optics
 
 LOOPBACK = '127.0.0.1'

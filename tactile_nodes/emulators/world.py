@@ -12,13 +12,13 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple, Protocol
 
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
+from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -72,12 +72,6 @@ class WorldSettings:
     slope_y: float = parameter(0.0, 'rise of the surface along y, mm per mm', minimum=-0.2, maximum=0.2)
     tool_mm: float = parameter(60.0, "from the tip up to the force/torque sensor's origin", minimum=0.0)
     probe_z_mm: float = parameter(-1000.0, 'height of a plate with a probe switch; -1000.0: there is none')
-
-
-@cache
-def contact_table(gel: Gel) -> ContactTable:
-    """The contact table of a gel, solved once a process."""
-    return solve(gel)
 
 
 class World:

@@ -20,11 +20,11 @@ import numpy as np
 from jaxtyping import Float16, Float32
 
 from tactile_nodes import paths
+from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.reference import average
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press, mix
 
 RECIPE = 1
@@ -122,7 +122,7 @@ def _load(files: list[Path]) -> Dataset:
 def _render_block(block: _Block) -> int:
     """Make one block and write it (in a process of its own); returns its number of presses."""
     config = block.config
-    table = solve(config.gel)
+    table = contact_table(config.gel)
     optics = Optics(config.gel, table)
     flow, encoding = config.make_flow(), config.make_encoding()
     seeds = _noise_seeds(config.data.seed, block.number)

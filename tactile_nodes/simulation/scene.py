@@ -15,9 +15,10 @@ from jaxtyping import Float32, UInt8
 
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.memory import Memory
 from tactile_nodes.simulation.optics import Optics, Press, mix
+from tactile_nodes.simulation.solution import solve_gel
 
 NS_PER_S = 1_000_000_000
 GAUSS_POINT = 0.5 / 3**0.5
@@ -120,7 +121,7 @@ class Scene:
         self.gel = gel or Gel()
         self.schedule: Schedule = schedule or PressSchedule()
         self.bins = bins or BinGrid(width_mm=self.gel.size_mm, height_mm=self.gel.size_mm)
-        self._table = table or solve(self.gel)
+        self._table = table or solve_gel(self.gel)
         self._others = dict(others or {})
         self._optics: Optics | None = None
         self._memory = Memory(self.gel, self.schedule_at, {'tip': self._table, **self._others})

@@ -21,7 +21,7 @@ from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Mesh, graded, shap
 from tactile_nodes.simulation.finite_strain import Indentation
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter
-from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.mechanics import ContactTable, solve
 
 RECIPE = 1
 """Raised when the code gives another solution of the same problem."""
@@ -133,6 +133,13 @@ def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
     if indenter not in INDENTERS:
         raise ConfigurationError(f'there is no indenter {indenter!r}; there are: tip, {", ".join(INDENTERS)}')
     return Problem(gel.layer_mm, gel.poisson_ratio, INDENTERS[indenter], sticking, deepest_mm=1.5)
+
+
+def solve_gel(gel: Gel) -> ContactTable:
+    """The table for a gel's own tip by the mechanics that the gel names, solved here and now."""
+    if gel.mechanics == 'linear':
+        return solve(gel)
+    return solve_problem(problem_of(gel)).table(gel.shear_modulus_mpa)
 
 
 def solve_problem(problem: Problem) -> Solution:

@@ -16,8 +16,8 @@ import time
 
 import numpy as np
 
-from tactile_nodes.drivers.gel_tables import contact_table, solution_of
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import contact_table, solution_of
 from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import Mesh, graded
 from tactile_nodes.simulation.finite_strain import Indentation
