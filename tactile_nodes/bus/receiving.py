@@ -159,14 +159,14 @@ class Receiver:
     def take_in(self) -> None:
         """Take one message, without waiting; then the others have their turn, and who waited for this one."""
         try:
-            first = self.socket.recv(zmq.NOBLOCK)
-            rest = self.socket.recv_multipart(zmq.NOBLOCK, copy=False) if self.socket.rcvmore else []
+            first = self.socket.recv(zmq.NOBLOCK, copy=False)
+            rest = self._rest() if first.more else []
         except zmq.Again:
             return
         now_ns = self._bus.clock.now_ns()
         try:
-            header, outlet = self._header_of(first)
-            data = _data_of(first, rest)
+            header, outlet = self._header_of(first.buffer)
+            data = _data_of(first.buffer, rest)
         except MessageError:
             self._count_foreign()
             return
@@ -175,7 +175,13 @@ class Receiver:
             self._latched[outlet.gid] = received
         self._bus.deliver(self.topic, received)
 
-    def _header_of(self, first: bytes) -> tuple[wire.Header, Outlet]:
+    def _rest(self) -> list[zmq.Frame]:
+        found = [self.socket.recv(zmq.NOBLOCK, copy=False)]
+        while found[-1].more:
+            found.append(self.socket.recv(zmq.NOBLOCK, copy=False))
+        return found
+
+    def _header_of(self, first: memoryview) -> tuple[wire.Header, Outlet]:
         header = wire.unpack_header(first)
         outlet = self._senders.get(header.gid)
         if outlet is None:
@@ -190,10 +196,10 @@ class Receiver:
             subscription.malformed += 1
 
 
-def _data_of(first: bytes, rest: list[zmq.Frame]) -> memoryview:
+def _data_of(first: memoryview, rest: list[zmq.Frame]) -> memoryview:
     """The bytes behind the header, in the same frame or in the next."""
     if not rest and len(first) > wire.HEADER_SIZE:
-        return memoryview(first)[wire.HEADER_SIZE :]
+        return first[wire.HEADER_SIZE :]
     if len(rest) != 1 or len(first) != wire.HEADER_SIZE:
         raise MessageError(f'a message of {1 + len(rest)} frames')
     return rest[0].buffer
