@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from tactile_nodes.collection.settings import LimitSettings
 from tactile_nodes.drivers.force_torque import UNUSABLE, Sample, Wrench
+from tactile_nodes.drivers.force_torque_stream import told
 from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
@@ -76,7 +77,8 @@ class Safety:
         if not self.watching:
             return
         if sample.flags & UNUSABLE:
-            self._stop(SENSOR, f'the sensor of forces reports a fault (status {sample.status:#x})', sample.arrival_ns)
+            wrong = told(sample.flags & UNUSABLE)
+            self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
             return
         force, torque = self._change(sample.wrench)
         if math.isnan(force):

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.actions import Go, Look, Procedure, Seen, SetTare
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare, pressing_n, tare_of, wrenches
 from tactile_nodes.errors import DeviceFaultError
 
 HERTZ = 2 / 3
 BACK_OFF_STEPS = 6
+FEWEST = 3
 CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
 
@@ -114,10 +115,10 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         if z < surface.bottom_mm:
             break
         yield Go(z=z, feed_mm_min=surface.feed_mm_min)
-        seen = yield Look(surface.dwell_s)
-        force = float(pressing_n(wrenches(seen.samples), tare, settings.mounting).mean()) if seen.samples else math.nan
+        seen = yield from _felt(surface.dwell_s)
+        force = float(pressing_n(wrenches(seen.samples), tare, settings.mounting).mean())
         if math.isnan(force):
-            raise DeviceFaultError('no force along z came during the search for the surface; check the sensor')
+            raise DeviceFaultError('the sensor measures no force along z, so it cannot find the surface; set its axes')
         noise = tare.noise_n / math.sqrt(len(seen.samples))
         if loading or force > 5 * noise + surface.least_n:
             loading.append((seen.place_mm[2], force))
@@ -127,6 +128,15 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
         'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
     )
+
+
+def _felt(dwell_s: float) -> Procedure[Seen]:
+    """At least some samples; how long a sensor may be silent is for the safety to say."""
+    seen = yield Look(dwell_s)
+    start_ns = seen.since_ns
+    while len(seen.samples) < FEWEST:
+        seen = yield Look(dwell_s, start_ns)
+    return seen
 
 
 def touch_mm(loading: Sequence[tuple[float, float]]) -> float:

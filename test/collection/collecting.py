@@ -1,0 +1,74 @@
+"""A program that collects in simulated time into a real bag, to be killed: ``collecting.py FOLDER BAG [WHERE PRESS]``.
+
+WHERE is where it kills itself with SIGKILL at that press (counted from 1): `started`, `bag` (the bag has it on the
+disk, the journal does not) or `journal` (the journal has it, and nothing that the bag was given since is on the disk).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+from rehearsing import SAFE_Z_MM, Run
+
+from tactile_nodes import conversions, messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.collection.audit import audit
+from tactile_nodes.collection.cycle import Record
+from tactile_nodes.collection.telling import press_message
+
+TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/Image'}
+
+
+def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
+    run = Run(folder)
+    audit(run.journal, run.plan.plan_id, folder, 0)
+    run.campaign.progress.done = run.journal.done
+    writer = BagWriter(folder / name)
+    for topic, type_name in TOPICS.items():
+        writer.add_topic(BagTopic.of_type(topic, type_name))
+    told = 0
+
+    def record(record: Record) -> None:
+        nonlocal told
+        told += 1
+        if where == 'started' and told == at:
+            die()
+        if where == 'journal' and told == at:
+            return  # as if it waited in the recorder's memory
+        write(writer, run, record)
+        if where == 'bag' and told == at:
+            writer.close()
+            die()
+
+    def die_after_the_journal(press: int, attempt: int, step: str, stamp_ns: int, reason: str = '') -> None:
+        note(press, attempt, step, stamp_ns, reason)
+        if where == 'journal' and step == 'recorded' and told == at:
+            die()
+
+    note = run.journal.note
+    run.journal.note = die_after_the_journal  # type: ignore[method-assign]
+    object.__setattr__(run.campaign._outlet, 'record', record)
+    run.campaign.run()
+    assert abs(run.height_mm - SAFE_Z_MM) < 0.01
+    writer.close()
+
+
+def write(writer: BagWriter, run: Run, record: Record) -> None:
+    now_ns = run.rig.clock.now_ns()
+    for frame in record.frames:
+        image = conversions.image_message(frame.image, conversions.header(frame.stamp_ns, 'camera'))
+        writer.write('/press_image', messages.encode(image), now_ns, now_ns)
+    press = press_message(record, run.plan.plan_id, 'tip', 'gel_surface')
+    writer.write('/press', messages.encode(press), now_ns + 1, now_ns)
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]), sys.argv[2], *(sys.argv[3:4]), *(int(text) for text in sys.argv[4:5]))

@@ -1,0 +1,109 @@
+"""From readings to labels: frames, means, steadiness, and the surface."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_nodes.collection.readings import change, frame_of
+from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
+from tactile_nodes.collection.steady import Settling
+from tactile_nodes.collection.surface import Surface, plane, touch_mm
+from tactile_nodes.collection.wrench import Tare, on_gel, pressing_n, slope, tare_of
+from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.errors import DeviceFaultError
+
+MS = 1_000_000
+SETTINGS = CollectionSettings()
+ZERO = Tare((0.0,) * 6, (0.0,) * 6, 100, 0)
+UPSIDE_DOWN = MountingSettings(upside_down=True)
+
+
+def sample(at_ms: int, fz: float) -> Sample:
+    return Sample((0.0, 0.0, fz, 0.0, 0.0, 0.0), at_ms * MS, at_ms * MS, 0, at_ms, 0, 0, 0, ())
+
+
+def test_force_on_the_gel_is_the_reverse_of_what_the_sensor_feels_about_the_middle_of_the_surface() -> None:
+    read = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
+    (found,) = on_gel(read, ZERO, MountingSettings(), (10.0, 0.0, -1.0))
+    assert found == pytest.approx([0.0, 0.0, -1.0, 0.0, 0.01, 0.0])
+
+
+def test_sensor_that_hangs_upside_down_reads_pressing_as_negative() -> None:
+    read = np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
+    assert pressing_n(read, ZERO, UPSIDE_DOWN) == pytest.approx([1.0])
+
+
+def test_sensor_of_one_axis_still_gives_the_pressing_force() -> None:
+    nan = math.nan
+    read = np.array([[nan, nan, 1.5, nan, nan, nan]])
+    assert pressing_n(read, Tare((nan, nan, 0.5, nan, nan, nan), (nan,) * 6, 9, 0), MountingSettings()) == 1.0
+
+
+def test_tare_is_mean_and_deviation() -> None:
+    tare = tare_of([sample(0, 1.0), sample(1, 3.0)])
+    assert (tare.wrench[2], tare.deviation[2], tare.samples) == (2.0, 1.0, 2)
+
+
+def test_slope_is_that_of_the_line() -> None:
+    assert slope([0, 1000 * MS, 2000 * MS], np.array([1.0, 3.0, 5.0])) == pytest.approx(2.0)
+
+
+def test_change_of_a_few_pixels_in_one_block_is_seen() -> None:
+    still = np.full((64, 64), 100, np.uint8)
+    moved = still.copy()
+    moved[20:24, 20:24] = 164  # 16 pixels of a block of 256, by 64 levels: 4 levels of its mean
+    assert change(frame_of(0, still), frame_of(1, moved)) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(('rate_n_s', 'steady'), [(0.05, True), (0.5, False)])
+def test_force_is_steady_below_its_rate(rate_n_s: float, steady: bool) -> None:
+    settling = Settling(SETTINGS, ZERO, 0.0, 0)
+    samples = [sample(ms, 1.0 + rate_n_s * ms / 1000) for ms in range(0, 1000, 5)]
+    frames = [frame_of(ms * MS, np.zeros((32, 32), np.uint8)) for ms in range(0, 1000, 30)]
+    assert settling.is_steady(1000 * MS, samples, frames) is steady
+
+
+def test_nothing_is_steady_before_it_has_rested_long_enough() -> None:
+    settling = Settling(SETTINGS, ZERO, 0.0, 900 * MS)
+    samples = [sample(ms, 1.0) for ms in range(0, 1000, 5)]
+    assert not settling.is_steady(1000 * MS, samples, [])
+    assert 'too short' in settling.unsteady
+
+
+def test_image_that_still_moves_is_not_steady() -> None:
+    settling = Settling(SETTINGS, ZERO, 0.1, 0)
+    samples = [sample(ms, 1.0) for ms in range(0, 1000, 5)]
+    frames = [frame_of(ms * MS, np.full((32, 32), ms // 100, np.uint8)) for ms in range(0, 1000, 30)]
+    assert not settling.is_steady(1000 * MS, samples, frames)
+    assert 'image' in settling.unsteady
+
+
+def test_touch_of_a_hertzian_sphere_is_where_its_force_begins() -> None:
+    loading = [(-30.0 - depth, 2.0 * depth**1.5) for depth in (0.1, 0.2, 0.3, 0.4)]
+    assert touch_mm(loading) == pytest.approx(-30.0)
+
+
+def test_force_that_does_not_grow_is_no_touch() -> None:
+    with pytest.raises(DeviceFaultError, match='does not grow'):
+        touch_mm([(-30.0, 0.2), (-30.1, 0.1), (-30.2, 0.05)])
+
+
+def test_plane_through_three_corners() -> None:
+    surface = plane([(-10.0, -10.0, -30.1), (10.0, -10.0, -29.9), (10.0, 10.0, -29.9)], SETTINGS)
+    assert surface.height_mm(0.0, 0.0) == pytest.approx(-30.0)
+    assert (surface.slope_x, surface.slope_y) == pytest.approx((0.01, 0.0))
+
+
+def test_corner_off_the_plane_is_refused() -> None:
+    places = [(-10.0, -10.0, -30.0), (10.0, -10.0, -30.0), (10.0, 10.0, -30.0), (-10.0, 10.0, -29.7)]
+    with pytest.raises(DeviceFaultError, match='not flat'):
+        plane(places, SETTINGS)
+
+
+def test_tip_is_as_deep_along_the_normal_as_asked() -> None:
+    surface = Surface(-30.0, 0.3, 0.4)  # slope 0.5: the normal is sqrt(1.25) steeper than the vertical
+    assert surface.tip_mm(0.0, 0.0, 1.0) == pytest.approx(-30.0 - math.sqrt(1.25))
+    assert surface.depth_mm(2.0, 1.0, surface.tip_mm(2.0, 1.0, 0.7)) == pytest.approx(0.7)

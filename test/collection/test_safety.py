@@ -1,0 +1,131 @@
+"""When everything must stop."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, SENSOR, Safety, Trip
+from tactile_nodes.collection.settings import LimitSettings
+from tactile_nodes.drivers.force_torque import Flag, Sample
+from tactile_nodes.drivers.health import Health, Level
+
+MS = 1_000_000
+WELL = Health(Level.OK, 'idle')
+
+
+def sample(at_ms: float, fz: float = 0.0, flags: int = 0, fx: float = 0.0) -> Sample:
+    at_ns = round(at_ms * MS)
+    return Sample((fx, 0.0, fz, 0.0, 0.0, 0.0), at_ns, at_ns, 0, int(at_ms), 0, flags, 0, ())
+
+
+def watching(**limits: float) -> tuple[Safety, list[Trip]]:
+    trips: list[Trip] = []
+    safety = Safety(LimitSettings(**limits), trips.append)
+    safety.watch(0, camera=True)
+    return safety, trips
+
+
+def test_the_very_sample_above_the_limit_trips() -> None:
+    safety, trips = watching(force_n=1.0)
+    safety.tare((0.0, 0.0, 5.0, 0.0, 0.0, 0.0))
+    safety.sample(sample(1, fz=5.9))
+    assert not trips
+    safety.sample(sample(2, fz=6.1))
+    assert [trip.kind for trip in trips] == [FORCE]
+    assert trips[0].stamp_ns == 2 * MS
+
+
+def test_force_counts_in_every_direction() -> None:
+    safety, trips = watching(force_n=1.0)
+    safety.tare((0.0,) * 6)
+    safety.sample(sample(1, fx=0.8, fz=-0.8))  # 1.13 N
+    assert trips
+
+
+def test_before_the_first_tare_the_first_sample_is_the_zero() -> None:
+    safety, trips = watching(force_n=1.0)
+    safety.sample(sample(1, fz=50.0))
+    assert not trips
+    safety.sample(sample(2, fz=52.0))
+    assert trips
+
+
+def test_fast_rise_trips_long_before_the_limit() -> None:
+    safety, trips = watching(force_n=100.0, force_rate_n_s=10.0, rate_ms=40.0)
+    safety.tare((0.0,) * 6)
+    for ms in range(200):
+        safety.sample(sample(ms, fz=max(0.0, (ms - 100) * 0.011)))  # 11 N/s from 100 ms on
+    assert trips and 'rises' in trips[0].reason
+    assert trips[0].stamp_ns <= 145 * MS
+
+
+def test_slow_rise_does_not_trip() -> None:
+    safety, trips = watching(force_n=100.0, force_rate_n_s=10.0)
+    for ms in range(1000):
+        safety.sample(sample(ms, fz=ms * 0.009))
+    assert not trips
+
+
+@pytest.mark.parametrize('flag', [Flag.FAULT, Flag.SATURATED, Flag.STALLED])
+def test_sample_that_is_not_usable_is_never_taken_for_no_force(flag: Flag) -> None:
+    safety, trips = watching()
+    safety.sample(sample(1, flags=flag))
+    assert [trip.kind for trip in trips] == [SENSOR]
+
+
+def test_sample_without_any_measured_force_trips() -> None:
+    safety, trips = watching()
+    safety.sample(sample(1)._replace(wrench=(math.nan,) * 6))
+    assert [trip.kind for trip in trips] == [SENSOR]
+
+
+def test_silence_of_the_sensor_trips_after_50_ms() -> None:
+    safety, trips = watching()
+    for ms in range(100):
+        safety.sample(sample(ms))
+        safety.frame(ms * MS)
+    safety.tick(148 * MS, WELL)
+    assert not trips
+    safety.tick(150 * MS, WELL)
+    assert [trip.kind for trip in trips] == [SENSOR]
+
+
+def test_slow_sensor_is_given_three_periods() -> None:
+    safety, trips = watching()
+    for ms in range(0, 2000, 80):
+        safety.sample(sample(ms))
+        safety.frame(ms * MS)
+    safety.tick((1920 + 230) * MS, WELL)
+    assert not trips
+    safety.tick((1920 + 245) * MS, WELL)
+    assert trips
+
+
+def test_silence_of_the_camera_trips_after_250_ms() -> None:
+    safety, trips = watching()
+    safety.frame(0)
+    for ms in range(300):
+        safety.sample(sample(ms))
+        safety.tick(ms * MS, WELL)
+    assert [trip.kind for trip in trips] == [CAMERA]
+    assert trips[0].stamp_ns == 251 * MS
+
+
+def test_fault_of_the_machine_trips() -> None:
+    safety, trips = watching()
+    safety.sample(sample(1))
+    safety.tick(2 * MS, Health(Level.ERROR, 'is locked by alarm 1'))
+    assert [(trip.kind, trip.reason) for trip in trips] == [(MACHINE, 'is locked by alarm 1')]
+
+
+def test_first_reason_stands_until_it_is_dealt_with() -> None:
+    safety, trips = watching(force_n=1.0)
+    safety.tare((0.0,) * 6)
+    for ms in (1, 2, 3):
+        safety.sample(sample(ms, fz=2.0))
+    assert len(trips) == 1
+    safety.reset(3 * MS)
+    safety.sample(sample(4, fz=2.0))
+    assert len(trips) == 2

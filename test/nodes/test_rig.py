@@ -1,0 +1,162 @@
+"""The rig node, with the twins of its devices in a small room, and images fed by hand."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions, messages, params
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import services, types
+from tactile_nodes.nodes.rig import RigNode
+
+PATIENCE_S = 30.0
+SMALL = """
+rig:
+  ros__parameters:
+    folder: {folder}
+    plan: {{columns: 2, rows: 1, pitch_mm: 2.0, depths_mm: [0.5]}}
+    wait_s: 5.0
+    world:
+      {{start_mm: [-2.0, -2.0, -1.0], room_mm: [20.0, 20.0, 20.0], gel_x_mm: -10.0, gel_y_mm: -10.0, gel_z_mm: -4.0}}
+    cnc: {{safe_z_mm: -2.5}}
+    force_torque: {{rate_hz: 200.0}}
+    limits: {{force_silence_ms: 1000.0, camera_silence_ms: 2000.0}}
+    motion: {{approach_mm_min: 600.0, press_mm_min: 120.0}}
+    surface:
+      {{gel_x_mm: -10.0, gel_y_mm: -10.0, top_mm: -3.9, bottom_mm: -5.0, reach_mm: 2.0, corners: 3, repeats: 1,
+        dwell_s: 0.03, beyond: 3, step_mm: 0.2, fine_step_mm: 0.1, feed_mm_min: 60.0, flat_mm: 0.2, tilt: 0.2}}
+    press: {{tare_s: 0.1, steady_s: 0.05, frames: 2, steady_n_s: 5.0, depth_error_mm: 0.1}}
+    reference_frames: 3
+    {more}
+"""
+
+
+@pytest.fixture
+def bus() -> Iterator[InProcessBus]:
+    made = InProcessBus(SystemClock())
+    yield made
+    made.close()
+
+
+def arguments(folder: Path, more: str = '') -> NodeArguments:
+    return NodeArguments(parameters=params.parse_parameters(SMALL.format(folder=folder, more=more), 'the test'))
+
+
+class Rig:
+    """The node in a thread, and a camera beside it."""
+
+    def __init__(self, bus: InProcessBus, folder: Path) -> None:
+        self.node = RigNode(bus, arguments(folder), SystemClock())
+        self._bus = bus
+        self._over = threading.Event()
+        self._threads = [threading.Thread(target=self.node.spin), threading.Thread(target=self._film)]
+        for thread in self._threads:
+            thread.start()
+
+    def _film(self) -> None:
+        image = self._bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
+        picture = np.full((32, 32), 100, np.uint8)
+        while not self._over.wait(0.03):
+            head = conversions.header(self.node.clock.now_ns(), 'camera')
+            image.publish(conversions.image_message(picture, head))
+
+    def close(self) -> None:
+        self._over.set()
+        self.node.stop()
+        for thread in self._threads:
+            thread.join()
+        self.node.close()
+
+
+@pytest.fixture
+def start(bus: InProcessBus, tmp_path: Path) -> Iterator[Callable[[], Rig]]:
+    rigs: list[Rig] = []
+
+    def begin() -> Rig:
+        rigs.append(Rig(bus, tmp_path))
+        return rigs[-1]
+
+    yield begin
+    for rig in rigs:
+        rig.close()
+
+
+def listen(bus: InProcessBus, topic: Topic) -> Subscription:
+    return bus.subscribe('/' + topic.name, topic.type_name, Qos('queue', 100_000))
+
+
+def drained(subscription: Subscription) -> list:
+    found = []
+    while (received := subscription.take()) is not None:
+        found.append(received.message)
+    return found
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    deadline_s = monotonic_s() + PATIENCE_S
+    while not done():
+        assert monotonic_s() < deadline_s
+        threading.Event().wait(0.02)
+
+
+def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Callable[[], Rig]) -> None:
+    names = (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE, topics.SYNC_EDGE, topics.RIG_STATE)
+    presses, images, samples, edges, states = (listen(bus, topic) for topic in names)
+    rest = listen(bus, topics.REFERENCE_IMAGE)
+    rig = start()
+    wait_until(lambda: not rig.node.spinning)
+    assert rig.node.failure is None
+    told = drained(presses)
+    assert [press.press for press in sorted(told, key=lambda press: press.press)] == [1, 2]
+    stamps = [messages.stamp_ns(image.header.stamp) for image in drained(images)]
+    forces = {messages.stamp_ns(each.header.stamp): each.wrench.force.z for each in drained(samples)}
+    for press in told:
+        assert press.status == types.Press.STATUS_RECORDED, press.reason
+        begin, end = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
+        assert sum(begin <= stamp <= end for stamp in stamps) == press.frames == 2
+        within = [force for stamp, force in forces.items() if begin <= stamp <= end]
+        # The label is what the samples say, less the tare, pressing negative: whoever has the bag can compute it anew.
+        assert len(within) == press.samples
+        assert press.wrench.force.z == pytest.approx(-(np.mean(within) - press.tare.force.z), abs=1e-9)
+    assert [edge.level for edge in drained(edges)] == [True, False, True, False]
+    assert any(state.press == 2 and state.depth > 0.4e-3 for state in drained(states))
+    assert len(drained(rest)) == 1
+
+
+def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -> None:
+    states = listen(bus, topics.RIG_STATE)
+    node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
+    node.spin()
+    node.close()
+    assert 'nobody records' in str(node.failure)
+    assert not drained(states)
+
+
+def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[[], Rig]) -> None:
+    kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
+    states = listen(bus, topics.RIG_STATE)
+    rig = start()
+    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 for state in drained(states)))  # in the gel
+    answer = bus.call('/rig/stop', services.TRIGGER, types.Trigger_Request(), 5.0)
+    assert answer.success
+    wait_until(lambda: not rig.node.spinning)
+    assert rig.node.failure is None
+    assert drained(states)[-1].position.z == pytest.approx(-2.5e-3, abs=1e-5)
+    assert kept
+
+
+def test_plan_file_that_is_none_is_one_sentence(bus: InProcessBus, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r'nowhere\.yaml'):
+        RigNode(bus, arguments(tmp_path, 'plan_file: nowhere.yaml'), SystemClock())
