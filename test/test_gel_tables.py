@@ -58,4 +58,4 @@ def test_a_kept_file_of_another_problem_is_not_taken(own_cache: Path):
 
 def test_the_linear_gel_has_its_own_tip_only():
     with pytest.raises(ConfigurationError, match='finite_strain'):
-        gel_tables.contact_table(Gel(), 'ball')
+        gel_tables.contact_table(Gel(mechanics='linear'), 'ball')

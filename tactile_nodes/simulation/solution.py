@@ -132,7 +132,9 @@ def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
         return Problem(gel.layer_mm, gel.poisson_ratio, tip, sticking)
     if indenter not in INDENTERS:
         raise ConfigurationError(f'there is no indenter {indenter!r}; there are: tip, {", ".join(INDENTERS)}')
-    return Problem(gel.layer_mm, gel.poisson_ratio, INDENTERS[indenter], sticking, deepest_mm=1.5)
+    other = INDENTERS[indenter]
+    finest = min(other.radius_mm / 15, other.edge_mm)
+    return Problem(gel.layer_mm, gel.poisson_ratio, other, sticking, deepest_mm=1.5, finest_mm=finest)
 
 
 def solve_gel(gel: Gel) -> ContactTable:

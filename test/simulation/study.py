@@ -30,6 +30,7 @@ from tactile_nodes.simulation.solution import Problem, solve_problem
 
 DEPTHS = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5)
 MARKERS_R, MARKERS_Z = np.linspace(0, 6, 31), np.linspace(-6, -1.5, 19)
+LINEAR = Gel(mechanics='linear', shear_modulus_mpa=0.155)
 FINITE = Gel(mechanics='finite_strain')
 
 
@@ -57,8 +58,8 @@ def moved_finest(found: dict[float, np.ndarray]) -> np.ndarray:
 
 def linear() -> None:
     """The linear table against the finite-strain one: force at the same G, and motion of markers."""
-    tables = solve(Gel()), contact_table(dataclasses.replace(FINITE, shear_modulus_mpa=Gel().shear_modulus_mpa))
-    optics = [Optics(Gel(), table) for table in tables]
+    tables = solve(LINEAR), contact_table(dataclasses.replace(FINITE, shear_modulus_mpa=0.155))
+    optics = [Optics(LINEAR, table) for table in tables]
     rest = optics[0].project(())
     for depth in (0.125, *DEPTHS):
         force = [table.force_at(depth) for table in tables]
