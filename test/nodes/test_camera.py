@@ -63,6 +63,16 @@ def health(node: CameraNode) -> tuple[int, str]:
     return status.level, status.message
 
 
+def picture_told(node: CameraNode) -> tuple[int, str]:
+    """What the node says of its pictures, as soon as it says something."""
+    deadline_s = monotonic_s() + PATIENCE_S
+    while monotonic_s() < deadline_s:
+        for status in node.diagnostics.message(0).status:
+            if status.name == 'camera: picture':
+                return status.level, status.message
+    raise AssertionError('nothing was said of the pictures')
+
+
 def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
     bus: InProcessBus, start: Callable[..., CameraNode]
 ) -> None:
@@ -83,9 +93,9 @@ def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
     images = listen(bus, topics.IMAGE)
     node = start(f'source:={tmp_path}')
     assert first(images).message.width == 240
-    told = [status for status in node.diagnostics.message(0).status if status.name == 'camera: picture']
-    assert told[0].level == Level.WARN
-    assert 'too small for a crop of 440' in told[0].message
+    level, text = picture_told(node)
+    assert level == Level.WARN
+    assert 'too small for a crop of 440' in text
 
 
 def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNode]) -> None:
@@ -99,14 +109,11 @@ def test_picture_of_another_size_than_asked_names_both(start: Callable[..., Came
         start(f'source:={tmp_path}', 'width:=640', 'height:=480')
 
 
-def test_black_pictures_are_told(bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path) -> None:
+def test_black_pictures_are_told(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), np.zeros((440, 440), np.uint8))
-    images = listen(bus, topics.IMAGE)
-    node = start(f'source:={tmp_path}')
-    first(images)
-    told = [status for status in node.diagnostics.message(0).status if status.name == 'camera: picture']
-    assert told[0].level == Level.WARN
-    assert 'black' in told[0].message
+    level, text = picture_told(start(f'source:={tmp_path}'))
+    assert level == Level.WARN
+    assert 'black' in text
 
 
 def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
