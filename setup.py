@@ -10,7 +10,17 @@ from setuptools import find_packages, setup
 ROOT = Path(__file__).parent
 SHARE = Path('share/tactile_nodes')
 
-NODES = ['camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'composed']
+NODES = [
+    'camera',
+    'flow_features',
+    'force_estimator',
+    'recorder',
+    'player',
+    'bridge',
+    'rig',
+    'emulated_rig',
+    'composed',
+]
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
