@@ -13,6 +13,7 @@ from pathlib import Path
 
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
 from tactile_nodes.collection.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
@@ -49,8 +50,8 @@ def attempts_in(bag: Path, plan_id: str) -> set[Attempt]:
     """(press, attempt) of each recorded press in a bag whose images are there, too."""
     try:
         with BagReader(bag) as reader:
-            topics = [topic for topic in reader.metadata.topics if topic.rpartition('/')[2] in {'press', 'press_image'}]
-            return set(_whole(reader, topics, plan_id))
+            chosen = [name for name in reader.metadata.topics if _short(name) in {PRESS.name, PRESS_IMAGE.name}]
+            return set(_whole(reader, chosen, plan_id))
     except BagError:  # a recording that begins just now, or one that was cut off before it began
         return set()
 
@@ -58,7 +59,7 @@ def attempts_in(bag: Path, plan_id: str) -> set[Attempt]:
 def _whole(reader: BagReader, topics: list[str], plan_id: str) -> Iterable[Attempt]:
     images: deque[int] = deque(maxlen=KEPT_STAMPS)
     for found in reader.messages(topics):
-        if found.topic.endswith('press_image'):
+        if _short(found.topic) == PRESS_IMAGE.name:
             images.append(found.publish_ns)
             continue
         try:
@@ -67,6 +68,10 @@ def _whole(reader: BagReader, topics: list[str], plan_id: str) -> Iterable[Attem
             continue
         if press.plan_id == plan_id and press.status == types.Press.STATUS_RECORDED and _has_images(press, images):
             yield press.press, press.attempt
+
+
+def _short(topic: str) -> str:
+    return topic.rpartition('/')[2]
 
 
 def _has_images(press: types.Press, images: Iterable[int]) -> bool:

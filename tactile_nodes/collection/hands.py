@@ -148,8 +148,8 @@ class Hands:
         Raises:
             DeviceError: the machine does not obey, or does not know where it is.
         """
-        if self._stopped is not None:
-            self._stopped.wait(STOP_WAIT_S)
+        if self._stopped is not None and not self._stopped.wait(STOP_WAIT_S):
+            raise DeviceFaultError('the machine does not come to rest when told to stop; use the emergency stop')
         self.cnc.retract()
         if self._line:
             self.switch(False)

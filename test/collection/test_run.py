@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import pytest
@@ -190,3 +191,19 @@ def test_two_runs_cannot_share_a_journal(tmp_path: Path) -> None:
     run = Run(tmp_path)
     with pytest.raises(ConfigurationError, match='in use'):
         Journal(run.journal.path, run.plan)
+
+
+def test_machine_that_loses_its_master_comes_to_rest_within_two_jogs(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    now_ns, jogs_ns = run.rig.clock.now_ns, 520_000_000  # two of a quarter of a second, and the time to brake
+    owed = []
+
+    def look() -> None:
+        if run.told:
+            soon, later = (run.world.motor_at(now_ns() + wait_ns) for wait_ns in (jogs_ns, 100 * jogs_ns))
+            owed.append(math.dist(soon, later))
+
+    run.rig.clock.every(0.05, look)
+    run.campaign.run()
+    assert len(owed) > 100
+    assert max(owed) == 0.0
