@@ -111,7 +111,7 @@ def bota_rig(folder: Path) -> Iterator[Rig]:
 
 
 @contextlib.contextmanager
-def text_rig(folder: Path, rate_hz: float = 200.0) -> Iterator[Rig]:
+def text_rig(folder: Path, rate_hz: float = 400.0) -> Iterator[Rig]:
     """A load cell for Fz on a converter; faster than an HX711, so that the tests are."""
     clock, world = SystemClock(), Load()
     talker = TextLineSensor(world, clock=microsecond_clock(clock.now_ns(), NEAR_WRAP, 100), rate_hz=rate_hz)

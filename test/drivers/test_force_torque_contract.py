@@ -57,15 +57,15 @@ def test_stamps_increase_and_are_neither_in_the_future_nor_old(rig: Rig) -> None
 
 
 def test_stamps_follow_the_rate_evenly_however_unevenly_samples_arrive(rig: Rig) -> None:
-    """Over 80 periods, within 2 %, which leaves 3 ms for the clock that settles."""
+    """Over 100 periods, within 2 %, which leaves 4 ms of 200 for the clock that settles."""
     sensor = rig.open()
-    samples = read(sensor, 81)
-    period_s = (samples[80].stamp_ns - samples[0].stamp_ns) / 80e9
+    samples = read(sensor, 101)
+    period_s = (samples[100].stamp_ns - samples[0].stamp_ns) / 100e9
     assert math.isclose(period_s * sensor.rate_hz, 1.0, abs_tol=0.02)
 
 
 def test_every_sample_is_read_once_and_in_order(rig: Rig) -> None:
-    samples = read(rig.open(), 100)
+    samples = read(rig.open(), 60)
     assert [sample.sequence for sample in samples] == list(range(len(samples)))
     assert samples[-1].dropped == 0
     ticks = [sample.device_ticks for sample in samples]

@@ -55,8 +55,8 @@ def test_the_driver_asks_for_a_finite_count_and_stops_the_box_when_it_closes(rig
 
 def test_the_request_is_renewed_without_losing_a_record(rig_with: Make) -> None:
     rig = rig_with(renew_s=0.2, count_s=1.0)
-    samples = read(rig.open(), 600)
-    assert len([command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]) >= 5
+    samples = read(rig.open(), 400)
+    assert len([command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]) >= 3
     assert samples[-1].dropped == 0
     assert_counted(samples)
 
@@ -210,7 +210,7 @@ def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
     """The emulator knows when it measured. Loopback and threads add milliseconds at times, rarely to every record."""
     rig = rig_with()
     clock = rig.device.box.clock
-    samples = read(rig.open(), 300)
+    samples = read(rig.open(), 200)
     late_ns = sorted(sample.stamp_ns - clock.time_ns(sample.device_ticks - clock.offset) for sample in samples)
     assert late_ns[0] >= 0
     assert late_ns[-1] < 3e6
@@ -245,6 +245,6 @@ def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, ax
 
 def test_every_record_at_the_highest_rate(rig_with: Make) -> None:
     rig = rig_with(NetFtConfig(divider=1))
-    samples: list[Sample] = read(rig.open(queue=20_000), 7000)
+    samples: list[Sample] = read(rig.open(queue=20_000), 4000)
     assert samples[-1].dropped == 0
     assert_counted(samples)
