@@ -42,7 +42,7 @@ class Run:
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
-        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM))
+        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), rate_hz=100.0, fps=20.0)
         self.told: list[Record] = []
         self.said: list[str] = []
         self.rests: list[int] = []

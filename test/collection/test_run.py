@@ -55,7 +55,7 @@ def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes
     run.campaign.run()
     deep = [record for record in run.told if record.point.depth_mm == 1.5]
     assert all('above the limit of 0.5 N' in record.reason for record in deep)
-    # 200 samples a second and 1 mm/s: a sample is 0.005 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
+    # 100 samples a second and 1 mm/s: a sample is 0.01 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
     assert run.rig.safety.greatest_n < 0.5 + 0.05
     assert sorted(run.recorded) == [press for press in ALL if press % 2]
 
