@@ -7,18 +7,18 @@ before it could say so. Not found: to be done again, under a new attempt number.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
+import bisect
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from tactile_nodes import messages
+from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
 from tactile_nodes.collection.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
 
-KEPT_STAMPS = 10_000
 Attempt = tuple[int, int]
 
 
@@ -57,23 +57,31 @@ def attempts_in(bag: Path, plan_id: str) -> set[Attempt]:
 
 
 def _whole(reader: BagReader, topics: list[str], plan_id: str) -> Iterable[Attempt]:
-    images: deque[int] = deque(maxlen=KEPT_STAMPS)
+    """Images travel by another way than messages, so the last of a press may be received after it."""
+    presses: list[types.Press] = []
+    images: list[int] = []
     for found in reader.messages(topics):
         if _short(found.topic) == PRESS_IMAGE.name:
             images.append(found.publish_ns)
-            continue
-        try:
-            press = reader.decode(found)
-        except MessageError:
-            continue
-        if press.plan_id == plan_id and press.status == types.Press.STATUS_RECORDED and _has_images(press, images):
-            yield press.press, press.attempt
+        elif (press := _decoded(reader, found)) is not None and press.plan_id == plan_id:
+            presses.append(press)
+    images.sort()
+    return {(press.press, press.attempt) for press in presses if _is_whole(press, images)}
+
+
+def _decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
+    try:
+        press: types.Press = reader.decode(found)
+    except MessageError:
+        return None
+    return press
+
+
+def _is_whole(press: types.Press, images: Sequence[int]) -> bool:
+    start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
+    held = bisect.bisect_right(images, end_ns) - bisect.bisect_left(images, start_ns)
+    return press.status == types.Press.STATUS_RECORDED and held >= press.frames
 
 
 def _short(topic: str) -> str:
     return topic.rpartition('/')[2]
-
-
-def _has_images(press: types.Press, images: Iterable[int]) -> bool:
-    start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
-    return sum(start_ns <= stamp_ns <= end_ns for stamp_ns in images) >= press.frames

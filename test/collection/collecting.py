@@ -61,9 +61,12 @@ def write(writer: BagWriter, run: Run, record: Record) -> None:
     now_ns = run.rig.clock.now_ns()
     for frame in record.frames:
         image = conversions.image_message(frame.image, conversions.header(frame.stamp_ns, 'camera'))
-        writer.write('/press_image', messages.encode(image), now_ns, now_ns)
+        # Images travel by another way than messages: the last one comes in later.
+        writer.write(
+            '/press_image', messages.encode(image), now_ns + (2000 if frame is record.frames[-1] else 0), now_ns
+        )
     press = press_message(record, run.plan.plan_id, 'tip', 'gel_surface')
-    writer.write('/press', messages.encode(press), now_ns + 1, now_ns)
+    writer.write('/press', messages.encode(press), now_ns + 1000, now_ns)
 
 
 def die() -> None:
