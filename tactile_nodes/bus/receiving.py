@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import zmq
@@ -137,7 +138,7 @@ class Receiver:
     def connect_to(self, outlets: list[Outlet]) -> None:
         """Be connected to these, and for a moment still to those who have gone."""
         now_s = monotonic_s()
-        wanted = {outlet.address: outlet for outlet in outlets}
+        wanted = {outlet.address: outlet for outlet in self._one_each(outlets)}
         for address in wanted:
             self._leaving_s.pop(address, None)
             if address not in self._connected:
@@ -151,6 +152,15 @@ class Receiver:
         gone = self._latched.keys() - {outlet.gid for outlet in outlets}
         for gid in gone:
             del self._latched[gid]
+
+    def _one_each(self, outlets: list[Outlet]) -> Iterable[Outlet]:
+        """One way to each publisher: by two, what the quicker one brings would overtake, and so lose, the slower's."""
+        chosen: dict[str, Outlet] = {}
+        for outlet in outlets:
+            stays = outlet.address in self._connected and outlet.address not in self._leaving_s
+            if stays or outlet.gid not in chosen:
+                chosen[outlet.gid] = outlet
+        return chosen.values()
 
     def latched(self) -> list[Received]:
         """The last message of each latched publisher."""

@@ -178,13 +178,21 @@ def test_only_what_is_chosen_crosses_the_bridge(machine: Callable[[], Machine], 
     assert [listener.heard(topic) for topic in ('/both', '/other', '/skin/deep/force')] == [[], [], []]
 
 
-def test_two_bridges_between_two_machines_neither_loop_nor_double(machine: Callable[[], Machine], port: int) -> None:
+@pytest.fixture
+def twice_joined(machine: Callable[[], Machine], port: int) -> tuple[Machine, Machine]:
+    """Two machines with two bridges between them."""
     robot, lab, second = machine(), machine(), _free_port()
     robot.bridge(f'listen:={HERE}:{port}', node='one')
     lab.bridge(f'connect:={HERE}:{port}', node='one_too')
     robot.bridge(f'connect:={HERE}:{second}', node='two')
     lab.bridge(f'listen:={HERE}:{second}', node='two_too')
-    here, there = robot.agent(), lab.agent()
+    return robot, lab
+
+
+def test_two_bridges_between_two_machines_neither_loop_nor_double_nor_lose(
+    twice_joined: tuple[Machine, Machine],
+) -> None:
+    here, there = (machine.agent() for machine in twice_joined)
     for agent in (here, there):
         agent.listen('/n')
         agent.advertise('/n')
@@ -201,6 +209,20 @@ def test_two_bridges_between_two_machines_neither_loop_nor_double(machine: Calla
         assert [number for number in heard if 200_000 <= number < 300_000] == list(range(200_000, 200_050))
         assert [number for number in heard if number >= 300_000] == list(range(300_000, 300_050))
     assert len(here.nodes()) == len(set(here.nodes()))
+
+
+def test_when_one_of_two_bridges_dies_the_other_carries_on(twice_joined: tuple[Machine, Machine]) -> None:
+    robot, lab = twice_joined
+    here, there = robot.agent(), lab.agent()
+    here.advertise('/n')
+    there.listen('/n')
+    until(lambda: {'/one', '/two', '/one_too', '/two_too'} <= set(there.nodes()), 'all bridges')
+    _heard(here, there, '/n')
+    robot.programs[0].signal(signal.SIGKILL)
+    until(lambda: '/one' not in there.nodes())
+    before = len(there.heard('/n'))
+    numbers = iter(range(100_000, 200_000))
+    until(lambda: here.say('/n', next(numbers)) or len(there.heard('/n')) > before)
 
 
 def test_killed_bridge_is_forgotten_and_a_restarted_one_joins_again(machine: Callable[[], Machine], port: int) -> None:
