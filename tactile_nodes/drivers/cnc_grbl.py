@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping
 
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import CncSettings, CncState, CncStatus, Identity, Place, Switched, Traffic
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
 from tactile_nodes.drivers.cnc_grbl_check import (
@@ -22,7 +22,7 @@ from tactile_nodes.drivers.cnc_grbl_check import (
     travel,
     without_homing,
 )
-from tactile_nodes.drivers.cnc_grbl_dialogue import HOLD, JOG_CANCEL, RESUME, GrblDialogue, inches, is_moving
+from tactile_nodes.drivers.cnc_grbl_dialogue import HOLD, JOG_CANCEL, RESUME, SILENT_S, GrblDialogue, inches, is_moving
 from tactile_nodes.drivers.cnc_grbl_words import NEEDS_RESET, Report, setting_of
 from tactile_nodes.drivers.cnc_guarded import GuardedCnc
 from tactile_nodes.drivers.health import Health, Level
@@ -246,11 +246,15 @@ class GrblCnc(GuardedCnc):
         dialogue.reset(RESET_S)  # at rest it keeps the place; else alarm 3 tells that it did not
 
     def _cancel_jog(self, dialogue: GrblDialogue) -> bool:
-        """Cancel until it is idle: a jog may still have been in its buffer when the first cancel came."""
-        for _ in range(round(REST_S / POLL_S)):
+        """Cancel until it is idle: a jog may still have been in its buffer when the first cancel came.
+
+        A controller that says nothing is not waited for longer than one that moves would need.
+        """
+        deadline_ns = self._clock.now_ns() + round(REST_S * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns:
             quiet = not dialogue.busy
             with contextlib.suppress(DeviceTimeoutError):
-                state = dialogue.fresh_report(self._settings.answer_s).state
+                state = dialogue.fresh_report(SILENT_S).state
                 if quiet and state is CncState.IDLE:
                     return True
             if dialogue.alarm is not None:

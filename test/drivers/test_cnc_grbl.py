@@ -15,7 +15,7 @@ from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncSettings, Cn
 from tactile_nodes.drivers.cnc_grbl import GrblCnc
 from tactile_nodes.drivers.cnc_grbl_words import parse_report
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceLostError, DeviceTimeoutError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceLostError, DeviceTimeoutError
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
@@ -421,6 +421,17 @@ def test_a_hung_controller_is_told_in_time_and_nothing_more_is_sent(rig: Rig) ->
     with pytest.raises(DeviceFaultError, match='stopped answering'):
         rig.cnc.move(z=-7.0, feed=600.0)
     assert len(rig.sent()) == said
+
+
+def test_the_stop_of_a_jog_that_a_hung_controller_makes_is_given_up_in_time(rig: Rig) -> None:
+    rig.cnc.jog(dz=-1.0, feed=30.0)
+    rig.device.faults.hung = True
+    begin = rig.seconds()
+    with pytest.raises(DeviceError):
+        rig.cnc.stop()
+    # REST_S for the cancel, REST_S for the hold, RESET_S for the reset, and a report asked for in each.
+    assert rig.seconds() - begin < 15.0
+    assert b'\x85' in rig.sent()
 
 
 def test_a_missing_ok_is_no_endless_wait(rig: Rig) -> None:
