@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import jaxtyping
 import pytest
+
+# Whoever starts the tests in the background may have them ignore SIGINT, and their children with them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Shapes and types of arrays are checked wherever tests call a function of these packages.
 jaxtyping.install_import_hook(['tactile_nodes.sensing', 'tactile_nodes.simulation'], 'beartype.beartype')
