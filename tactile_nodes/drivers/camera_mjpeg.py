@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers import jpeg
 from tactile_nodes.drivers.camera import CameraSettings, Frame, check_size
-from tactile_nodes.drivers.camera_reader import FrameReader, NewestFrame
+from tactile_nodes.drivers.camera_reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.multipart import MultipartParser, Part
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceNotFoundError
@@ -28,16 +28,15 @@ CONNECT_S = 3.0
 CHUNK = 64 * 1024
 
 
-class MjpegCamera:
+class MjpegCamera(LiveCamera):
     """One connection to an MJPEG server; after it is lost, make another."""
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
         self._url = _parse(settings.source)
-        self.name = without_password(self._url)
+        super().__init__(without_password(self._url))
         self._socket: socket.socket | None = None
-        self._reader: FrameReader | None = None
         self._size = ''
         self._good_ns = 0
         self._last_ns = 0
@@ -62,32 +61,19 @@ class MjpegCamera:
         response = self._request()
         parser = MultipartParser(_boundary(response, self.name))
         self._good_ns = self._clock.now_ns()
-        self._reader = FrameReader(self.name, lambda slot: self._fetch(response, parser, slot), response.close)
-        try:
-            frame = self._reader.first(CONNECT_S)
-        except BaseException:
-            self.close()
-            raise
+        frame = self._drain(lambda slot: self._fetch(response, parser, slot), response.close, CONNECT_S)
         self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
 
     def read(self, timeout_s: float) -> Frame:
         """The newest picture."""
-        if self._reader is None:
-            raise DeviceError(f'{self.name} is closed; open it before reading')
         try:
-            return self._reader.read(timeout_s)
+            return super().read(timeout_s)
         except DeviceLostError as error:
             self._lost = error
             raise
 
-    def close(self) -> None:
-        """Hang up."""
-        if self._reader is None:
-            return
-        self._reader.stop()
-        self._shut()  # wakes the thread, which may be waiting for bytes
-        self._reader.join()
-        self._reader = None
+    def _interrupt(self) -> None:
+        self._shut()  # the thread may be waiting for bytes
 
     def _request(self) -> http.client.HTTPResponse:
         secure = self._url.scheme == 'https'

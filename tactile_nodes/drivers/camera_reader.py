@@ -138,3 +138,38 @@ class FrameReader:
         finally:
             self._slot.fail(DeviceLostError(f'reading from {self._name} has ended'))
             self._release()
+
+
+class LiveCamera:
+    """What all cameras have in common that a `FrameReader` drains; subclasses open the device and describe it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._reader: FrameReader | None = None
+
+    def read(self, timeout_s: float) -> Frame:
+        """The newest frame; raises as `Camera.read` does."""
+        if self._reader is None:
+            raise DeviceError(f'{self.name} is closed; open it before reading')
+        return self._reader.read(timeout_s)
+
+    def close(self) -> None:
+        """Let go of the device; a thread that is blocked in it does so when it wakes."""
+        if self._reader is None:
+            return
+        self._reader.stop()
+        self._interrupt()
+        self._reader.join()
+        self._reader = None
+
+    def _drain(self, fetch: Callable[[NewestFrame], None], release: Callable[[], None], first_s: float) -> Frame:
+        """Start the thread and wait for its first frame; without one the device is let go of again."""
+        self._reader = FrameReader(self.name, fetch, release)
+        try:
+            return self._reader.first(first_s)
+        except BaseException:
+            self.close()
+            raise
+
+    def _interrupt(self) -> None:
+        """Wake the thread, where the device can be made to return."""

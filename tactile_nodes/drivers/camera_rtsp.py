@@ -16,25 +16,24 @@ import numpy as np
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers import opencv
-from tactile_nodes.drivers.camera import CameraSettings, Frame, check_size
+from tactile_nodes.drivers.camera import CameraSettings, check_size
 from tactile_nodes.drivers.camera_mjpeg import without_password
-from tactile_nodes.drivers.camera_reader import FrameReader, NewestFrame
+from tactile_nodes.drivers.camera_reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
 PORTS = {'rtsp': 554, 'rtsps': 322}
 CONNECT_S = 3.0
 
 
-class RtspCamera:
+class RtspCamera(LiveCamera):
     """One session with an RTSP server; after it is lost, make another."""
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
         self._url = urllib.parse.urlsplit(settings.source.strip())
-        self.name = without_password(self._url)
-        self._reader: FrameReader | None = None
+        super().__init__(without_password(self._url))
         self._size = ''
         self._last_ns = 0
 
@@ -54,26 +53,8 @@ class RtspCamera:
         """Start the session, and wait for the first picture."""
         self._knock()
         video = self._start()
-        self._reader = FrameReader(self.name, lambda slot: self._fetch(video, slot), video.release)
-        try:
-            frame = self._reader.first(CONNECT_S)
-        except BaseException:
-            self.close()
-            raise
+        frame = self._drain(lambda slot: self._fetch(video, slot), video.release, CONNECT_S)
         self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
-
-    def read(self, timeout_s: float) -> Frame:
-        """The newest picture."""
-        if self._reader is None:
-            raise DeviceError(f'{self.name} is closed; open it before reading')
-        return self._reader.read(timeout_s)
-
-    def close(self) -> None:
-        """End the session; a read in progress ends by its own time limit."""
-        if self._reader is not None:
-            self._reader.stop()
-            self._reader.join()
-            self._reader = None
 
     def _knock(self) -> None:
         """FFmpeg fails without a reason; a plain connection gives one."""

@@ -20,13 +20,13 @@ import numpy as np
 from tactile_nodes import clock as clocks
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers import jpeg, opencv, v4l2_controls
-from tactile_nodes.drivers.camera import CameraSettings, Frame, Picture, check_size
-from tactile_nodes.drivers.camera_reader import FrameReader, NewestFrame
+from tactile_nodes.drivers.camera import CameraSettings, Picture, check_size
+from tactile_nodes.drivers.camera_reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.stamps import KernelStamps, missing_between
 from tactile_nodes.drivers.v4l2_controls import Controls, KernelControls, Readback
 from tactile_nodes.drivers.v4l2_devices import check_device, device_path
-from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
 FIRST_FRAME_S = 5.0  # cameras with a cold sensor take seconds
 SETTLED_S = 1.0
@@ -51,7 +51,7 @@ def open_capture(path: str) -> Capture:
     return capture
 
 
-class V4l2Camera:
+class V4l2Camera(LiveCamera):
     """One connection to a device; after it is lost, make another.
 
     Args:
@@ -75,8 +75,7 @@ class V4l2Camera:
         self._open_capture = capture
         self._open_controls = controls
         self._check = check
-        self.name = device_path(settings.source)
-        self._reader: FrameReader | None = None
+        super().__init__(device_path(settings.source))
         self._device: _Device | None = None
 
     @property
@@ -105,25 +104,7 @@ class V4l2Camera:
             )
         self._device = _Device(self.name, capture, self._settings, self._clock)
         self._device.controls = self._control_access()
-        self._reader = FrameReader(self.name, self._device.fetch, self._device.release)
-        try:
-            self._reader.first(FIRST_FRAME_S)
-        except BaseException:
-            self.close()
-            raise
-
-    def read(self, timeout_s: float) -> Frame:
-        """The newest frame."""
-        if self._reader is None:
-            raise DeviceError(f'{self.name} is closed; open it before reading')
-        return self._reader.read(timeout_s)
-
-    def close(self) -> None:
-        """Let go of the device; if the driver hangs, its thread does so when it wakes."""
-        if self._reader is not None:
-            self._reader.stop()
-            self._reader.join()
-            self._reader = None
+        self._drain(self._device.fetch, self._device.release, FIRST_FRAME_S)
 
     def _control_access(self) -> Controls | None:
         with contextlib.suppress(OSError):  # no controls: what was asked of them is reported as not there
