@@ -23,6 +23,7 @@ from tactile_nodes.collection.rest import await_recovery, go_to_gel, image_noise
 from tactile_nodes.collection.safety import CAMERA, MACHINE, SENSOR
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.surface import Surface, find_surface
+from tactile_nodes.collection.sync_pattern import sync_pattern
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.reference import average
@@ -75,6 +76,7 @@ class Campaign:
                 f'the plan presses {plan.deepest_mm:g} mm deep, limits.depth_mm allows {settings.limits.depth_mm:g}; '
                 'change one of them'
             )
+        self._plan_id = plan.plan_id
         self._order = order
         self._journal = journal
         self._hands = hands
@@ -84,6 +86,7 @@ class Campaign:
         self._ground: Ground | None = None
         self._last_tare: Tare | None = None
         self._since_reference = 0
+        self._since_pattern = self._patterns = 0
         self._in_a_row = 0
         self.paused = False
         self.surface: Surface | None = None
@@ -105,6 +108,8 @@ class Campaign:
             while (left := self._journal.left(self._order, limits.attempts)) and not ended:
                 self.progress.start(hands.clock.now_ns())
                 ended = self._round(left, end_ns)
+            if self._since_pattern:
+                self._pattern()
         except InterruptedRunError:
             ended = 'stopped on request'
         except TrippedError as tripped:
@@ -123,8 +128,11 @@ class Campaign:
             self._outlet.require_recorder()
             if self._since_reference >= self._settings.reference_every:
                 self._reference()
+            if not self._patterns or 0 < self._settings.sync.every <= self._since_pattern:
+                self._pattern()
             self._press(point)
             self._since_reference += 1
+            self._since_pattern += 1
             if self._in_a_row >= self._settings.limits.rejects_in_a_row:
                 raise DeviceFaultError(
                     f'{self._in_a_row} presses in a row were rejected, the last because {self.progress.last_reason}; '
@@ -210,6 +218,13 @@ class Campaign:
         frames = self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
+
+    def _pattern(self) -> None:
+        """Edges at irregular times, by which the clocks of other recorders are fitted."""
+        number = self.progress.done + self._patterns  # grows within a run, and differs in one that goes on with it
+        self._patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
+        self._patterns += 1
+        self._since_pattern = 0
 
     def _leave(self) -> None:
         """Up, unless nothing has moved; what the machine answers to that matters only if all else was well."""

@@ -11,6 +11,7 @@ from tactile_nodes.collection.order import least_rest, travel_mm
 from tactile_nodes.collection.plan import Point
 from tactile_nodes.collection.progress import duration
 from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.sync_pattern import pattern_s
 from tactile_nodes.drivers.cnc import CncSettings
 
 ACCELERATION = 200.0  # mm/s², where the machine is not asked
@@ -22,7 +23,7 @@ class Estimate:
     """Of a plan in its order.
 
     Attributes:
-        seconds: of all presses, without finding the surface.
+        seconds: of all presses and sync patterns, without finding the surface.
         machine_s: of the motions alone, at the greatest feed that is allowed, without any waiting.
         travel_mm: the way over the gel.
         least_rest: the least number of presses between two that are near to each other.
@@ -61,6 +62,8 @@ def estimate(
         seconds += leg_s(standoff + point.depth_mm, motion.press_mm_min)
         seconds += leg_s(height_mm + point.depth_mm, motion.travel_mm_min) + waiting_s
         machine_s += leg_s(way, cnc.fastest_mm_min) + 2 * leg_s(height_mm + point.depth_mm, cnc.fastest_mm_min)
+    patterns = 2 + (len(order) - 1) // settings.sync.every if settings.sync.every else 2
+    seconds += patterns * pattern_s(settings)
     return Estimate(len(order), seconds, machine_s, travel_mm(order), least_rest(order, rest_mm))
 
 

@@ -87,6 +87,14 @@ class MountingSettings:
 
 
 @dataclass(frozen=True)
+class SyncSettings:
+    """How the digital line is switched apart from presses, so that other recorders' clocks can be fitted."""
+
+    pulses: int = parameter(5, 'pulses of the irregular pattern at start and end of a run; 0: none', minimum=0)
+    every: int = parameter(200, 'presses after which it is switched again; 0: at start and end alone', minimum=0)
+
+
+@dataclass(frozen=True)
 class CollectionSettings:
     """All of it."""
 
@@ -95,5 +103,6 @@ class CollectionSettings:
     press: PressSettings = field(default_factory=PressSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     mounting: MountingSettings = field(default_factory=MountingSettings)
+    sync: SyncSettings = field(default_factory=SyncSettings)
     reference_every: int = parameter(100, 'presses after which a new rest image is taken', minimum=1)
     reference_frames: int = parameter(16, 'images averaged for it', minimum=1)

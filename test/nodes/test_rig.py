@@ -39,6 +39,7 @@ rig:
         dwell_s: 0.03, beyond: 3, step_mm: 0.2, fine_step_mm: 0.1, feed_mm_min: 60.0, flat_mm: 0.2, tilt: 0.2}}
     press: {{tare_s: 0.1, steady_s: 0.05, frames: 2, steady_n_s: 5.0, depth_error_mm: 0.1}}
     reference_frames: 3
+    sync: {{pulses: 0}}
     {more}
 """
 

@@ -1,0 +1,77 @@
+"""The irregular pattern of the digital line, and that it makes the edges of alike presses distinguishable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rehearsing import SETTINGS, Run, changed
+
+from tactile_nodes.collection.sync_pattern import pattern_gaps, pattern_s
+from tactile_nodes.sensing.sync import ClockFit, Reason, Refusal, fit_clocks
+
+NS_PER_S = 1_000_000_000
+
+
+def test_gaps_lie_between_0_4_and_2_5_s_and_differ() -> None:
+    gaps = pattern_gaps('a1b2c3d4e5f6', 1, 200)
+    assert 0.4 <= min(gaps) < 0.45 and 2.45 < max(gaps) <= 2.5
+    assert len(set(gaps)) > 180
+    assert np.mean(gaps) == pytest.approx(1.45, abs=4 * 0.61 / 200**0.5)  # uniform: a deviation of 2.1 / sqrt(12)
+
+
+def test_the_same_plan_and_number_give_the_same_gaps_and_others_give_others() -> None:
+    known = pattern_gaps('a1b2c3d4e5f6', 1, 10)
+    assert known == pattern_gaps('a1b2c3d4e5f6', 1, 10)
+    assert known != pattern_gaps('a1b2c3d4e5f6', 2, 10)
+    assert known != pattern_gaps('a1b2c3d4e5f7', 1, 10)
+
+
+def test_the_line_is_switched_before_the_first_press_after_the_last_and_in_between(tmp_path: Path) -> None:
+    """Three patterns of six edges around 12 presses, of which one after each fifth."""
+    run = Run(tmp_path, changed(sync={'pulses': 3, 'every': 5}))
+    run.campaign.run()
+    edges = run.world.line_edges()
+    assert len(edges) == 24 + 4 * 6
+    start = np.diff([edge.stamp_ns for edge in edges[:6]]) / NS_PER_S
+    # On a clock that jumps a gap is kept to the breath of 10 ms in which the hands look around.
+    np.testing.assert_allclose(start, pattern_gaps(run.plan.plan_id, 0, 6)[1:], atol=0.02)
+    assert not edges[5].level and not edges[-1].level
+    assert all(record.start_ns > edges[5].stamp_ns for record in run.told)
+
+
+def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:
+    run = Run(tmp_path, changed(sync={'pulses': 0}))
+    run.campaign.run()
+    assert len(run.world.line_edges()) == 24
+
+
+def test_a_pattern_takes_one_and_a_half_seconds_an_edge() -> None:
+    assert pattern_s(SETTINGS) == pytest.approx(10 * 1.45)
+
+
+def alike_presses(presses: int, with_pattern: bool) -> np.ndarray:
+    """Edges in ns: patterns around presses that take 6 s and are high for 0.2 s each."""
+    start = np.cumsum(pattern_gaps('a1b2c3d4e5f6', 0, 10)) if with_pattern else np.zeros(0)
+    rises = (start[-1] if with_pattern else 0.0) + 6.0 * np.arange(1, presses + 1)
+    during = np.sort(np.concatenate([rises, rises + 0.2]))
+    end = during[-1] + np.cumsum(pattern_gaps('a1b2c3d4e5f6', 7, 10)) if with_pattern else np.zeros(0)
+    return np.round(np.concatenate([start, during, end]) * NS_PER_S).astype(np.int64)
+
+
+@pytest.mark.parametrize('presses', [9, 100, 400])
+def test_patterns_around_alike_presses_say_which_edge_is_which(presses: int) -> None:
+    host = alike_presses(presses, with_pattern=True)
+    device = np.round((host - 300_000_000) / 1.0001).astype(np.int64)
+    fit = fit_clocks(device, host)
+    assert isinstance(fit, ClockFit), fit
+    assert np.abs(fit.host_ns(device) - host).max() < 1e5
+
+
+@pytest.mark.parametrize('presses', [9, 100])
+def test_alike_presses_alone_are_ambiguous(presses: int) -> None:
+    host = alike_presses(presses, with_pattern=False)
+    refusal = fit_clocks(host - 300_000_000, host)
+    assert isinstance(refusal, Refusal)
+    assert refusal.reason == Reason.AMBIGUOUS
