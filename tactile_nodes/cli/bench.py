@@ -8,6 +8,7 @@ import importlib
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
 BENCHMARKS = {
     'bus': 'latency and throughput of the bus beside plain pyzmq',
+    'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 

@@ -26,6 +26,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostErro
 
 CONNECT_S = 3.0
 CHUNK = 64 * 1024
+RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a reader that was held up
 
 
 class MjpegCamera(LiveCamera):
@@ -82,6 +83,7 @@ class MjpegCamera(LiveCamera):
         try:
             connection.connect()
             self._socket = connection.sock
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
             connection.request('GET', _path(self._url), headers=_headers(self._url))
             response = connection.getresponse()
             self._socket.settimeout(self._settings.stall_s)

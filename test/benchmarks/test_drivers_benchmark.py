@@ -1,0 +1,82 @@
+"""The benchmark of the drivers runs and reports; how fast they are depends on the machine, and is nothing to assert."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.benchmarks import drivers
+from tactile_nodes.benchmarks.drivers_meter import Durations, Meter, Order
+from tactile_nodes.benchmarks.drivers_readers import Flicker, Traffic
+from tactile_nodes.cli import bench
+from tactile_nodes.clock import SteppedClock
+
+TOGETHER = 4
+
+
+@pytest.mark.parametrize('names', [list(drivers.CASES)[:TOGETHER], list(drivers.CASES)[TOGETHER:]])
+def test_every_driver_is_measured_against_its_device(
+    names: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = argparse.ArgumentParser()
+    bench.add_arguments(parser)
+    chosen = ['drivers', '--seconds', '1', '--together', str(TOGETHER), '--only', *names]
+    assert bench.run(parser.parse_args([*chosen, '-o', str(tmp_path / 'drivers.json')])) == 0
+    printed = capsys.readouterr().out
+    found = json.loads((tmp_path / 'drivers.json').read_text())['drivers']
+    assert set(found) == set(names)
+    for name, entry in found.items():
+        assert entry['received'] > 0
+        assert entry['latency_ms']['p50'] <= entry['latency_ms']['p99']
+        assert entry['memory_mb']['end'] > 0
+        assert drivers.CASES[name].title in printed
+
+
+def test_durations_are_summed_up_to_one_percent_and_the_worst_exactly() -> None:
+    durations = Durations()
+    durations.add([1_000_000] * 98 + [5_000_000, 7_654_321])
+    summary = durations.summary_ms()
+    assert summary['p50'] == pytest.approx(1.0, rel=0.01)
+    assert summary['p99'] == pytest.approx(5.0, rel=0.01)
+    assert summary['worst'] == 7.654321
+    assert Durations().summary_ms() == {}
+
+
+def test_lost_doubled_and_reordered_are_told_by_the_numbers() -> None:
+    clock = SteppedClock(1)
+    meter = Meter(clock, 10.0)
+    meter.going_on()
+    clock.advance(0.5)
+    meter.going_on()
+    Order(meter).follow([1, 2, 4, 4, 3, 5])
+    clock.advance(1.0)
+    result = meter.result()
+    assert (result['lost'], result['doubled'], result['reordered']) == (1, 1, 1)
+
+
+def test_nothing_counts_while_a_run_warms_up() -> None:
+    meter = Meter(SteppedClock(1), 10.0)
+    meter.going_on()
+    meter.handed_over([5])
+    meter.count('lost')
+    assert not meter.measuring
+    assert meter.latency.summary_ms() == {}
+
+
+def test_answers_are_counted_however_the_bytes_arrive() -> None:
+    traffic = Traffic()
+    traffic.hear('>', 0, b'?')
+    traffic.hear('>', 0, b'G1 X1\n')
+    for piece in (b'<Idle|MPos:0,0,0>\r', b'\no', b'k\r\n'):
+        traffic.hear('<', 0, piece)
+    assert traffic.unanswered() == 0
+
+
+def test_a_flickering_line_changes_at_its_times_alone() -> None:
+    flicker = Flicker(0, 1.0)
+    first, second = flicker.times_ns[:2]
+    levels = [flicker.line_level(time_ns) for time_ns in (first - 1, first, second - 1, second)]
+    assert levels == [False, True, True, False]
