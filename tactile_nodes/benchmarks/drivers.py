@@ -9,10 +9,12 @@ from the device's own numbers, not from what the driver says.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import multiprocessing
+import os
 import tempfile
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from ctypes import c_int64
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -65,30 +67,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    result = measure(arguments.only or list(CASES), arguments.seconds, arguments.together)
+    """Measure, print, and keep; what has failed is said among the rest, and in the exit status."""
+    names, result = arguments.only or list(CASES), {**surroundings('tactile bench drivers'), 'drivers': {}}
+    for first in range(0, len(names), arguments.together):
+        result['drivers'] |= measure(names[first : first + arguments.together], arguments.seconds)
+        if arguments.output:
+            write_json(arguments.output, result)
     print(text(result))
-    if arguments.output:
-        write_json(arguments.output, result)
-    return 0
+    return int(any('failed' in entry for entry in result['drivers'].values()))
 
 
-def measure(names: list[str], seconds: float, together: int = 1) -> dict[str, Any]:
-    """Each named driver for so many seconds, some at once."""
-    result = {**surroundings('tactile bench drivers'), 'seconds': seconds, 'drivers': {}}
-    for first in range(0, len(names), together):
-        group = names[first : first + together]
-        with tempfile.TemporaryDirectory(prefix='tb') as folder:
-            trials = [_Trial(name, seconds, Path(folder)) for name in group]
-            try:
-                for trial in trials:
-                    found = {**trial.result(seconds), 'beside': [name for name in group if name != trial.name]}
-                    result['drivers'][trial.name] = found
-            finally:
-                for trial in trials:
-                    trial.close()
-    result['load_after'] = surroundings('')['machine']['load_before']
-    return result
+def measure(names: list[str], seconds: float) -> dict[str, Any]:
+    """The named drivers, all at once, for so many seconds."""
+    found: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as running:
+        trials = [running.enter_context(contextlib.closing(_Trial(name, seconds, Path(folder)))) for name in names]
+        for trial in trials:
+            found[trial.name] = {
+                'title': CASES[trial.name].title,
+                'beside': [name for name in names if name != trial.name],
+                **trial.result(seconds),
+                'load': [round(load, 2) for load in os.getloadavg()],
+            }
+    return found
 
 
 class _Trial:
@@ -111,9 +112,12 @@ class _Trial:
         self._reader_pipe.send(self._answer(self._device_pipe, MARGIN_S))
 
     def result(self, seconds: float) -> dict[str, Any]:
-        """What the reader has measured, and what the device used meanwhile."""
-        found: dict[str, Any] = self._answer(self._reader_pipe, seconds + MARGIN_S)
-        return {'title': CASES[self.name].title, **found}
+        """What the reader has measured, or why it could not."""
+        try:
+            found: dict[str, Any] = self._answer(self._reader_pipe, seconds + MARGIN_S)
+        except TactileError as error:
+            return {'failed': str(error)}
+        return found
 
     def close(self) -> None:
         """End both."""
@@ -162,15 +166,15 @@ def _read(pipe: Connection, name: str, stamps: Any, seconds: float) -> None:
 
 def text(result: dict[str, Any]) -> str:
     """The result as a person reads it."""
-    machine = result['machine']
+    machine, measured = result['machine'], result['drivers'].values()
     head = (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}, after '
-        f'{result["load_after"][0]}; commit {result["commit"]}; '
-        + ', '.join(f'{name} {version}' for name, version in result['versions'].items())
+        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; '
+        f'commit {result["commit"]}; ' + ', '.join(f'{name} {version}' for name, version in result['versions'].items())
     )
     heads = ['driver', 'received', '/s', 'lost', 'reordered', 'doubled', 'latency p50', 'p99', 'worst [ms]']
-    heads += ['stamp off by p99', 'worst [ms]', 'one core', 'memory [MB]']
-    return f'{head}\n\n{table(heads, [_row(entry) for entry in result["drivers"].values()])}'
+    heads += ['stamp off by p99', 'worst [ms]', 'one core', 'memory [MB]', 'load', 'beside']
+    failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in measured if 'failed' in entry]
+    return '\n'.join([head, '', table(heads, [_row(entry) for entry in measured if 'failed' not in entry]), *failed])
 
 
 def _row(entry: dict[str, Any]) -> list[str]:
@@ -184,4 +188,6 @@ def _row(entry: dict[str, Any]) -> list[str]:
         *(f'{stamp[level]:.2f}' if stamp else '–' for level in ('p99', 'worst')),
         f'{entry["cpu_share"]:.0%}',
         f'{memory["begin"]:.1f} → {memory["half"]:.1f} → {memory["end"]:.1f}',
+        f'{entry["load"][1]:.1f}',
+        ', '.join(entry['beside']),
     ]
