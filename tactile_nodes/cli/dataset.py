@@ -68,6 +68,11 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument('--separate-runs', action='store_true', help='bags of one plan are runs, not one run resumed')
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    parser.add_argument(
+        '--reference-clock',
+        metavar='RECORDER',
+        help='recorder whose clock the others are brought to (default: the machine)',
+    )
     for name, (_, unit, line) in LIMITS.items():
         parser.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=unit, help=line)
 
@@ -144,6 +149,7 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
         crop=arguments.crop,
         separate_runs=arguments.separate_runs,
         namespace=arguments.namespace,
+        reference_clock=arguments.reference_clock,
     )
 
 

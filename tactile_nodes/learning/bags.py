@@ -1,7 +1,8 @@
 """Collection bags in, presses with their images out: what belongs together by its capture stamps.
 
 A bag is read once, as a stream, and holds more images than memory does, so a press is put together as soon as the
-next one is told, and what lies before it is forgotten. Receive times say nothing here; only stamps do.
+next one is told, and what lies before it is forgotten. Receive times say nothing here; only stamps do, brought to the
+rig's clock first where a recorder had another (`clocks`).
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from jaxtyping import UInt8
 
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, Topic
+from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, Topic
 from tactile_nodes.conversions import image_array
-from tactile_nodes.errors import DatasetError, ImageError, MessageError
+from tactile_nodes.errors import DatasetError, ImageError, MessageError, TactileError
+from tactile_nodes.learning.clocks import Clocks, bag_clocks
+from tactile_nodes.learning.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
 
 STATE_REACH_NS = 500_000_000
@@ -30,7 +33,7 @@ STATE_REACH_NS = 500_000_000
 
 @dataclass(frozen=True)
 class Frame:
-    """An image and when it was captured."""
+    """An image and when it was captured, on the rig's clock."""
 
     stamp_ns: int
     image: UInt8[np.ndarray, 'h w']
@@ -41,13 +44,15 @@ class RecordedPress:
     """One attempt as a bag tells it, with the images of its window in order of their stamps.
 
     `untouched` are the images between the window before and this one, in which nothing touches the gel.
-    `reference` is the last rest image from before the window.
+    `reference` is the last rest image from before the window. `held` counts the images that the bag holds of the window
+    by the stamps that the rig saw, before any correction.
     """
 
     told: types.Press
     frames: tuple[Frame, ...]
     untouched: tuple[Frame, ...]
     reference: Frame | None
+    held: int
 
     @property
     def window_ns(self) -> tuple[int, int]:
@@ -57,8 +62,12 @@ class RecordedPress:
 class Aligner:
     """Takes the messages of one bag in any order within a press, and gives the presses in the order they were told."""
 
-    def __init__(self) -> None:
+    def __init__(self, clocks: Clocks | None = None) -> None:
         self.odd: Counter[str] = Counter()
+        self.clocks = clocks or Clocks()
+        self._told_ns: dict[int, int] = {}
+        self._slack_ns = 0
+        self._samples: ForceSamples | None = None
         self._frames: dict[int, np.ndarray] = {}
         self._references: dict[int, np.ndarray] = {}
         self._depths: dict[int, float] = {}
@@ -76,6 +85,13 @@ class Aligner:
     def take_state(self, message: types.RigState) -> None:
         """Where the tip was."""
         self._depths[stamp_ns(message.header.stamp)] = message.depth
+
+    def take_sample(self, message: types.WrenchStamped) -> None:
+        """One force sample of a sensor whose clock is corrected: presses get their force anew."""
+        self._samples = self._samples or ForceSamples()
+        told_ns = stamp_ns(message.header.stamp)
+        corrected_ns = self.clocks.corrected_ns(told_ns, message.header.frame_id)
+        self._samples.take(told_ns, corrected_ns, message.wrench.force.z)
 
     def take_press(self, message: types.Press) -> RecordedPress | None:
         """One press that is over; returns the one before, for which nothing more is to come."""
@@ -96,25 +112,38 @@ class Aligner:
         return len(self._frames)
 
     def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> None:
-        stamp = stamp_ns(message.header.stamp)
+        told_ns = stamp_ns(message.header.stamp)
+        stamp = self.clocks.corrected_ns(told_ns, message.header.frame_id)
         if stamp in kept and twice:
             self.odd[twice] += 1
         try:
             kept.setdefault(stamp, image_array(message))
+            self._told_ns[stamp] = told_ns
+            self._slack_ns = max(self._slack_ns, self.clocks.error_ns(message.header.frame_id))
         except ImageError as error:
             self.odd[f'images that cannot be read ({error})'] += 1
 
     def _aligned(self, told: types.Press) -> RecordedPress:
         start_ns, end_ns = stamp_ns(told.window_start), stamp_ns(told.window_end)
         stamps = sorted(self._frames)
-        inside = tuple(Frame(each, self._frames[each]) for each in stamps if start_ns <= each <= end_ns)
-        before = [each for each in stamps if self._last_end_ns < each < start_ns]
+        inside = self._within(stamps, start_ns, end_ns, told.frames)
+        before = [each for each in stamps if self._last_end_ns < each < start_ns and each not in inside]
         untouched = tuple(Frame(each, self._frames[each]) for each in before if self._is_untouched(each))
         if touched := len(before) - len(untouched):
             self.odd['images between windows with the tip in the gel'] += touched
-        pressed = RecordedPress(told, inside, untouched, self._reference_at(start_ns))
-        self._forget(end_ns)
+        held = sum(start_ns <= self._told_ns[each] <= end_ns for each in stamps)
+        renewed = told if self._samples is None else self._samples.renewed(told)
+        frames = tuple(Frame(each, self._frames[each]) for each in inside)
+        pressed = RecordedPress(renewed, frames, untouched, self._reference_at(start_ns), held)
+        self._forget(max([end_ns, *inside]))
         return pressed
+
+    def _within(self, stamps: list[int], start_ns: int, end_ns: int, wanted: int) -> list[int]:
+        """Those in a window; if some are missing, also those that a corrected clock puts just beside it."""
+        inside = [each for each in stamps if start_ns <= each <= end_ns]
+        beside = [each for each in stamps if 0 < max(start_ns - each, each - end_ns) <= self._slack_ns]
+        beside.sort(key=lambda each: max(start_ns - each, each - end_ns))
+        return sorted([*inside, *beside[: max(0, wanted - len(inside))]])
 
     def _is_untouched(self, stamp: int) -> bool:
         """Whether the tip was above the gel, as far as told; a press cut short leaves images of it without a window."""
@@ -133,6 +162,9 @@ class Aligner:
     def _forget(self, end_ns: int) -> None:
         self._last_end_ns = max(self._last_end_ns, end_ns)
         self._frames = {each: image for each, image in self._frames.items() if each > end_ns}
+        self._told_ns = {each: self._told_ns[each] for each in self._frames}
+        if self._samples is not None:
+            self._samples.forget(end_ns)
         self._depths = {each: depth for each, depth in self._depths.items() if each > end_ns - STATE_REACH_NS}
 
 
@@ -147,16 +179,17 @@ class CollectionBag:
         DatasetError: it holds no presses, or those of several sensors and none was chosen.
     """
 
-    def __init__(self, path: Path, namespace: str | None = None) -> None:
+    def __init__(self, path: Path, namespace: str | None = None, reference: str | None = None) -> None:
         self.path = path
-        self.aligner = Aligner()
         self.malformed = 0
         self._digest = hashlib.sha256()
         self._reader = BagReader(path)
         try:
+            self.clocks = bag_clocks(self._reader, namespace, reference)
+            self.aligner = Aligner(self.clocks)
             self._takers = self._chosen(namespace)
             self._require_ours(PRESS.type_name)
-        except DatasetError:
+        except TactileError:
             self.close()
             raise
         self._press_topic = next(iter(self._takers))
@@ -173,12 +206,22 @@ class CollectionBag:
 
     def _chosen(self, namespace: str | None) -> dict[str, Callable[[Any], RecordedPress | None]]:
         """What takes the messages of each topic that is there."""
-        return {
+        takers: dict[str, Callable[[Any], RecordedPress | None]] = {
             self._topic(PRESS, namespace, needed=True): self.aligner.take_press,
             self._topic(PRESS_IMAGE, namespace, needed=True): self.aligner.take_image,
             self._topic(REFERENCE_IMAGE, namespace): self.aligner.take_reference,
             self._topic(RIG_STATE, namespace): self.aligner.take_state,
         }
+        if any(clock.corrects for clock in self.clocks.others):
+            samples = self._topic(FORCE_TORQUE, namespace)
+            if samples and self.clocks.corrects(self._frame_of(samples)):
+                takers[samples] = self.aligner.take_sample
+        return takers
+
+    def _frame_of(self, topic: str) -> str:
+        """The frame of a topic's first message."""
+        first = next(self._reader.messages([topic]), None)
+        return '' if first is None else str(self._reader.decode(first).header.frame_id)
 
     @property
     def press_count(self) -> int:

@@ -41,6 +41,7 @@ class BuildOptions:
         gel: name or id of the gel, or all about a simulated one, with its id.
         separate_runs: a press of the same plan in another bag is another press, not another attempt at it.
         namespace: which sensor's topics to take from bags that hold several.
+        reference_clock: the recorder of edges whose clock all others are brought to; None: the machine's.
     """
 
     flow: Choice = field(default_factory=lambda: Choice('dis'))
@@ -53,6 +54,7 @@ class BuildOptions:
     crop: int = 440
     separate_runs: bool = False
     namespace: str | None = None
+    reference_clock: str | None = None
 
 
 def build(
@@ -67,7 +69,10 @@ def build(
     """
     progress = progress or Progress()
     with ExitStack() as stack:
-        opened = [stack.enter_context(CollectionBag(path, options.namespace)) for path in bags]
+        opened = [stack.enter_context(CollectionBag(path, options.namespace, options.reference_clock)) for path in bags]
+        for bag in opened:
+            for warning in bag.clocks.warnings:
+                progress.say(f'{bag.path}: {warning}; its stamps are taken as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
         builder = _Builder(options, measurer, bar)
@@ -182,7 +187,13 @@ def _card(options: BuildOptions, bags: Sequence[CollectionBag], builder: _Builde
         'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
         'gel': json.loads(json.dumps(options.gel)),
         'bags': [
-            {'id': bag.bag_id, 'gel': options.gel['id'], 'attempts': bag.press_count, 'problems': bag.problems}
+            {
+                'id': bag.bag_id,
+                'gel': options.gel['id'],
+                'attempts': bag.press_count,
+                'problems': bag.problems,
+                'clocks': bag.clocks.as_list(),
+            }
             for bag in bags
         ],
         'bag_names': [bag.path.name for bag in bags],

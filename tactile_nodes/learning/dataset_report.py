@@ -105,7 +105,20 @@ def _bags(presses: RecordedPresses) -> list[tuple[str, str]]:
         kept = len(np.unique(presses.press_number[presses.bag == number]))
         lines.append(('bag', f'{name} ({bag["id"]}): {kept} presses of {bag["attempts"]} attempts'))
         lines += [('', problem) for problem in bag['problems']]
+        lines += [('clock', clock_line(clock)) for clock in bag.get('clocks', [])]
     return lines
+
+
+def clock_line(clock: Mapping[str, Any]) -> str:
+    """What is known of a recorder's clock: what its stamps lack, how it drifts, and how well that is known."""
+    if 'refused' in clock:
+        return f'{clock["recorder"]}: not known, {clock["edges"]} edges: {clock["why"]}'
+    done = 'corrected' if clock['corrected'] else 'agrees, left as it is'
+    return (
+        f'{clock["recorder"]}: {clock["offset_s"]:+.6f} s, {clock["drift_ppm"]:+.1f} ppm by {clock["matched"]} of '
+        f'{clock["edges"]} edges, residuals {clock["residual_median_s"] * 1e3:.2f} ms (median) to '
+        f'{clock["residual_max_s"] * 1e3:.2f} ms, known to {clock["bound_s"] * 1e3:.2f} ms; {done}'
+    )
 
 
 def _quality(presses: RecordedPresses) -> str:

@@ -17,6 +17,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 REJECTED = 'rejected by the rig'
 NOT_SETTLED = 'not settled'
 LOST_FRAMES = 'lost frames'
+OTHER_TIME = 'images of another time'
 LIMITS = 'limits exceeded'
 OUTSIDE = 'outside the surface'
 NO_REFERENCE = 'no rest image'
@@ -138,7 +139,9 @@ def _limits(told: types.Press, limits: Limits) -> Verdict | None:
 
 def _frames(press: RecordedPress) -> Verdict | None:
     found, announced = len(press.frames), press.told.frames
-    if found == 0 or found != announced:
+    if not found and announced and press.held == announced:
+        return OTHER_TIME, 'by its corrected clock the camera took none of the images within the window'
+    if found == 0 or announced not in (found, press.held):
         return LOST_FRAMES, f'{found} images are in the bag, {announced} were taken'
     if press.reference is None:
         return NO_REFERENCE, 'the bag holds none from before the window'

@@ -1,0 +1,83 @@
+"""The force of a press anew, from samples whose recorder's clock was not the rig's.
+
+The rig took the samples of a window by the stamps that they had; those that belong to it by corrected stamps are
+others. Which way the sensor's z points follows from what the rig made of its samples. Lateral forces and torques would
+need the mounting as well, which a bag does not tell, so they become unknown (NaN) rather than be of another time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, cast
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.collection.wrench import slope
+from tactile_nodes.messages import stamp_ns, types
+
+SAME_N = 1e-3
+UNKNOWN = math.nan
+
+
+class ForceSamples:
+    """Samples since the last press: their stamps as told and as corrected, and the sensor's force along its z."""
+
+    def __init__(self) -> None:
+        self._told_ns: list[int] = []
+        self._stamp_ns: list[int] = []
+        self._force_n: list[float] = []
+
+    def take(self, told_ns: int, corrected_ns: int, force_n: float) -> None:
+        """One sample."""
+        self._told_ns.append(told_ns)
+        self._stamp_ns.append(corrected_ns)
+        self._force_n.append(force_n)
+
+    def renewed(self, press: types.Press) -> types.Press:
+        """The press with the force of its window on corrected stamps; without a number if it cannot be known."""
+        start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
+        force, stamps = np.array(self._force_n), np.array(self._stamp_ns, np.int64)
+        as_told = _within(np.array(self._told_ns, np.int64), start_ns, end_ns)
+        inside = _within(stamps, start_ns, end_ns)
+        sign = _sign(press, float(force[as_told].mean())) if as_told.any() else 0
+        if not sign or not inside.any():
+            return _with(press, UNKNOWN, UNKNOWN, UNKNOWN, int(inside.sum()))
+        on_gel = sign * (force[inside] - press.tare.force.z)
+        rate = -slope([int(each) for each in stamps[inside]], on_gel)  # told as pressing force, which is positive
+        return _with(press, float(on_gel.mean()), float(on_gel.std()), rate, int(inside.sum()))
+
+    def forget(self, end_ns: int) -> None:
+        """Drop what is older than a window's end by both stamps."""
+        kept = [
+            each
+            for each in zip(self._told_ns, self._stamp_ns, self._force_n, strict=True)
+            if max(each[0], each[1]) > end_ns - NS_PER_S
+        ]
+        self._told_ns = [told for told, _, _ in kept]
+        self._stamp_ns = [stamp for _, stamp, _ in kept]
+        self._force_n = [force for _, _, force in kept]
+
+
+def _within(stamps: np.ndarray, start_ns: int, end_ns: int) -> np.ndarray:
+    return (stamps >= start_ns) & (stamps <= end_ns)
+
+
+def _sign(press: types.Press, mean_n: float) -> int:
+    """Force on the gel along z per force that the sensor reads: 1, -1, or 0 where the samples are not those told."""
+    change, told = mean_n - press.tare.force.z, press.wrench.force.z
+    return next((sign for sign in (-1, 1) if abs(sign * change - told) < SAME_N), 0)
+
+
+def _with(press: types.Press, force_n: float, deviation_n: float, rate: float, samples: int) -> types.Press:
+    fields = {field.name: getattr(press, field.name) for field in dataclasses.fields(cast('Any', press))}
+    wrenches = {'wrench': _along_z(force_n), 'wrench_deviation': _along_z(deviation_n)}
+    return types.Press(**{**fields, **wrenches, 'force_rate': rate, 'samples': samples})
+
+
+def _along_z(force_n: float) -> types.Wrench:
+    return types.Wrench(
+        force=types.Vector3(x=UNKNOWN, y=UNKNOWN, z=force_n),
+        torque=types.Vector3(x=UNKNOWN, y=UNKNOWN, z=UNKNOWN),
+    )
