@@ -42,8 +42,8 @@ def run_node(node: NodeFactory, argv: Sequence[str] | None = None) -> int:
 def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
     """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
 
-    The first SIGINT or SIGTERM ends them: 0, within 2 s. One that is still busy then is given up: 1. A second
-    signal ends the process at once.
+    The first SIGINT or SIGTERM ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
+    still busy then is given up: 1. A second signal ends the process at once.
     """
     try:
         arguments = parse_arguments(argv)
@@ -56,7 +56,7 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
 
 
 def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
-    ending = _Ending()
+    ending = _Ending(max(getattr(factory, 'END_WITHIN_S', _END_WITHIN_S) for factory in factories))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ending.on_signal)
     nodes: list[Node] = []
@@ -109,10 +109,11 @@ def _close(node: Node) -> None:
 class _Ending:
     """The end of the process: asked for once, forced the second time or when it takes too long."""
 
-    def __init__(self) -> None:
+    def __init__(self, within_s: float) -> None:
         self.done = threading.Event()
         self._since_s = 0.0
-        self._watchdog = threading.Timer(_END_WITHIN_S, self._give_up)
+        self._within_s = within_s
+        self._watchdog = threading.Timer(within_s, self._give_up)
         self._watchdog.daemon = True
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
@@ -135,7 +136,7 @@ class _Ending:
             self._watchdog.cancel()
 
     def _give_up(self) -> None:
-        sys.stderr.write(f'not ended within {_END_WITHIN_S} s of being asked to; given up\n')
+        sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
         sys.stderr.flush()
         os._exit(1)
 

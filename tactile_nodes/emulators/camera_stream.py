@@ -6,6 +6,7 @@ A picture is rendered when it is due and somebody looks; whoever comes too late 
 from __future__ import annotations
 
 import http.server
+import random
 import threading
 from types import TracebackType
 
@@ -24,6 +25,8 @@ QUALITY = 95
 class CameraStream:
     """The server, for as long as it is open; ``silent`` holds the pictures back, ``delay_s`` sends old ones.
 
+    The next ``lose`` pictures, and of the others the share ``loss_rate``, are never sent.
+
     Args:
         world: what it looks at.
         clock: when pictures are due.
@@ -34,6 +37,9 @@ class CameraStream:
     def __init__(self, world: World, clock: Clock, fps: float = 30.0, port: int = 0) -> None:
         self.silent = False
         self.delay_s = 0.0
+        self.lose = 0
+        self.loss_rate = 0.0
+        self._chance = random.Random(1)  # noqa: S311  (loss, not secrets)
         self._world = world
         self._clock = clock
         self._fps = fps
@@ -71,6 +77,12 @@ class CameraStream:
         _, data = cv2.imencode('.jpg', np.asarray(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
         return bytes(data)
 
+    def _is_lost(self) -> bool:
+        if self.lose > 0:
+            self.lose -= 1
+            return True
+        return self._chance.random() < self.loss_rate
+
     def next_picture(self, after_ns: int) -> tuple[int, bytes] | None:
         """The next one that is due after a time, when it is due; None: the end."""
         period_ns = round(NS_PER_S / self._fps)
@@ -79,6 +91,9 @@ class CameraStream:
             left_s = (due_ns - self._clock.now_ns()) / NS_PER_S
             if left_s <= 0 and not self.silent:
                 now_ns = self._clock.now_ns()
+                if self._is_lost():
+                    due_ns = now_ns + period_ns
+                    continue
                 return now_ns, self.picture(now_ns - round(self.delay_s * NS_PER_S))
             self._stop.wait(min(max(left_s, 0.001), 0.02))
         return None

@@ -25,6 +25,9 @@ class PtyPort:
         device: what answers.
         link: where a symbolic link to the terminal shall be, whose name stays the same over unplugging.
         reset_on_open: opening the port restarts the device, as it does on boards of the Arduino kind.
+
+    Attributes:
+        in_use: a host has it open.
     """
 
     def __init__(self, device: SerialDevice, clock: Clock, link: Path, reset_on_open: bool = False) -> None:
@@ -35,6 +38,7 @@ class PtyPort:
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self.path = link
+        self.in_use = False
 
     def __enter__(self) -> PtyPort:
         self.plug()
@@ -62,6 +66,7 @@ class PtyPort:
         self._stopping.set()
         self._thread.join()
         self._thread = None
+        self.in_use = False
         os.close(self._master)
         self.path.unlink(missing_ok=True)
 
@@ -74,7 +79,7 @@ class PtyPort:
             if flags & select.POLLIN:
                 self._device.receive(_read(self._master))
             if (present := not flags & select.POLLHUP) != opened:
-                opened = present
+                opened = self.in_use = present
                 if opened and self.reset_on_open:
                     self._device.power_cycle()
             self._exchange(opened)

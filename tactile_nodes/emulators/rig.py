@@ -1,0 +1,147 @@
+"""A whole rig that is not there: controller, force/torque sensor and camera in one world, with faults to switch on."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_nodes import paths
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.camera_stream import CameraStream
+from tactile_nodes.emulators.grbl import Grbl
+from tactile_nodes.emulators.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.mounting import UPSIDE_DOWN, Mounted
+from tactile_nodes.emulators.rig_sensor import BoxOnTheNetwork, RigSensor, SensorFaults, SensorOnALine
+from tactile_nodes.emulators.rig_trace import RigTrace
+from tactile_nodes.emulators.serial_ports import PtyPort
+from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.errors import AddressInUseError
+from tactile_nodes.params import parameter
+
+LOOK_S = 0.01
+
+
+@dataclass(frozen=True)
+class RigFaults(SensorFaults):
+    """What is wrong now."""
+
+    silent_camera: bool = parameter(False, 'the camera sends nothing')
+    lose_frames: int = parameter(0, 'the next so many pictures are lost', minimum=0)
+    frame_loss_rate: float = parameter(0.0, 'share of the pictures that are lost', minimum=0.0, maximum=1.0)
+    camera_delay_s: float = parameter(0.0, 'pictures come so much too late', minimum=0.0)
+    hung_machine: bool = parameter(False, 'the controller does and answers nothing')
+    machine_delay_s: float = parameter(0.0, 'all that the controller says comes so much too late', minimum=0.0)
+    alarm: int = parameter(0, 'raise an alarm of this number; 0: none', minimum=0, maximum=10)
+    unplugged: bool = parameter(False, "the controller's serial line is pulled")
+    stuck_axis: str = parameter('', 'axis that does not follow its motor', choices=('', 'x', 'y', 'z'))
+
+
+@dataclass(frozen=True)
+class EmulatedRigSettings:
+    """What the rig is made of."""
+
+    cnc_port: str = parameter('', 'link to the serial port; empty: emulated_cnc in the run folder', read_only=True)
+    sensor: str = parameter(
+        'netft', 'the force/torque sensor: on the network, or on a serial line', choices=('netft', 'bota', 'text'),
+        read_only=True,
+    )  # fmt: skip
+    sensor_port: str = parameter('', "link to the sensor's serial port; empty: emulated_ft beside cnc", read_only=True)
+    rdt_port: int = parameter(49153, 'UDP port of the Net F/T box', minimum=0, maximum=65535, read_only=True)
+    http_port: int = parameter(49180, 'TCP port of its web pages', minimum=0, maximum=65535, read_only=True)
+    camera_port: int = parameter(49190, 'TCP port of the camera stream', minimum=0, maximum=65535, read_only=True)
+    fps: float = parameter(30.0, 'pictures a second', minimum=1.0, read_only=True)
+    trace: str = parameter('', 'file to be told where the tip truly is, and each fault; empty: none', read_only=True)
+    world: WorldSettings = field(default_factory=WorldSettings)
+    grbl: GrblSettings = field(default_factory=GrblSettings)
+    faults: RigFaults = field(default_factory=RigFaults)
+
+
+class EmulatedRig:
+    """The devices, open until `close`.
+
+    Raises:
+        AddressInUseError: a port is taken.
+    """
+
+    def __init__(self, settings: EmulatedRigSettings, clock: Clock) -> None:
+        self._clock = clock
+        self.world = World(settings.world)
+        self._grbl = Grbl(self.world, clock, settings.grbl)
+        self._opened = ExitStack()
+        link = _link(settings.cnc_port, paths.run_directory() / 'emulated_cnc')
+        try:
+            self._port = self._opened.enter_context(PtyPort(self._grbl, clock, link))
+            self.sensor = self._opened.enter_context(_sensor(settings, self.world, clock, link))
+            self.camera = self._opened.enter_context(
+                CameraStream(self.world, clock, settings.fps, settings.camera_port)
+            )
+            self._trace = self._opened.enter_context(RigTrace(self.world, clock, settings.trace))
+        except OSError as error:
+            self._opened.close()
+            raise AddressInUseError(
+                f'cannot listen at UDP {settings.rdt_port}, TCP {settings.http_port} and {settings.camera_port}: '
+                f'{error.strerror}; is another emulated rig running?'
+            ) from error
+        self.faults = RigFaults()
+
+    @property
+    def places(self) -> str:
+        """Where the devices are."""
+        camera = f'http://127.0.0.1:{self.camera.port}/'
+        return f'machine at {self._port.path}, force/torque at {self.sensor.source}, camera at {camera}'
+
+    def switch(self, wanted: RigFaults) -> None:
+        """From now on these faults.
+
+        Raises:
+            ConfigurationError: a fault that this rig cannot have.
+        """
+        self.sensor.switch(wanted, self._clock.now_ns())
+        had, self.faults = self.faults, wanted
+        self._trace.switched(had, wanted)
+        self._switch_camera(had, wanted)
+        self._switch_machine(had, wanted)
+
+    def rest(self, patience_s: float) -> bool:
+        """Wait until nobody commands the machine and it stands still; whether it came to that in time."""
+        deadline_ns = self._clock.now_ns() + round(patience_s * NS_PER_S)
+        while (now_ns := self._clock.now_ns()) < deadline_ns:
+            if not self._port.in_use and not self.world.motor_speed_at(now_ns):
+                return True
+            self._clock.sleep_until(now_ns + round(LOOK_S * NS_PER_S))
+        return False
+
+    def close(self) -> None:
+        """Let go of all ports."""
+        self._opened.close()
+
+    def _switch_camera(self, had: RigFaults, wanted: RigFaults) -> None:
+        camera = self.camera
+        camera.silent, camera.delay_s = wanted.silent_camera, wanted.camera_delay_s
+        camera.loss_rate = wanted.frame_loss_rate
+        camera.lose += wanted.lose_frames if wanted.lose_frames != had.lose_frames else 0
+
+    def _switch_machine(self, had: RigFaults, wanted: RigFaults) -> None:
+        self._grbl.faults.hung, self._grbl.faults.delay_s = wanted.hung_machine, wanted.machine_delay_s
+        if wanted.alarm and wanted.alarm != had.alarm:
+            self._grbl.alarm(wanted.alarm)
+        if wanted.stuck_axis != had.stuck_axis:
+            for axis, stuck in ((had.stuck_axis, False), (wanted.stuck_axis, True)):
+                if axis:
+                    self.world.stick('xyz'.index(axis), self._clock.now_ns(), stuck)
+        if wanted.unplugged != had.unplugged:
+            (self._port.unplug if wanted.unplugged else self._port.plug)()
+
+
+def _sensor(settings: EmulatedRigSettings, world: World, clock: Clock, cnc_link: Path) -> RigSensor:
+    mounted = Mounted(world, UPSIDE_DOWN)
+    if settings.sensor == 'netft':
+        return BoxOnTheNetwork(mounted, clock, settings.rdt_port, settings.http_port)
+    return SensorOnALine(settings.sensor, mounted, clock, _link(settings.sensor_port, cnc_link.parent / 'emulated_ft'))
+
+
+def _link(wanted: str, otherwise: Path) -> Path:
+    link = Path(wanted) if wanted else otherwise
+    link.parent.mkdir(parents=True, exist_ok=True)
+    return link
