@@ -10,9 +10,24 @@ import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.params import load_mapping
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.solution import Problem, Solution, problem_of, solve_problem
+
+
+def load_gel(name: str) -> Gel:
+    """The gel of a YAML file, or of one that ships (config/gels) by its name without ending; the paper's for ''.
+
+    Raises:
+        ConfigurationError: no such file, or one with something in it that is no property of a gel.
+    """
+    if not name:
+        return Gel()
+    shipped = paths.share_directory() / 'config' / 'gels' / f'{name}.yaml'
+    file = shipped if Path(name).name == name and shipped.is_file() else Path(name)
+    values = {key: located.value for key, located in load_mapping(file).items()}
+    return Gel.from_mapping(values, str(file))
 
 
 @cache

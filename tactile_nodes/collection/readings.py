@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,27 +17,46 @@ Picture = npt.NDArray[np.uint8]
 BLOCK_PX = 16
 
 
-class Frame(NamedTuple):
-    """An image, its capture stamp, and the mean grey level of each block of 16x16 pixels."""
+class Frame:
+    """An image and its capture stamp; `look` gives the image, and is asked once, when somebody wants to see it."""
 
-    stamp_ns: int
-    image: Picture
-    blocks: npt.NDArray[np.float32]
+    def __init__(self, stamp_ns: int, look: Callable[[], Picture]) -> None:
+        self.stamp_ns = stamp_ns
+        self._look = look
+
+    @cached_property
+    def image(self) -> Picture:
+        """The picture."""
+        return self._look()
+
+    @cached_property
+    def blocks(self) -> npt.NDArray[np.float32]:
+        """Mean grey level of each block of 16x16 pixels; what does not fill one at the right and below is left out.
+
+        Raises:
+            ImageError: the image is smaller than a block.
+        """
+        image = self.image
+        rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
+        if not rows or not columns:
+            raise ImageError(
+                f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones'
+            )
+        cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
+        sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
+        sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
+        return (sums / BLOCK_PX**2).astype(np.float32)
 
 
 def frame_of(stamp_ns: int, image: Picture) -> Frame:
-    """A frame with its blocks; what does not fill a block at the right and at the bottom is left out.
+    """A frame that is there, with its blocks.
 
     Raises:
         ImageError: it is smaller than a block.
     """
-    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
-    if not rows or not columns:
-        raise ImageError(f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones')
-    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
-    sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
-    sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
-    return Frame(stamp_ns, image, (sums / BLOCK_PX**2).astype(np.float32))
+    frame = Frame(stamp_ns, lambda: image)
+    _ = frame.blocks
+    return frame
 
 
 def change(a: Frame, b: Frame) -> float:

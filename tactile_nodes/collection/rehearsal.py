@@ -9,15 +9,16 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.hands import Hands
-from tactile_nodes.collection.readings import Picture, Readings, frame_of
+from tactile_nodes.collection.readings import Frame, Picture, Readings
 from tactile_nodes.collection.safety import Safety, Trip
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, open_cnc
+from tactile_nodes.drivers.cnc import Cnc, CncSettings, CncStatus, Switched, open_cnc
 from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
 from tactile_nodes.emulators.mounting import Mounted
@@ -61,8 +62,11 @@ class Rehearsal:
         world: where it all happens.
         settings: of the collection.
         cnc: what the machine may do.
-        camera: the image at a time; None: a small one whose grey level follows the depth.
+        camera: the image at a time, asked for only when somebody looks at it; None: a small one whose grey level
+            follows the depth.
         rate_hz: of the force samples; fps: of the images.
+        start_ns: when it begins.
+        on_status: told where the machine is; on_switch: told each switching of the digital line.
     """
 
     def __init__(
@@ -73,9 +77,12 @@ class Rehearsal:
         camera: Camera | None = None,
         rate_hz: float = 200.0,
         fps: float = 30.0,
+        start_ns: int = NS_PER_S,
+        on_status: Callable[[CncStatus], None] | None = None,
+        on_switch: Callable[[Switched], None] | None = None,
     ) -> None:
         self.world = world
-        self.clock = JumpingClock()
+        self.clock = JumpingClock(start_ns)
         self.readings = Readings()
         self.silent_sensor = self.silent_camera = False
         self._tripped: Trip | None = None
@@ -88,7 +95,8 @@ class Rehearsal:
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
         self.sensor.open()
-        self.hands = Hands(self.cnc, self.clock, self.safety, self.readings, settings.motion)
+        motion = settings.motion
+        self.hands = Hands(self.cnc, self.clock, self.safety, self.readings, motion, on_status, on_switch)
         self.clock.every(1 / rate_hz, self._feel)
         self.clock.every(1 / fps, self._take_picture)
         self.clock.every(TICK_S, self._look_around)
@@ -102,7 +110,7 @@ class Rehearsal:
         if not self.silent_camera:
             now_ns = self.clock.now_ns()
             self.safety.frame(now_ns)
-            self.readings.put_frame(frame_of(now_ns, self._camera(now_ns)))
+            self.readings.put_frame(Frame(now_ns, partial(self._camera, now_ns)))
 
     def _small_picture(self, time_ns: int) -> Picture:
         depth_mm = max(0.0, self.world.press_at(time_ns).depth_mm)

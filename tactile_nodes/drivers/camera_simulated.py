@@ -11,28 +11,40 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tactile_nodes import params
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth
-from tactile_nodes.simulation.worlds import Shared
+from tactile_nodes.simulation.optics import Press
+from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth, WorldScene
 
 NAME = 'the simulated camera'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
 
 
+class Untouched:
+    """What a camera sees until the world is there that it shall look at."""
+
+    def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
+        """Above the middle."""
+        return Press(0.0, 0.0, -1.0)
+
+
 class SimulatedCamera:
-    """Renders a frame when its time has come; frames that nobody was there to take are lost, as from a camera."""
+    """Renders a frame when its time has come; frames that nobody was there to take are lost, as from a camera.
+
+    A camera that looks at a shared world (`scene.world`) shows the gel of that world as soon as there is one.
+    """
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
         self._scene: Scene | None = None
+        self._world: worlds.SharedWorld | None = None
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -64,8 +76,8 @@ class SimulatedCamera:
         if self._settings.scene.start_ns == 0:
             scene.schedule = _schedule(self._settings.scene, self._start_ns + REST_BEFORE_FIRST_PRESS_NS)
         if self._settings.scene.world:
-            scene.schedule = Shared(self._settings.scene.world)
-        self._scene = scene
+            scene.schedule = Untouched()
+        self._scene, self._world = scene, None
         self._sequence, self._dropped = -1, 0
 
     @property
@@ -98,6 +110,8 @@ class SimulatedCamera:
     def _open_scene(self) -> Scene:
         if self._scene is None:
             raise DeviceError(f'{NAME} is closed; open it before reading')
+        if self._settings.scene.world and (world := worlds.find(self._settings.scene.world)) is not self._world:
+            self._scene, self._world = (self._scene if world is None else WorldScene(world)), world
         return self._scene
 
     def _due_ns(self, sequence: int) -> int:
@@ -125,8 +139,5 @@ def _schedule(settings: SceneSettings, start_ns: int) -> PressSchedule:
 
 
 def _gel(settings: SceneSettings) -> Gel:
-    gel = Gel()
-    if settings.gel:
-        values = {name: located.value for name, located in params.load_mapping(settings.gel).items()}
-        gel = Gel.from_mapping(values, settings.gel)
+    gel = load_gel(settings.gel)
     return gel if settings.gel_seed < 0 else dataclasses.replace(gel, seed=settings.gel_seed)

@@ -5,6 +5,7 @@ A picture is rendered when it is due and somebody looks; whoever comes too late 
 
 from __future__ import annotations
 
+import dataclasses
 import http.server
 import random
 import threading
@@ -14,8 +15,7 @@ import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.world import World
-from tactile_nodes.gel_tables import contact_table
-from tactile_nodes.simulation.optics import Optics
+from tactile_nodes.simulation.scene import WorldScene
 
 LOOPBACK = '127.0.0.1'
 BOUNDARY = 'picture'
@@ -40,10 +40,10 @@ class CameraStream:
         self.lose = 0
         self.loss_rate = 0.0
         self._chance = random.Random(1)  # noqa: S311  (loss, not secrets)
-        self._world = world
         self._clock = clock
         self._fps = fps
-        self._optics = Optics(world.gel, contact_table(world.gel))
+        self._quality = world.gel.jpeg_quality or QUALITY
+        self._scene = WorldScene(_Uncompressed(world))
         self._stop = threading.Event()
         self._server = _server(self, port)
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), name='camera', daemon=True)
@@ -73,8 +73,8 @@ class CameraStream:
         """The JPEG picture at a time."""
         import cv2
 
-        image = self._optics.render(self._world.presses_at(time_ns), noise_seed=time_ns)
-        _, data = cv2.imencode('.jpg', np.asarray(image), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        image = self._scene.render(time_ns)
+        _, data = cv2.imencode('.jpg', np.asarray(image), [cv2.IMWRITE_JPEG_QUALITY, self._quality])
         return bytes(data)
 
     def _is_lost(self) -> bool:
@@ -97,6 +97,14 @@ class CameraStream:
                 return now_ns, self.picture(now_ns - round(self.delay_s * NS_PER_S))
             self._stop.wait(min(max(left_s, 0.001), 0.02))
         return None
+
+
+class _Uncompressed:
+    """The world with a gel whose images nobody has compressed yet: the stream does that."""
+
+    def __init__(self, world: World) -> None:
+        self.gel, self.tables = dataclasses.replace(world.gel, jpeg_quality=0), world.tables
+        self.press_at, self.presses_at, self.force_at = world.press_at, world.presses_at, world.force_at
 
 
 class _Parts:

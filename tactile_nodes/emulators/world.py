@@ -8,6 +8,7 @@ parallel to it: x_gel = x - gel_x_mm, y_gel = y - gel_y_mm.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 from collections.abc import Sequence
@@ -15,10 +16,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.indenter import INDENTERS, indenter_name
 from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.memory import Memory, Shape
 from tactile_nodes.simulation.optics import Press
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -72,18 +75,28 @@ class WorldSettings:
     slope_y: float = parameter(0.0, 'rise of the surface along y, mm per mm', minimum=-0.2, maximum=0.2)
     tool_mm: float = parameter(60.0, "from the tip up to the force/torque sensor's origin", minimum=0.0)
     probe_z_mm: float = parameter(-1000.0, 'height of a plate with a probe switch; -1000.0: there is none')
+    gel: str = parameter('', "YAML file of the gel, or the name of one in config/gels; empty: the paper's gel")
+    indenter: str = parameter('tip', "what presses: the gel's own tip, or another", choices=('tip', *INDENTERS))
 
 
 class World:
-    """One machine, one tip, one gel, one digital line. Any thread may ask; one controller moves it."""
+    """One machine, one tip, one gel, one digital line. Any thread may ask; one controller moves it.
+
+    Args:
+        settings: where things stand, which gel, and what presses it.
+        gel: instead of the one that the settings name.
+        table: what the indenter does to the gel; looked up (`contact_table`) if it is left out.
+    """
 
     def __init__(
         self, settings: WorldSettings | None = None, gel: Gel | None = None, table: ContactTable | None = None
     ) -> None:
         self.settings = settings or WorldSettings()
-        self.gel = gel or Gel()
-        self._table = table or contact_table(self.gel)
+        self.gel = gel or load_gel(self.settings.gel)
+        self._table = table or contact_table(self.gel, self.settings.indenter)
+        self._slope = self._normal()
         self._lock = threading.RLock()
+        self._memory = Memory(self.gel, self._touch_at, self.tables)
         start = as_vector(self.settings.start_mm)
         self._motor = Timeline(start)
         self._epochs = [_Epoch(0, start, start, (1.0, 1.0, 1.0))]
@@ -127,6 +140,16 @@ class World:
                 self._edges.append(Edge(time_ns, level))
 
     @property
+    def tables(self) -> dict[str, ContactTable]:
+        """What the indenter does to the gel."""
+        return {self.settings.indenter: self._table}
+
+    @property
+    def indenter_name(self) -> str:
+        """What records call it: 'sphere 1.2 mm'."""
+        return indenter_name(self.gel.tip_radius_mm, self.settings.indenter)
+
+    @property
     def room_mm(self) -> Vector:
         """The way from the lower to the upper end switch of each axis."""
         return as_vector(self.settings.room_mm)
@@ -154,21 +177,22 @@ class World:
         s, (x, y, z) = self.settings, self.tip_at(time_ns)
         gel_x, gel_y = x - s.gel_x_mm, y - s.gel_y_mm
         below = s.gel_z_mm + s.slope_x * gel_x + s.slope_y * gel_y - z
-        return Press(gel_x, gel_y, below * self._normal()[2])
+        return Press(gel_x, gel_y, below * self._slope[2], s.indenter)
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:
-        """What the renderer needs: the press, or nothing where the tip is beside the gel or above it."""
-        press = self.press_at(time_ns)
-        return (press,) if press.depth_mm > 0 and self._on_gel(press) else ()
+        """What the renderer needs: the press, none where the tip is beside the gel or above it, and healing dents."""
+        return tuple(press for press in self._shape_at(time_ns).presses if press.depth_mm > 0)
 
     def force_at(self, time_ns: int) -> float:
-        """Contact force along the surface's normal in N, from the contact table; beyond it the force rises on."""
-        press = self.press_at(time_ns)
-        return self._force(press.depth_mm) if self._on_gel(press) else 0.0
+        """Contact force along the surface's normal in N, by contact table and settling; beyond both it rises on."""
+        touch = self._touch_at(time_ns)
+        if touch.depth_mm <= 0:
+            return 0.0
+        return self._shape_at(time_ns).force_n + self._beyond(touch.depth_mm)
 
     def wrench_at(self, time_ns: int) -> Wrench:
-        """As `WrenchSource.wrench_at`: friction-free contact, so the force is along the surface's normal."""
-        force, (nx, ny, nz) = self.force_at(time_ns), self._normal()
+        """As `WrenchSource.wrench_at`: the tip does not go sideways, so the force is along the surface's normal."""
+        force, (nx, ny, nz) = self.force_at(time_ns), self._slope
         arm_m = self.settings.tool_mm / 1000
         return force * nx, force * ny, force * nz, arm_m * force * ny, -arm_m * force * nx, 0.0
 
@@ -191,16 +215,28 @@ class World:
         size = math.sqrt(1 + s.slope_x**2 + s.slope_y**2)
         return (-s.slope_x / size, -s.slope_y / size, 1 / size)
 
-    def _on_gel(self, press: Press) -> bool:
-        return max(abs(press.x_mm), abs(press.y_mm)) <= self.gel.size_mm / 2
+    def _touch_at(self, time_ns: int) -> Press:
+        """The press; beside the gel it is above nothing."""
+        press = self.press_at(time_ns)
+        if press.depth_mm > 0 and max(abs(press.x_mm), abs(press.y_mm)) > self.gel.size_mm / 2:
+            return dataclasses.replace(press, depth_mm=-press.depth_mm)
+        return press
 
-    def _force(self, depth_mm: float) -> float:
+    def _shape_at(self, time_ns: int) -> Shape:
+        if self.gel.settling_share == 0:
+            touch = self._touch_at(time_ns)
+            return Shape((touch,), self._table.force_at(touch.depth_mm))
+        with self._lock:
+            return self._memory.at(time_ns)
+
+    def _beyond(self, depth_mm: float) -> float:
+        """The force that a press deeper than the table adds: as steep as at its end, and then the stiff layer's."""
         depth, force = self._table.depth_mm, self._table.force_n
-        if depth_mm <= depth[-1]:
-            return self._table.force_at(depth_mm)
+        deeper = min(depth_mm, self.gel.layer_mm) - float(depth[-1])
+        if deeper <= 0:
+            return 0.0
         slope = float((force[-1] - force[-2]) / (depth[-1] - depth[-2]))
-        in_gel = min(depth_mm, self.gel.layer_mm) - float(depth[-1])
-        return float(force[-1]) + slope * in_gel + STIFF_N_PER_MM * max(0.0, depth_mm - self.gel.layer_mm)
+        return slope * deeper + STIFF_N_PER_MM * max(0.0, depth_mm - self.gel.layer_mm)
 
 
 @dataclass(frozen=True)

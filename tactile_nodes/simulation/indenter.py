@@ -39,3 +39,10 @@ PAPER_TIP = Indenter()
 
 INDENTERS = {'ball': Indenter(3.0, 3.0), 'punch': Indenter(1.5, 0.15)}
 """Bodies beside the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""
+
+
+def indenter_name(tip_radius_mm: float, indenter: str) -> str:
+    """What records call an indenter: 'sphere 1.2 mm' is the paper's tip, 'flat punch 3 mm' the punch."""
+    body = INDENTERS.get(indenter, Indenter(tip_radius_mm, tip_radius_mm))
+    shape = 'sphere' if body.edge_mm == body.radius_mm else 'flat punch'
+    return f'{shape} {2 * body.radius_mm:g} mm'

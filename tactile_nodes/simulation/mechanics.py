@@ -13,6 +13,7 @@ over near the axis), friction, viscoelasticity and the sides of the gel. All cal
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -29,6 +30,10 @@ class ContactTable:
     negative) at depth_mm[i] of the material that rests at a distance radius_mm[j] from the axis and a height
     z_mm[l] (0 is the surface, negative below it). All three grids are even, so that finding a cell is one
     multiplication. `contact_mm` is the contact's radius.
+
+    Between the depths the force is a power of the depth, the one with which the table begins (Hertz's 1.5 for a
+    round tip), so that a light touch has the force that theory gives it; and displacements follow the force, to which
+    they are proportional far from the contact.
     """
 
     depth_mm: Float[np.ndarray, ' depths']
@@ -40,20 +45,50 @@ class ContactTable:
     contact_mm: Float[np.ndarray, ' depths']
 
     def force_at(self, depth_mm: float) -> float:
-        """Normal force in newtons at an indentation; none above the surface."""
-        return float(np.interp(depth_mm, self.depth_mm, self.force_n))
+        """Normal force in newtons at an indentation; none above the surface, and no more than at the last depth."""
+        low, part = self._cell(depth_mm)
+        roots = self._roots
+        return float((roots[low] + part * (roots[low + 1] - roots[low])) ** self._power)
+
+    def depth_at(self, force_n: float) -> float:
+        """The indentation that takes a force, the reverse of `force_at`."""
+        root = max(force_n, 0.0) ** (1 / self._power)
+        return float(np.interp(root, self._roots, self.depth_mm))
 
     def displacement_at(
         self, depth_mm: float
     ) -> tuple[Float32[np.ndarray, 'radii heights'], Float32[np.ndarray, 'radii heights']]:
-        """Radial and vertical displacement at one indentation, linear between the tabulated depths."""
-        step = self.depth_mm[1]
-        place = min(max(depth_mm, 0.0), float(self.depth_mm[-1])) / step
-        low = min(int(place), len(self.depth_mm) - 2)
-        part = np.float32(place - low)
+        """Radial and vertical displacement at one indentation; between the depths they grow as the force does."""
+        low, _ = self._cell(depth_mm)
+        step_n = float(self.force_n[low + 1] - self.force_n[low])
+        part = np.float32((self.force_at(depth_mm) - float(self.force_n[low])) / step_n if step_n > 0 else 0.0)
         radial = self.radial_mm[low] + part * (self.radial_mm[low + 1] - self.radial_mm[low])
         vertical = self.vertical_mm[low] + part * (self.vertical_mm[low + 1] - self.vertical_mm[low])
         return radial, vertical
+
+    def _cell(self, depth_mm: float) -> tuple[int, float]:
+        """The tabulated depth below, and how far it is to the next, from 0 to 1."""
+        last = len(self._roots) - 1
+        place = min(max(depth_mm * self._per_mm, 0.0), float(last))
+        low = min(int(place), last - 1)
+        return low, place - low
+
+    @cached_property
+    def _per_mm(self) -> float:
+        return float(1 / self.depth_mm[1])
+
+    @cached_property
+    def _power(self) -> float:
+        """With which the force begins to grow: 1.5 for a sphere, 1 for a flat punch."""
+        if len(self.force_n) < 3 or self.force_n[1] <= 0:
+            return 1.0
+        return float(np.clip(np.log2(self.force_n[2] / self.force_n[1]), 1.0, 2.0))
+
+    @cached_property
+    def _roots(self) -> list[float]:
+        """In which the force is linear in the depth to begin with."""
+        roots: list[float] = (self.force_n ** (1 / self._power)).tolist()
+        return roots
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ asks when; so the same time gives the same answer in every process and in any or
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -17,7 +18,11 @@ from tactile_nodes.simulation.settling import NO_DENT_MM, NS_PER_S, Settled, Set
 
 STEP_NS = 5_000_000
 STEPS_PER_BLOCK = 200  # a beginning serves for one second
+BLOCKS_KEPT = 3
 TIMES_REMEMBERED = 8  # settling times; what was before is forgotten to one part in 3000
+SAME_PLACE_MM = 0.01
+
+Place = tuple[float, float, str]
 
 
 class Shape(NamedTuple):
@@ -28,24 +33,35 @@ class Shape(NamedTuple):
 
 
 class Memory:
-    """The state of a settling gel under a schedule, at any time."""
+    """The state of a settling gel under a schedule, at any time; the near past costs no more than now."""
 
     def __init__(self, gel: Gel, press_at: Callable[[int], Press], tables: Mapping[str, ContactTable]) -> None:
         self._gel, self._press_at, self._tables = gel, press_at, tables
-        self._first = self._last = 0
-        self._track = _Track(gel, tables)
+        lasting_s = TIMES_REMEMBERED * (1 + gel.settling_share) * gel.settling_s
+        self._steps_remembered = math.ceil(lasting_s * NS_PER_S / STEP_NS)
+        self._blocks: dict[int, list[_Track]] = {}
 
     def at(self, time_ns: int) -> Shape:
         """The gel at a time."""
-        last = time_ns // STEP_NS
-        lasting_ns = TIMES_REMEMBERED * (1 + self._gel.settling_share) * self._gel.settling_s * NS_PER_S
-        first = last // STEPS_PER_BLOCK * STEPS_PER_BLOCK - int(lasting_ns / STEP_NS)
-        if first != self._first or last < self._last:
-            self._track, self._first, self._last = _Track(self._gel, self._tables), first, first
-        for step in range(self._last, last + 1):
-            self._track.feed(step * STEP_NS, self._press_at(step * STEP_NS))
-        self._last = last + 1
-        return self._track.copy().feed(time_ns, self._press_at(time_ns))
+        block, step = divmod(time_ns // STEP_NS, STEPS_PER_BLOCK)
+        tracks = self._blocks.get(block) or self._begin(block)
+        for later in range(len(tracks), step + 1):
+            tracks.append(tracks[-1].copy())
+            self._feed(tracks[-1], block * STEPS_PER_BLOCK + later)
+        return tracks[step].copy().feed(time_ns, self._press_at(time_ns))
+
+    def _begin(self, block: int) -> list[_Track]:
+        """The first state of a block, for which the past is replayed."""
+        track, first = _Track(self._gel, self._tables), block * STEPS_PER_BLOCK
+        for step in range(first - self._steps_remembered, first + 1):
+            self._feed(track, step)
+        while len(self._blocks) >= BLOCKS_KEPT:
+            del self._blocks[next(iter(self._blocks))]
+        self._blocks[block] = [track]
+        return self._blocks[block]
+
+    def _feed(self, track: _Track, step: int) -> None:
+        track.feed(step * STEP_NS, self._press_at(step * STEP_NS))
 
 
 class _Track:
@@ -53,7 +69,7 @@ class _Track:
 
     def __init__(self, gel: Gel, tables: Mapping[str, ContactTable]) -> None:
         self._gel, self._tables = gel, tables
-        self._places: dict[tuple[float, float, str], Settling] = {}
+        self._places: dict[Place, Settling] = {}
 
     def copy(self) -> _Track:
         other = _Track(self._gel, self._tables)
@@ -61,7 +77,9 @@ class _Track:
         return other
 
     def feed(self, time_ns: int, press: Press) -> Shape:
-        here = press.x_mm, press.y_mm, press.indenter
+        if not self._places and press.depth_mm <= 0:
+            return Shape((press,), 0.0)
+        here = self._place_of(press)
         if here not in self._places and press.depth_mm > 0:
             share, settling_s = self._gel.settling_share, self._gel.settling_s
             self._places[here] = Settling(self._tables[press.indenter], share, settling_s, time_ns)
@@ -72,10 +90,20 @@ class _Track:
         self._places = {place: gel for place, gel in self._places.items() if dents[place].depth_mm > NO_DENT_MM}
         return Shape(_presses(press, here, dents), dents[here].force_n if here in dents else 0.0)
 
+    def _place_of(self, press: Press) -> Place:
+        """Where it presses; a machine's rounding makes no new place."""
+        x_mm, y_mm, tip = here = press.x_mm, press.y_mm, press.indenter
+        if here in self._places:
+            return here
+        near = (
+            place
+            for place in self._places
+            if place[2] == tip and abs(place[0] - x_mm) < SAME_PLACE_MM and abs(place[1] - y_mm) < SAME_PLACE_MM
+        )
+        return next(near, here)
 
-def _presses(
-    press: Press, here: tuple[float, float, str], dents: Mapping[tuple[float, float, str], Settled]
-) -> tuple[Press, ...]:
+
+def _presses(press: Press, here: Place, dents: Mapping[Place, Settled]) -> tuple[Press, ...]:
     own = dataclasses.replace(press, depth_mm=dents[here].depth_mm) if here in dents else press
     others = (Press(x, y, dent.depth_mm, tip) for (x, y, tip), dent in dents.items() if (x, y, tip) != here)
     return (own, *(each for each in others if each.depth_mm > NO_DENT_MM))

@@ -64,6 +64,7 @@ class Optics:
         self._noise = NoiseBank(gel)
         self._lookups = {name: TableLookup(each, self.markers_mm[:, 2]) for name, each in self._tables.items()}
         self._rest = self._draw(self.project(()))
+        self._last: tuple[tuple[Press, ...], np.ndarray] = (), self._rest
 
     def displacement_mm(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 3']:
         """How far each marker moves; the fields of several presses add up."""
@@ -99,9 +100,13 @@ class Optics:
 
     def radiance(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'h w']:
         """The image in grey levels before noise and rounding."""
-        if any(press.depth_mm > 0 for press in presses):
-            return self._draw(self.project(presses))
-        return self._rest
+        if not any(press.depth_mm > 0 for press in presses):
+            return self._rest
+        last, drawn = self._last
+        if presses != last:  # while a tip rests, only the noise changes
+            drawn = self._draw(self.project(presses))
+            self._last = presses, drawn
+        return drawn
 
     def render(self, presses: tuple[Press, ...], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
         """The image as the camera delivers it."""

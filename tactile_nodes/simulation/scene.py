@@ -19,6 +19,7 @@ from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.memory import Memory
 from tactile_nodes.simulation.optics import Optics, Press, mix
 from tactile_nodes.simulation.solution import solve_gel
+from tactile_nodes.simulation.worlds import SharedWorld
 
 NS_PER_S = 1_000_000_000
 GAUSS_POINT = 0.5 / 3**0.5
@@ -154,6 +155,25 @@ class Scene:
         press = self.schedule.press_at(time_ns)
         force_n = None if self.gel.settling_share == 0 else self._memory.at(time_ns).force_n
         return truth_of(press, {'tip': self._table, **self._others}[press.indenter], self.bins, force_n)
+
+
+class WorldScene(Scene):
+    """A scene that shows a world which something moves: what shapes the gel there, and the force there."""
+
+    def __init__(self, world: SharedWorld) -> None:
+        super().__init__(world.gel, world, table=next(iter(world.tables.values())), others=world.tables)
+        self._world = world
+
+    def presses_at(self, time_ns: int) -> tuple[Press, ...]:
+        """What shapes the world's gel."""
+        return self._world.presses_at(time_ns)
+
+    def truth(self, time_ns: int) -> Truth:
+        """The force on the world's gel; a tip beside it or above it is told as over its middle."""
+        press, force_n = self._world.press_at(time_ns), self._world.force_at(time_ns)
+        if press.depth_mm <= 0 or force_n <= 0:
+            press = Press(0.0, 0.0, min(press.depth_mm, 0.0), press.indenter)
+        return truth_of(press, self._world.tables[press.indenter], self.bins, force_n)
 
 
 def truth_of(press: Press, table: ContactTable, bins: BinGrid, force_n: float | None = None) -> Truth:

@@ -14,8 +14,6 @@ import copy
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from tactile_nodes.simulation.mechanics import ContactTable
 
 NS_PER_S = 1_000_000_000
@@ -58,7 +56,7 @@ class Settling:
         free_n = self._share * follows_n / (1 + self._share)
         if settled_n >= free_n:
             return settled_n, None
-        return free_n, float(np.interp(free_n, self._table.force_n, self._table.depth_mm))
+        return free_n, self._table.depth_at(free_n)
 
     def _follow(self, time_ns: int, settled_n: float) -> float:
         """The Maxwell element's state, exact for a force that changed evenly."""

@@ -6,28 +6,49 @@ asks for it by name. Who comes first does not matter: until a world is shared, n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
 
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
-from tactile_nodes.simulation.scene import Schedule
-
-UNTOUCHED = Press(0.0, 0.0, -1.0)
-_worlds: dict[str, Schedule] = {}
 
 
-def share(name: str, world: Schedule) -> None:
+@runtime_checkable
+class SharedWorld(Protocol):
+    """A gel and all that happens to it, at any time that has come."""
+
+    @property
+    def gel(self) -> Gel:
+        """What is pressed."""
+        ...
+
+    @property
+    def tables(self) -> Mapping[str, ContactTable]:
+        """What each indenter that may press it does to it; at least one."""
+        ...
+
+    def press_at(self, time_ns: int) -> Press:
+        """Where the tip is; the depth is negative above the gel, and beside it the tip may be anywhere."""
+        ...
+
+    def presses_at(self, time_ns: int) -> tuple[Press, ...]:
+        """What shapes the gel: the tip where it touches, and dents that heal."""
+        ...
+
+    def force_at(self, time_ns: int) -> float:
+        """Force of the tip in N."""
+        ...
+
+
+_worlds: dict[str, SharedWorld] = {}
+
+
+def share(name: str, world: SharedWorld) -> None:
     """Let others of this process find a world; a later one of that name takes its place."""
     _worlds[name] = world
 
 
-@dataclass(frozen=True)
-class Shared:
-    """The world that has this name when it is looked at."""
-
-    name: str
-
-    def press_at(self, time_ns: int) -> Press:
-        """As of that world; while the tip is above or beside the gel, over its middle."""
-        world = _worlds.get(self.name)
-        press = UNTOUCHED if world is None else world.press_at(time_ns)
-        return press if press.depth_mm > 0 else Press(0.0, 0.0, min(press.depth_mm, 0.0))
+def find(name: str) -> SharedWorld | None:
+    """The world that has this name now."""
+    return _worlds.get(name)

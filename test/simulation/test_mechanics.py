@@ -111,7 +111,22 @@ def test_there_is_no_force_above_the_surface(table: ContactTable):
     assert table.force_at(-0.5) == 0
 
 
-def test_displacement_between_tabulated_depths_is_their_mixture(table: ContactTable):
-    radial, vertical = table.displacement_at(float(table.depth_mm[3] + table.depth_mm[4]) / 2)
-    np.testing.assert_allclose(radial, (table.radial_mm[3] + table.radial_mm[4]) / 2, atol=1e-6)
-    np.testing.assert_allclose(vertical, (table.vertical_mm[3] + table.vertical_mm[4]) / 2, atol=1e-6)
+def test_force_of_a_light_touch_within_the_first_step_is_hertzs(table: ContactTable):
+    """Half the first step takes 2^-1.5 of its force, which a straight line would overstate by 41 %."""
+    first = float(table.depth_mm[1])
+    assert table.force_at(first / 2) == pytest.approx(table.force_at(first) / 2**1.5, rel=0.03)
+
+
+def test_depth_and_force_are_each_others_reverse(table: ContactTable):
+    for depth in (0.0, 0.02, 0.3, 1.234, 2.5):
+        assert table.depth_at(table.force_at(depth)) == pytest.approx(depth, abs=1e-9)
+
+
+def test_displacement_between_tabulated_depths_grows_as_the_force(table: ContactTable):
+    depth = float(table.depth_mm[3] + table.depth_mm[4]) / 2
+    part = (table.force_at(depth) - table.force_n[3]) / (table.force_n[4] - table.force_n[3])
+    radial, vertical = table.displacement_at(depth)
+    np.testing.assert_allclose(radial, table.radial_mm[3] + part * np.diff(table.radial_mm[3:5], axis=0)[0], atol=1e-6)
+    np.testing.assert_allclose(
+        vertical, table.vertical_mm[3] + part * np.diff(table.vertical_mm[3:5], axis=0)[0], atol=1e-6
+    )
