@@ -11,6 +11,7 @@ from tactile_nodes.bag.compare import TIMINGS, compare
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.cli import bag_sync
 from tactile_nodes.clock import NS_PER_S
 
 DESCRIPTION = 'Record topics into rosbag2 MCAP folders, and play them again.'
@@ -22,6 +23,7 @@ examples:
   tactile bag play press1 --rate 0.5 --clock
   tactile bag play press1 --topics /image_raw /reference_image
   tactile bag compare press1 press1_again     whether a replay gave the same forces, bit for bit
+  tactile bag sync collected_1 --picture sync.png    offset and drift of each recorder's clock
 """
 _MEGABYTE = 1_000_000
 _DEFAULT_CLOCK_HZ = 40.0  # of ros2 bag play
@@ -30,11 +32,14 @@ _LABEL = 19
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `tactile bag`."""
-    verbs = parser.add_subparsers(dest='bag_verb', required=True, metavar='record|info|play|compare')
+    verbs = parser.add_subparsers(dest='bag_verb', required=True, metavar='record|info|play|compare|sync')
     _add_record(verbs.add_parser('record', help='record topics', description='Record until Ctrl-C.'))
     _add_info(verbs.add_parser('info', help='say what a bag holds', description='Say what a bag holds.'))
     _add_play(verbs.add_parser('play', help='publish a bag again', description=_KEYS))
     _add_compare(verbs.add_parser('compare', help='compare two bags bit for bit', description=_BITS))
+    bag_sync.add_arguments(
+        verbs.add_parser('sync', help="fit the recorders' clocks to each other", description=bag_sync.DESCRIPTION)
+    )
 
 
 _KEYS = 'Publish a bag again. Keys: space pauses and resumes, right plays one message, up and down change the rate.'
