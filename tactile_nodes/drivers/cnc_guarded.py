@@ -27,6 +27,7 @@ class GuardedCnc(ABC):
         self._jogging = False
         self._moving = False
         self._busy_until_ns = 0
+        self._cruising_until_ns = 0
         self._acceleration = UNKNOWN_ACCELERATION
 
     @property
@@ -139,8 +140,14 @@ class GuardedCnc(ABC):
     def _expect(self, length: float, feed: float) -> None:
         speed = feed / 60
         duration_s = length / speed + speed / self._acceleration
-        start_ns = max(self._clock.now_ns(), self._busy_until_ns)
-        self._busy_until_ns = start_ns + round(duration_s * NS_PER_S)
+        now_ns = self._clock.now_ns()
+        self._busy_until_ns = max(now_ns, self._busy_until_ns) + round(duration_s * NS_PER_S)
+        self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)
+
+    @property
+    def _surely_moving(self) -> bool:
+        """Whether what was asked for cannot be done yet, were it done at its feed from the first moment."""
+        return self._clock.now_ns() < self._cruising_until_ns
 
     def _patience_s(self) -> float:
         """How long an answer may take that comes when the motion is done."""
@@ -165,7 +172,7 @@ class GuardedCnc(ABC):
 
     def _at_rest(self) -> None:
         self._moving = self._jogging = False
-        self._busy_until_ns = 0
+        self._busy_until_ns = self._cruising_until_ns = 0
 
 
 def told(place: Place) -> str:

@@ -1,9 +1,11 @@
 """Marlin over a serial line: 3D printers as rigs.
 
 What differs from Grbl. Marlin does not tell its limits, so the box must be given. Its ``G28`` may drive the tip into
-the gel, so the homing command must be given. It answers one question at a time, so `status` during `wait_idle` waits
-with it, and while it moves it tells the target. It has no feed hold. Only with its emergency parser does ``M410`` stop
-it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps of 0.05 mm.
+the gel, so the homing command must be given. It deals with one line after the other, and ``M400`` keeps it until it has
+come to rest; so `wait_idle` sends that only when the motion can be over, and `status` is answered meanwhile: with the
+real place by a Marlin with M114_REALTIME, else with the target. It has no feed hold. Only with its emergency parser
+does ``M410`` stop it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps
+of 0.05 mm.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import (
     BLIND_STEP_MM,
     NO_HOMING,
@@ -25,13 +27,14 @@ from tactile_nodes.drivers.cnc import (
 )
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
 from tactile_nodes.drivers.cnc_guarded import GuardedCnc
-from tactile_nodes.drivers.cnc_marlin_dialogue import MarlinDialogue
+from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError
 
 PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
 STOP_S = 10.0
+FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 
 
 class MarlinCnc(GuardedCnc):
@@ -52,6 +55,7 @@ class MarlinCnc(GuardedCnc):
         self._dialogue: MarlinDialogue | None = None
         self._identity = Identity('unknown', '')
         self._stops = 0
+        self._queued = 0
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -67,8 +71,8 @@ class MarlinCnc(GuardedCnc):
             return Health(Level.STALE, f'{self._name} is not connected')
         if dialogue.link.lost is not None:
             return Health(Level.ERROR, str(dialogue.link.lost))
-        if dialogue.fault:
-            return Health(Level.ERROR, f'{self._name} {dialogue.fault}')
+        if dialogue.fault or dialogue.silent:
+            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
         state = self._state().value
         return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
@@ -82,7 +86,14 @@ class MarlinCnc(GuardedCnc):
         self.close()
         self._homed = False
         self._guard = guard(self._settings, None)
-        self._dialogue = dialogue = MarlinDialogue(self._open_port(), self._clock, self._traffic, self._threaded)
+        self._dialogue = dialogue = MarlinDialogue(
+            self._open_port(),
+            self._clock,
+            lambda: self._surely_moving,
+            1 / self._settings.report_hz,
+            self._traffic,
+            self._threaded,
+        )
         dialogue.link.wait(lambda: dialogue.starts > 0, self._settings.boot_s)
         try:
             dialogue.begin(self._settings.answer_s)
@@ -95,6 +106,7 @@ class MarlinCnc(GuardedCnc):
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
+        dialogue.polling = True
 
     def identify(self) -> Identity:
         """As `Cnc.identify`."""
@@ -106,7 +118,7 @@ class MarlinCnc(GuardedCnc):
         dialogue = self._talk()
         dialogue.require_sound()
         if self._settings.home_command:
-            dialogue.ask(self._settings.home_command, self._settings.home_s)
+            dialogue.ask(self._settings.home_command, self._settings.home_s, prompt=False)
         elif NO_HOMING not in self._settings.accept:
             raise ConfigurationError(
                 f'{self._name} has no homing command, as G28 may drive the tip into the gel; set home_command to one '
@@ -123,7 +135,7 @@ class MarlinCnc(GuardedCnc):
         self._stops += 1
         if not dialogue.fault:
             dialogue.interrupt('M410', STOP_S)
-            dialogue.ask('M400', STOP_S)
+            dialogue.ask('M400', STOP_S, prompt=False)
             dialogue.ask('G90', STOP_S)
         self._at_rest()
         self._target = self.status().position_mm if self._homed and not dialogue.fault else None
@@ -145,18 +157,25 @@ class MarlinCnc(GuardedCnc):
         raise DeviceFaultError(f'{self._name} was not paused, as Marlin cannot; send it on with a new move')
 
     def wait_idle(self, timeout_s: float | None = None) -> None:
-        """As `Cnc.wait_idle`: M400."""
-        stops = self._stops
+        """As `Cnc.wait_idle`: M400, when that keeps it from answering for a moment only."""
+        dialogue, stops = self._talk(), self._stops
         self._require_ready()
-        self._talk().ask('M400', self._patience_s() if timeout_s is None else timeout_s)
+        patience_s = self._patience_s() if timeout_s is None else timeout_s
+        moving_s = max(0, self._cruising_until_ns - self._clock.now_ns()) / NS_PER_S
+        dialogue.link.wait(lambda: bool(dialogue.fault) or stops != self._stops, min(moving_s, patience_s))
+        dialogue.require_sound()
+        if stops == self._stops:
+            if moving_s > patience_s:
+                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+            dialogue.ask('M400', max(patience_s - moving_s, self._settings.answer_s), prompt=False)
         if stops != self._stops:
             raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
         self._arrived()
 
     def status(self) -> CncStatus:
-        """As `Cnc.status`: M114, which tells the target while it moves."""
+        """As `Cnc.status`: M114."""
         dialogue = self._talk()
-        request = dialogue.ask('M114', self._patience_s())
+        request = dialogue.ask(PLACE, self._patience_s())
         place = next((found for line in request.lines if (found := marlin_place(line)) is not None), None)
         if place is None:
             raise DeviceFaultError(f'{self._name} did not tell its place when asked with M114; look at its firmware')
@@ -180,7 +199,8 @@ class MarlinCnc(GuardedCnc):
 
     def _send_move(self, target: Place, feed: float) -> None:
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
-        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s())
+        self._queued += 1
+        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), prompt=self._queued <= FEWEST_BLOCKS)
 
     def _send_jog(self, way: Place, feed: float) -> None:
         if self._target is not None:  # absolute, so that whatever comes in between, G91 is not left behind
@@ -189,6 +209,10 @@ class MarlinCnc(GuardedCnc):
             return
         for line in ('G91', f'G1 Z{way[2]:.3f} F{feed:.1f}', 'G90'):  # only up is allowed from an unknown place
             self._talk().ask(line, self._patience_s())
+
+    def _at_rest(self) -> None:
+        super()._at_rest()
+        self._queued = 0
 
     def _switch(self, level: bool) -> Switched:
         on, off = self._settings.line_on or 'M106 S255', self._settings.line_off or 'M107'

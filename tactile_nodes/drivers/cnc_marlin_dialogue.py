@@ -1,4 +1,11 @@
-"""The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything."""
+"""The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything.
+
+Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that it
+would deal with for long while something moves, but for what only the end of motion answers; then it answers
+``M114`` at once also while it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1,
+and Marlin 2 with M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a
+missing answer counts as silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +23,8 @@ BUSY_S = 5.0  # it says that it is busy every two seconds
 MOST_RESENDS = 5
 NO_OK_S = 0.3
 LONGEST_LINE = 90
+SILENT_S = 0.5
+PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
 
 class _Numbered(Request):
@@ -25,13 +34,35 @@ class _Numbered(Request):
     resend = 0
     resend_ns = 0
     attempts = 0
+    prompt = True
+    in_motion = False
 
 
 class MarlinDialogue:
-    """One line in flight, but for the emergency commands."""
+    """One line in flight, but for the emergency commands.
 
-    def __init__(self, port: Port, clock: Clock, traffic: Traffic | None = None, threaded: bool = True) -> None:
+    Args:
+        port: open.
+        clock: the host's.
+        moving: whether the machine surely moves now.
+        period_s: between questions for the place, once `polling` is set.
+        traffic: told every byte.
+        threaded: as of `Link`.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        moving: Callable[[], bool],
+        period_s: float,
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
         self._clock = clock
+        self._moving = moving
+        self._period_ns = round(period_s * NS_PER_S)
+        self._said_ns = 0
         self._unanswered: deque[_Numbered] = deque()
         self._number = 0
         self._busy_ns = 0
@@ -39,6 +70,8 @@ class MarlinDialogue:
         self.name = port.name
         self.starts = 0
         self.connected = False
+        self.polling = False
+        self.answers_in_motion = False
         self.killed = False
         self.fault = ''
         self.place_lost = False
@@ -52,8 +85,24 @@ class MarlinDialogue:
             self._number = -1
             self.ask('M110 N0', timeout_s)
 
-    def ask(self, line: str, timeout_s: float) -> Request:
+    @property
+    def silent(self) -> bool:
+        """Whether it owes an answer for longer than it may."""
+        with self.link.changed:
+            if not self._unanswered:
+                return False
+            oldest = self._unanswered[0]
+            at_once = oldest.prompt and (self.answers_in_motion or not oldest.in_motion)
+            heard_ns = max(oldest.sent_ns, self._busy_ns)
+            return self._clock.now_ns() - heard_ns > (SILENT_S if at_once else BUSY_S) * NS_PER_S
+
+    def ask(self, line: str, timeout_s: float, prompt: bool = True) -> Request:
         """Send a line and wait for its ``ok``; signs of life extend the time.
+
+        Args:
+            line: without number and checksum.
+            timeout_s: for the answer.
+            prompt: whether it is answered at once, whatever moves.
 
         Raises:
             DeviceFaultError: it is not known to this Marlin, or a stop or a restart came in between.
@@ -67,9 +116,7 @@ class MarlinDialogue:
             self.require_sound()
             if generation != self._generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
-            request = self._numbered(line)
-            self._unanswered.append(request)
-            request.sent_ns = self._send(request)
+            request = self._put(line, prompt)
             self._wait(lambda: request.done, line, timeout_s)
         if request.error is not None:
             raise request.error
@@ -98,10 +145,12 @@ class MarlinDialogue:
             self._break_off('was given up because the port was closed')
         self.link.close()
 
-    def _numbered(self, line: str) -> _Numbered:
+    def _put(self, line: str, prompt: bool) -> _Numbered:
         request = _Numbered(line)
         self._number += 1
-        request.number = self._number
+        request.number, request.prompt, request.in_motion = self._number, prompt, self._moving()
+        self._unanswered.append(request)
+        request.sent_ns = self._said_ns = self._send(request)
         return request
 
     def _send(self, request: _Numbered) -> int:
@@ -152,6 +201,9 @@ class MarlinDialogue:
                 return
         self._unanswered.popleft()
         request.answered_ns = stamp_ns
+        quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S
+        if request.text == PLACE and request.in_motion and quick and self._moving():
+            self.answers_in_motion = True
         if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
             request.error = DeviceFaultError(f'{self.name} does not know {request.text!r}; this Marlin lacks it')
 
@@ -162,12 +214,19 @@ class MarlinDialogue:
             self._unanswered[0].resend_ns = self._clock.now_ns()
 
     def _idle(self) -> None:
-        """Marlin sends an ok after it has asked for a resend; its relatives may not."""
-        if self._unanswered and (request := self._unanswered[0]).resend and request.error is None:
+        """Marlin sends an ok after it has asked for a resend; its relatives may not. And ask where it is."""
+        if self.polling and not self._unanswered and not self.fault:
+            self._poll()
+        elif self._unanswered and (request := self._unanswered[0]).resend and request.error is None:
             if self._clock.now_ns() - request.resend_ns > NO_OK_S * NS_PER_S:
                 self._repeat(request)
             if request.done:
                 self._unanswered.popleft()
+
+    def _poll(self) -> None:
+        """Any line is as good as a question: its answer shows that it lives."""
+        if self._clock.now_ns() - self._said_ns >= self._period_ns:
+            self._put(PLACE, prompt=True)
 
     def _repeat(self, request: _Numbered) -> None:
         """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""

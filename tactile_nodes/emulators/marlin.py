@@ -34,6 +34,8 @@ class MarlinSettings:
 
     baud: int = parameter(115200, 'bits per second', minimum=9600)
     emergency_parser: bool = parameter(True, 'M112 and M410 act when they arrive, not when their turn comes')
+    realtime_position: bool = parameter(False, 'M114 R tells where it is (M114_REALTIME); else the R is ignored')
+    legacy_position: bool = parameter(False, 'M114 waits for the end of motion (Marlin 1, or M114_LEGACY)')
     rate_mm_s: tuple[float, ...] = parameter((40.0, 40.0, 20.0), 'greatest speed of x, y, z')
     acceleration: tuple[float, ...] = parameter((200.0, 200.0, 200.0), 'of x, y, z in mm/s²')
 
@@ -136,7 +138,7 @@ class Marlin(SerialDevice):
 
     def _execute(self, command: str) -> Program:
         code, rest = re.fullmatch(r'([A-Z]\d*(?:\.\d+)?|)(.*)', command).groups()  # type: ignore[union-attr]
-        words = {match[0]: float(match[1]) for match in re.findall(r'([A-Z])\s*([-+]?\d*\.?\d+)', rest)}
+        words = {match[0]: float(match[1] or 0) for match in re.findall(r'([A-Z])\s*([-+]?\d*\.?\d+)?', rest)}
         handler = _HANDLERS.get(code)
         if handler is None:
             self.tell(f'echo:Unknown command: "{command}"')
@@ -195,9 +197,13 @@ class Marlin(SerialDevice):
         self._homed = True
         yield from self._position({})
 
-    def _position(self, words: dict[str, float]) -> Program:  # noqa: ARG002
+    def _position(self, words: dict[str, float]) -> Program:
+        realtime = 'R' in words and self._settings.realtime_position
+        if self._settings.legacy_position and not realtime:
+            yield from self._finish({})
         target, real = self._place_planned(), plus(self.world.motor_at(self.now_ns), self._origin, -1.0)
-        text = ' '.join(f'{letter}:{value:.2f}' for letter, value in zip('XYZ', target, strict=True))
+        told = real if realtime else target
+        text = ' '.join(f'{letter}:{value:.2f}' for letter, value in zip('XYZ', told, strict=True))
         counts = ' '.join(f'{a}:{v * s:.0f}' for a, v, s in zip('XYZ', real, STEPS_PER_MM, strict=True))
         self.tell(f'{text} E:0.00 Count {counts}')
         yield from ()

@@ -87,7 +87,12 @@ def settings_of(kind: str, **more: Any) -> CncSettings:
 
 def device_of(kind: str, world: World, clock: Clock, changes: tuple[str, ...] = ()) -> SerialDevice:
     if kind.startswith('marlin'):
-        return Marlin(world, clock, MarlinSettings(emergency_parser=kind == 'marlin'))
+        settings = MarlinSettings(
+            emergency_parser=kind != 'marlin without parser',
+            realtime_position=kind == 'marlin realtime',
+            legacy_position=kind == 'marlin legacy',
+        )
+        return Marlin(world, clock, settings)
     return Grbl(world, clock, GrblSettings(dialect=kind, changes=changes))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import pytest
@@ -50,7 +51,7 @@ class Scripted:
 def scripted(script: list[tuple[bytes, bytes]]) -> tuple[MarlinCnc, Scripted]:
     clock = JumpingClock(START_NS)
     port = Scripted(clock, script)
-    cnc = MarlinCnc(settings_of('marlin'), clock, lambda: port, threaded=False)
+    cnc = MarlinCnc(settings_of('marlin', report_hz=1.0), clock, lambda: port, threaded=False)
     cnc.connect()
     return cnc, port
 
@@ -74,14 +75,14 @@ def test_a_line_that_arrived_damaged_is_said_again() -> None:
     """Its ok after the request to resend is not the line's own."""
     where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\nok\n'
     again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', again), (b'N5 M114*34\n', where)])
+    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', again), (b'N5 M114 R*80\n', where)])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
 
 def test_a_resend_of_the_line_after_means_that_this_one_had_arrived() -> None:
     where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', where + b'Error:x, Last Line: 5\nResend: 6\nok\n')])
+    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', where + b'Error:x, Last Line: 5\nResend: 6\nok\n')])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
@@ -89,21 +90,21 @@ def test_a_resend_of_the_line_after_means_that_this_one_had_arrived() -> None:
 def test_a_resend_without_an_ok_after_it_is_answered_all_the_same() -> None:
     """Marlin says ok after it has asked again; OctoPrint's virtual printer does not."""
     again = b'Error: Checksum mismatch\nResend:5\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114*34\n', again), (b'N5 M114*34\n', b'ok X:1.0 Y:2.0 Z:3.0 E:0\n')])
+    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', again), (b'N5 M114 R*80\n', b'ok X:1.0 Y:2.0 Z:3.0 E:0\n')])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
 
 def test_a_damaged_line_whose_successor_is_asked_for_was_not_done() -> None:
     again = b'Error: Checksum mismatch\nResend:6\nok\n'
-    cnc, _ = scripted([*CONNECT, (b'N5 M114*34\n', again)])
+    cnc, _ = scripted([*CONNECT, (b'N5 M114 R*80\n', again)])
     with pytest.raises(DeviceFaultError, match='asks again for line 6, sent was 5'):
         cnc.status()
 
 
 def test_a_line_that_never_gets_through_is_given_up() -> None:
     again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
-    cnc, _ = scripted([*CONNECT, *[(b'N5 M114*34\n', again)] * 6])
+    cnc, _ = scripted([*CONNECT, *[(b'N5 M114 R*80\n', again)] * 6])
     with pytest.raises(DeviceFaultError, match='the line is too noisy'):
         cnc.status()
 
@@ -114,10 +115,21 @@ def test_an_ok_after_an_unknown_command_is_no_success() -> None:
 
 
 def test_signs_of_life_extend_the_wait() -> None:
-    """5 s of motion against a timeout of 3 s: the busy message after 2 s and 4 s keeps it waiting."""
+    """Homing takes 7 s against a timeout of 3 s: the busy message every 2 s keeps it waiting."""
+    rig = direct_rig('marlin', home_s=3.0)
+    rig.cnc.connect()
+    begin = rig.seconds()
+    rig.cnc.home()
+    assert rig.seconds() - begin > 5.0
+    assert b'busy' in rig.heard()
+
+
+def test_a_wait_that_ends_too_early_leaves_the_motion_alone() -> None:
     rig = homed_rig()
     rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
-    rig.cnc.wait_idle(timeout_s=3.0)
+    with pytest.raises(DeviceTimeoutError, match=r'still moves after 3.0 s'):
+        rig.cnc.wait_idle(timeout_s=3.0)
+    rig.cnc.wait_idle()
     assert rig.tip[0] == pytest.approx(rig.at(-10, 0, 0)[0])
 
 
@@ -156,6 +168,71 @@ def test_while_it_moves_it_says_that_it_moves() -> None:
     rig = homed_rig()
     rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
     assert rig.cnc.status().state is CncState.RUN
+
+
+def test_it_answers_while_it_waits_for_the_end_of_motion() -> None:
+    """5 s of motion; a question that waited with M400 would take nearly all of them."""
+    rig = homed_rig()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    begin = len(rig.said)
+    rig.cnc.wait_idle()
+    asked = [stamp_ns for way, stamp_ns, data in rig.said[begin:] if way == '>' and b'M114 R' in data]
+    answered = [stamp_ns for way, stamp_ns, data in rig.said[begin:] if way == '<' and data.startswith(b'X:')]
+    assert 23 <= len(asked) <= 27  # 5 a second
+    assert max(b - a for a, b in zip(asked, answered, strict=True)) < 20e6
+    assert b'M400' in rig.sent()
+
+
+def test_where_it_was_compiled_to_know_it_tells_the_real_place() -> None:
+    rig = homed_rig('marlin realtime')
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    rig.clock.advance(2.0)
+    status = rig.cnc.status()
+    assert status.state is CncState.RUN
+    assert status.position_mm[0] == pytest.approx(rig.tip[0], abs=0.2)
+    assert status.position_mm[0] < rig.at(-30, 0, 0)[0]
+
+
+def silent_after(rig: Rig, within_s: float) -> float:
+    """How long after it began to hang its health says so, while a wait for the end of motion goes on."""
+    rig.device.faults.hung = True
+    begin = rig.seconds()
+    with contextlib.suppress(DeviceTimeoutError):
+        rig.cnc._talk().link.wait(lambda: rig.cnc.health.level == Level.ERROR, within_s)
+    assert 'silent' in rig.cnc.health.message
+    return rig.seconds() - begin
+
+
+def test_a_controller_that_hangs_at_rest_is_silent_after_half_a_second() -> None:
+    assert silent_after(homed_rig(), 2.0) < 0.5 + 0.2 + 0.1  # with the time between two questions
+
+
+def test_a_controller_that_hangs_while_it_moves_is_silent_after_half_a_second() -> None:
+    rig = homed_rig()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    rig.cnc._talk().link.wait(lambda: False, 1.0)
+    assert rig.cnc.health.level == Level.OK
+    assert silent_after(rig, 2.0) < 0.8
+
+
+def test_a_marlin_that_answers_only_at_rest_is_not_called_silent_while_it_moves() -> None:
+    rig = homed_rig('marlin legacy')
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    worst = Level.OK
+    while rig.tip[0] < rig.at(-10, 0, 0)[0] - 0.001:
+        rig.cnc._talk().link.wait(lambda: False, 0.1)
+        worst = max(worst, rig.cnc.health.level)
+    rig.cnc.wait_idle()
+    assert worst == Level.OK
+
+
+def test_many_moves_in_a_row_do_not_look_like_silence() -> None:
+    """Each further one is answered when one of the sixteen before it is done."""
+    rig = homed_rig()
+    for number in range(24):
+        rig.cnc.move(x=rig.at(-60 + (number % 2), 0, 0)[0], feed=60.0)
+        assert rig.cnc.health.level == Level.OK
+    rig.cnc.wait_idle()
 
 
 def test_a_halted_controller_is_told() -> None:
