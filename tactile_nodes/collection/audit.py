@@ -2,19 +2,20 @@
 
 The journal says what the rig told the recorder; between that and the disk a power cut may come. So before a run goes
 on, every press that no bag has confirmed yet is looked for. Found whole: verified, even if the journal was cut off
-before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled.
+before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled. An
+attempt that the bag calls suspect later on is not held.
 """
 
 from __future__ import annotations
 
 import bisect
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tactile_nodes import messages
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, Topic
 from tactile_nodes.collection.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
@@ -27,7 +28,7 @@ def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[in
     open_entries = journal.unverified()
     if not open_entries:
         return 0, 0
-    held = set().union(*(attempts_in(bag, plan_id) for bag in bags_below(folder)), set())
+    held = attempts_below(folder, plan_id)
     found = missing = 0
     for entry in open_entries:
         if (entry.press, entry.attempt) in held:
@@ -46,30 +47,43 @@ def bags_below(folder: Path) -> list[Path]:
     return sorted({file.parent for file in folder.glob('*/*.mcap')})
 
 
-def attempts_in(bag: Path, plan_id: str) -> set[Attempt]:
-    """(press, attempt) of each recorded press in a bag whose images are there, too."""
+def attempts_below(folder: Path, plan_id: str) -> set[Attempt]:
+    """(press, attempt) of each recorded press in the bags of a folder whose images are there, too."""
+    found = [presses_in(bag, plan_id) for bag in bags_below(folder)]
+    suspects = set().union(*(suspect for _, suspect in found), set())
+    return set().union(*(whole for whole, _ in found), set()) - suspects
+
+
+def presses_in(bag: Path, plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+    """(press, attempt) of those presses in a bag that are whole, and of those that it calls suspect."""
     try:
         with BagReader(bag) as reader:
-            chosen = [name for name in reader.metadata.topics if _short(name) in {PRESS.name, PRESS_IMAGE.name}]
-            return set(_whole(reader, chosen, plan_id))
+            return _whole(reader, topics_of(reader), plan_id)
     except BagError:  # a recording that begins just now, or one that was cut off before it began
-        return set()
+        return set(), set()
 
 
-def _whole(reader: BagReader, topics: list[str], plan_id: str) -> Iterable[Attempt]:
+def topics_of(reader: BagReader) -> list[str]:
+    """Presses and their images, whatever their namespace."""
+    return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
+
+
+def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
     """Images travel by another way than messages, so the last of a press may be received after it."""
     presses: list[types.Press] = []
     images: list[int] = []
     for found in reader.messages(topics):
-        if _short(found.topic) == PRESS_IMAGE.name:
+        if is_topic(found.topic, PRESS_IMAGE):
             images.append(found.publish_ns)
-        elif (press := _decoded(reader, found)) is not None and press.plan_id == plan_id:
+        elif (press := decoded(reader, found)) is not None and press.plan_id == plan_id:
             presses.append(press)
     images.sort()
-    return {(press.press, press.attempt) for press in presses if _is_whole(press, images)}
+    suspects = {(press.press, press.attempt) for press in presses if press.status == types.Press.STATUS_SUSPECT}
+    return {(press.press, press.attempt) for press in presses if _is_whole(press, images)}, suspects
 
 
-def _decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
+def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
+    """The press that a message tells; None where it is none."""
     try:
         press: types.Press = reader.decode(found)
     except MessageError:
@@ -83,5 +97,6 @@ def _is_whole(press: types.Press, images: Sequence[int]) -> bool:
     return press.status == types.Press.STATUS_RECORDED and held >= press.frames
 
 
-def _short(topic: str) -> str:
-    return topic.rpartition('/')[2]
+def is_topic(name: str, topic: Topic) -> bool:
+    """Whether that is a topic's name in some namespace."""
+    return name.rpartition('/')[2] == topic.name

@@ -2,50 +2,36 @@
 
 A rejected press is tried again after the others. A force above its limit ends that attempt; a sensor or camera that
 falls silent ends it, too, and the run goes on when they are well again; a machine that fails ends the run, because
-only a person can say where it stands. Whatever happens, the tip goes straight up first, if the machine still obeys.
+only a person can say where it stands, and so does an anchor (`anchors`) that is not where it was: what was recorded
+since the last good one is suspect then, and done again by the next run. Whatever happens, the tip goes straight up
+first, if the machine still obeys.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.actions import Procedure
+from tactile_nodes.collection.anchors import anchor_press
 from tactile_nodes.collection.cycle import Ground, Record, check_free, press_cycle
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
 from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, Journal
+from tactile_nodes.collection.outlet import Outlet
 from tactile_nodes.collection.plan import Plan, Point
 from tactile_nodes.collection.progress import Progress
-from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.rest import await_recovery, go_to_gel, image_noise, rest_frames
-from tactile_nodes.collection.safety import CAMERA, MACHINE, SENSOR
+from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, SENSOR
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.surface import Surface, find_surface
 from tactile_nodes.collection.sync_pattern import sync_pattern
+from tactile_nodes.collection.trust import Trust
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.reference import average
 
 Result = TypeVar('Result')
-
-
-@dataclass(frozen=True)
-class Outlet:
-    """Whom to tell.
-
-    Attributes:
-        record: an attempt is over; returns when it is on its way to the recorder.
-        rest_image: a new one, and the stamp of its last frame.
-        say: a line for a person.
-        require_recorder: raises when nobody records any more.
-    """
-
-    record: Callable[[Record], None]
-    rest_image: Callable[[Picture, int], None]
-    say: Callable[[str], None]
-    require_recorder: Callable[[], None]
 
 
 class Campaign:
@@ -88,6 +74,7 @@ class Campaign:
         self._since_reference = 0
         self._since_pattern = self._patterns = 0
         self._in_a_row = 0
+        self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press)
         self.paused = False
         self.surface: Surface | None = None
         self.now: Point | None = None
@@ -108,6 +95,7 @@ class Campaign:
             while (left := self._journal.left(self._order, limits.attempts)) and not ended:
                 self.progress.start(hands.clock.now_ns())
                 ended = self._round(left, end_ns)
+            self._check_trust(at_end=True)
             if self._since_pattern:
                 self._pattern()
         except InterruptedRunError:
@@ -130,7 +118,9 @@ class Campaign:
                 self._reference()
             if not self._patterns or 0 < self._settings.sync.every <= self._since_pattern:
                 self._pattern()
+            self._check_trust()
             self._press(point)
+            self._trust.pressed()
             self._since_reference += 1
             self._since_pattern += 1
             if self._in_a_row >= self._settings.limits.rejects_in_a_row:
@@ -193,6 +183,8 @@ class Campaign:
         trip = tripped.trip
         if trip.kind == MACHINE:
             raise DeviceFaultError(trip.reason) from tripped
+        if trip.kind == FORCE:
+            self._trust.shaken()
         if trip.kind in {SENSOR, CAMERA}:
             self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
             await_recovery(self._hands, self._settings.limits, trip.reason)
@@ -225,6 +217,17 @@ class Campaign:
         self._patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
         self._patterns += 1
         self._since_pattern = 0
+
+    def _check_trust(self, at_end: bool = False) -> None:
+        try:
+            self._trust.check(at_end)
+        finally:
+            self.progress.done = self._journal.done
+
+    def _anchor_press(self, point: Point) -> Record:
+        ground = self._ground
+        assert ground is not None
+        return self._patiently(lambda: anchor_press(point, ground, self._settings))
 
     def _leave(self) -> None:
         """Up, unless nothing has moved; what the machine answers to that matters only if all else was well."""
@@ -261,6 +264,8 @@ class Campaign:
             f'the surface is at z {surface.z_mm:.3f} mm, sloping by {surface.slope_x:.4f} along x '
             f'and {surface.slope_y:.4f} along y'
         )
+        self._trust.begin()
+        self.progress.done = self._journal.done
 
     def _check_safe_height(self, surface: Surface) -> None:
         highest = max(surface.height_mm(point.x_mm, point.y_mm) for point in self._order)

@@ -6,7 +6,8 @@ the run goes on. A line that was cut off by a power cut is the last one, and is 
     {"plan": "0f3a…", "presses": 10952, "version": 1}
     {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
-    {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "rosbag2_2030_…"}
+    {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "found in the bag"}
+    {"press": 0, "attempt": 0, "step": "anchored", "stamp_ns": …, "reason": "x +0.01, y -0.00, z +0.01 mm"}
 """
 
 from __future__ import annotations
@@ -24,14 +25,18 @@ from tactile_nodes.errors import ConfigurationError, TactileError
 
 VERSION = 1
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
-STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING)
+SUSPECT, ANCHORED = 'suspect', 'anchored'
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ANCHORED)
 DONE = (RECORDED, VERIFIED)
 
 
 @dataclass(frozen=True)
 class Entry:
     """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
-    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag: to be done again)."""
+    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag: to be done again), `suspect` (an
+    anchor after it lay elsewhere than the one before it: to be done again).
+
+    `anchored`, of press 0, is a step of none: whatever was recorded until then, was at its place."""
 
     press: int
     attempt: int
@@ -55,6 +60,7 @@ class Journal:
         self._attempts: dict[int, int] = {}
         self._rejects: dict[int, int] = {}
         self._reasons: list[Entry] = []
+        self._confirmed: set[tuple[int, int]] = set()
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -114,6 +120,11 @@ class Journal:
         """The last step of each press that was begun and that no bag has confirmed, done or broken off."""
         return [entry for entry in self._last.values() if entry.step in {STARTED, RECORDED}]
 
+    def unconfirmed(self) -> list[Entry]:
+        """The last step of each press that counts as done and that no anchor has followed yet; the latest is last."""
+        done = (entry for entry in self._last.values() if entry.step in DONE)
+        return [entry for entry in done if (entry.press, entry.attempt) not in self._confirmed]
+
     @property
     def done(self) -> int:
         """How many presses need no further attempt."""
@@ -154,7 +165,8 @@ class Journal:
     def _entry(self, line: bytes, number: int) -> Entry:
         try:
             entry = Entry(**self._parsed(line, number))
-            if entry.step not in STEPS or not 1 <= entry.press <= len(self._plan.points):
+            least = 0 if entry.step == ANCHORED else 1
+            if entry.step not in STEPS or not least <= entry.press <= len(self._plan.points):
                 raise TypeError(entry.step)
         except (TypeError, ValueError) as error:
             raise self._damaged(number) from error
@@ -173,6 +185,11 @@ class Journal:
         return ConfigurationError.at(self.path, number, 'this line of the journal is damaged; mend it or take it away')
 
     def _take(self, entry: Entry) -> None:
+        if entry.step == ANCHORED:
+            self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
+            return
+        if entry.step == STARTED:
+            self._last.pop(entry.press, None)  # it is the latest now
         self._last[entry.press] = entry
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
         if entry.step == REJECTED:

@@ -78,6 +78,18 @@ class SurfaceSettings:
 
 
 @dataclass(frozen=True)
+class AnchorSettings:
+    """A place that is pressed again and again, to see whether an axis sticks or loses steps."""
+
+    every: int = parameter(50, 'presses between two anchors; 0: none, and lost steps go unnoticed', minimum=0)
+    x_mm: float = parameter(0.0, "on the gel's surface, from its centre")
+    y_mm: float = parameter(0.0, "on the gel's surface, from its centre")
+    depth_mm: float = parameter(1.0, 'depth of its presses', minimum=0.1)
+    step_mm: float = parameter(0.5, 'how far beside it is pressed at the start', minimum=0.1, maximum=2.0)
+    shift_mm: float = parameter(0.15, 'so far beside the first one the place counts as lost', minimum=0.01)
+
+
+@dataclass(frozen=True)
 class MountingSettings:
     """How the force/torque sensor is screwed to the machine."""
 
@@ -102,6 +114,7 @@ class CollectionSettings:
     motion: MotionSettings = field(default_factory=MotionSettings)
     press: PressSettings = field(default_factory=PressSettings)
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
+    anchor: AnchorSettings = field(default_factory=AnchorSettings)
     mounting: MountingSettings = field(default_factory=MountingSettings)
     sync: SyncSettings = field(default_factory=SyncSettings)
     reference_every: int = parameter(100, 'presses after which a new rest image is taken', minimum=1)

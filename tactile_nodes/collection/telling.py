@@ -6,6 +6,7 @@ import math
 
 from tactile_nodes import conversions
 from tactile_nodes.collection.cycle import Record
+from tactile_nodes.collection.journal import Entry
 from tactile_nodes.collection.surface import Surface
 from tactile_nodes.drivers.cnc import CncState, CncStatus, Switched
 from tactile_nodes.drivers.force_torque import Sample, Wrench
@@ -86,4 +87,16 @@ def press_message(record: Record, plan_id: str, indenter: str, frame_id: str) ->
         force_rate=record.force_rate,
         status=types.Press.STATUS_REJECTED if record.reason else types.Press.STATUS_RECORDED,
         reason=record.reason,
+    )
+
+
+def suspect_message(entry: Entry, plan_id: str, reason: str, now_ns: int, frame_id: str) -> types.Press:
+    """An attempt that was recorded counts no more."""
+    return types.Press(
+        header=conversions.header(now_ns, frame_id),
+        plan_id=plan_id,
+        press=entry.press,
+        attempt=entry.attempt,
+        status=types.Press.STATUS_SUSPECT,
+        reason=reason,
     )

@@ -836,6 +836,7 @@ class ForceDistribution(Message):
 class Press(Message):
     STATUS_RECORDED: ClassVar[int]
     STATUS_REJECTED: ClassVar[int]
+    STATUS_SUSPECT: ClassVar[int]
     header: Header
     plan_id: str
     press: int

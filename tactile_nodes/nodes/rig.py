@@ -22,12 +22,14 @@ from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection import telling
 from tactile_nodes.collection.audit import audit
-from tactile_nodes.collection.campaign import Campaign, Outlet
+from tactile_nodes.collection.campaign import Campaign
 from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.journal import Journal
+from tactile_nodes.collection.journal import Entry, Journal
 from tactile_nodes.collection.order import ordered
+from tactile_nodes.collection.outlet import Outlet
 from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make_plan
 from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.recall import recalled
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.drivers.cnc import CncSettings, CncStatus, Switched
@@ -85,7 +87,10 @@ class RigNode(Node):
         try:
             self._audit()
             self._station = station = self._opened()
-            outlet = Outlet(self._on_record, self._on_rest_image, self.log.info, self._require_recorder)
+            outlet = Outlet(
+                self._on_record, self._on_rest_image, self.log.info, self._require_recorder,
+                self._on_suspect, self._recall,
+            )  # fmt: skip
             order = ordered(self._plan, settings)
             self._campaign = Campaign(self._plan, order, self._journal, station.hands, p, p.cnc.safe_z_mm, outlet)
         except BaseException:
@@ -181,6 +186,13 @@ class RigNode(Node):
             self._picture.publish(conversions.image_message(frame.image, head))
         indenter = self.params.press.indenter
         self._press.publish(telling.press_message(record, self._plan.plan_id, indenter, self.params.surface_frame_id))
+
+    def _on_suspect(self, entry: Entry, reason: str) -> None:
+        frame_id, now_ns = self.params.surface_frame_id, self.clock.now_ns()
+        self._press.publish(telling.suspect_message(entry, self._plan.plan_id, reason, now_ns, frame_id))
+
+    def _recall(self, entry: Entry) -> Record | None:
+        return recalled(Path(self.params.folder), self._plan.plan_id, entry)
 
     def _on_rest_image(self, image: Picture, at_ns: int) -> None:
         self._rest.publish(conversions.image_message(image, conversions.header(at_ns, self.params.camera_frame_id)))

@@ -6,28 +6,64 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-from tactile_nodes.collection.campaign import Campaign, Outlet
+import cv2
+import numpy as np
+
+from tactile_nodes.collection.campaign import Campaign
 from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.journal import Journal
+from tactile_nodes.collection.journal import Entry, Journal
 from tactile_nodes.collection.order import ordered
+from tactile_nodes.collection.outlet import Outlet
 from tactile_nodes.collection.plan import Plan, PlanSettings, make_plan
 from tactile_nodes.collection.rehearsal import Rehearsal
-from tactile_nodes.collection.settings import CollectionSettings, SurfaceSettings
+from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
 from tactile_nodes.drivers.cnc import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Press
 
 SAFE_Z_MM = -26.0
 PLAN = PlanSettings(columns=3, rows=2, pitch_mm=4.0, depths_mm=(0.5, 1.5))
-SETTINGS = CollectionSettings(surface=SurfaceSettings(top_mm=-29.8, corners=3, repeats=1))
-TABLE = solve(Gel())
+SETTINGS = CollectionSettings(
+    surface=SurfaceSettings(top_mm=-29.8, corners=3, repeats=1), anchor=AnchorSettings(every=0)
+)
+TABLE = contact_table(Gel())
 
 
 def changed(**blocks: dict[str, object]) -> CollectionSettings:
     """The settings with some of a block changed: changed(limits={'force_n': 1.0})."""
     given = {name: dataclasses.replace(getattr(SETTINGS, name), **values) for name, values in blocks.items()}
     return dataclasses.replace(SETTINGS, **given)
+
+
+class Dots:
+    """A camera that sees spots on the gel give way to the tip: 160x160 pixels, five to a millimetre."""
+
+    SIDE, PX_PER_MM, REACH_MM = 160, 5.0, 3.0
+
+    def __init__(self) -> None:
+        spots = np.random.default_rng(1).uniform(0, 255, (self.SIDE, self.SIDE)).astype(np.float32)
+        soft = cv2.GaussianBlur(spots, (0, 0), 1.5)
+        self._rest = cv2.normalize(soft, None, 20, 230, cv2.NORM_MINMAX)
+        self._y, self._x = (np.mgrid[: self.SIDE, : self.SIDE] - (self.SIDE - 1) / 2).astype(np.float32)
+        self._last: tuple[Press, np.ndarray] | None = None
+
+    def see(self, press: Press) -> np.ndarray:
+        if press.depth_mm <= 0:
+            press = Press(0.0, 0.0, 0.0)
+        if self._last is None or self._last[0] != press:
+            self._last = press, self._moved(press)
+        return self._last[1]
+
+    def _moved(self, press: Press) -> np.ndarray:
+        """Outwards from the tip, most at 3 mm from it: 0.3 mm for a millimetre of depth."""
+        x, y = self._x / self.PX_PER_MM - press.x_mm, self._y / self.PX_PER_MM - press.y_mm
+        share = 0.3 * press.depth_mm / self.REACH_MM * np.exp((1 - (x**2 + y**2) / self.REACH_MM**2) / 2)
+        middle = (self.SIDE - 1) / 2
+        columns, rows = (there - share * way * self.PX_PER_MM + middle for there, way in ((self._x, x), (self._y, y)))
+        seen = cv2.remap(self._rest, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR)
+        return seen.round().astype(np.uint8)
 
 
 class Run:
@@ -39,16 +75,27 @@ class Run:
         settings: CollectionSettings = SETTINGS,
         plan: PlanSettings = PLAN,
         world: WorldSettings | None = None,
+        seen: Dots | None = None,
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
-        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), rate_hz=100.0, fps=20.0)
+        camera = None if seen is None else lambda time_ns: seen.see(self.world.press_at(time_ns))
+        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), camera, rate_hz=100.0, fps=20.0)
         self.told: list[Record] = []
         self.said: list[str] = []
         self.rests: list[int] = []
         self._acts: dict[int, Callable[[], None]] = {}
         self.journal = Journal(folder / 'journal.jsonl', self.plan)
-        outlet = Outlet(self._record, lambda image, at_ns: self.rests.append(at_ns), self.said.append, lambda: None)
+        self.suspects: list[tuple[int, int]] = []
+        self.earlier: list[Record] = []
+        outlet = Outlet(
+            record=self._record,
+            rest_image=lambda image, at_ns: self.rests.append(at_ns),
+            suspect=lambda entry, reason: self.suspects.append((entry.press, entry.attempt)),
+            recall=self._recall,
+            say=self.said.append,
+            require_recorder=lambda: None,
+        )
         order = ordered(self.plan, plan)
         self.campaign = Campaign(self.plan, order, self.journal, self.rig.hands, settings, SAFE_Z_MM, outlet)
 
@@ -87,6 +134,10 @@ class Run:
     @property
     def height_mm(self) -> float:
         return self.world.tip_at(self.rig.clock.now_ns())[2]
+
+    def _recall(self, entry: Entry) -> Record | None:
+        wanted = (entry.press, entry.attempt)
+        return next((each for each in self.earlier if (each.point.press, each.attempt) == wanted), None)
 
     def _record(self, record: Record) -> None:
         self.told.append(record)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rehearsing import PLAN
 
-from tactile_nodes.collection.audit import attempts_in, audit, bags_below
+from tactile_nodes.collection.audit import audit, bags_below, presses_in
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.plan import make_plan
 
@@ -28,7 +28,7 @@ def collect(folder: Path, name: str, *where: str) -> int:
 
 def held(folder: Path) -> dict[int, int]:
     """How often each press is in the bags as recorded."""
-    found = Counter(press for bag in bags_below(folder) for press, _ in attempts_in(bag, make_plan(PLAN).plan_id))
+    found = Counter(press for bag in bags_below(folder) for press, _ in presses_in(bag, make_plan(PLAN).plan_id)[0])
     return dict(sorted(found.items()))
 
 

@@ -1,0 +1,171 @@
+"""An axis that sticks or loses steps shows in the gel: the image of a press at the anchor is no longer the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rehearsing import Dots, Run, changed
+
+from tactile_nodes.collection.anchors import follows
+from tactile_nodes.collection.shift import imprint, shift_px
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError
+from tactile_nodes.simulation.optics import Press
+
+ALL = list(range(1, 13))
+EVERY = 4
+SETTINGS = changed(anchor={'every': EVERY})
+
+
+def seen(dots: Dots, x_mm: float, y_mm: float, depth_mm: float) -> np.ndarray:
+    return dots.see(Press(x_mm, y_mm, depth_mm))
+
+
+@pytest.fixture(scope='module')
+def dots() -> Dots:
+    return Dots()
+
+
+@pytest.mark.parametrize(('x_mm', 'y_mm'), [(0.0, 0.0), (0.1, 0.0), (0.0, -0.2), (0.3, 0.2)])
+def test_images_of_two_presses_tell_how_far_they_are_apart(dots: Dots, x_mm: float, y_mm: float) -> None:
+    rest = seen(dots, 0.0, 0.0, 0.0)
+    first, second = (imprint(rest, seen(dots, *place, 1.0)) for place in ((0.0, 0.0), (x_mm, y_mm)))
+    wanted = (x_mm * Dots.PX_PER_MM, y_mm * Dots.PX_PER_MM)
+    # Dense flow makes up to a quarter too much of it here; a run measures that when it sets out its anchor.
+    assert shift_px(first, second) == pytest.approx(wanted, abs=0.15 + 0.25 * max(map(abs, wanted)))
+
+
+def test_deeper_press_is_not_one_beside_it(dots: Dots) -> None:
+    rest = seen(dots, 0.0, 0.0, 0.0)
+    first, second = (imprint(rest, seen(dots, 0.0, 0.0, depth_mm)) for depth_mm in (1.0, 1.2))
+    assert shift_px(first, second) == pytest.approx((0.0, 0.0), abs=0.15)
+
+
+def test_image_that_follows_both_axes_tells_how(dots: Dots) -> None:
+    turned = np.array([[0.0, -5.0], [5.0, 0.0]])  # a camera that is mounted a quarter turned
+    assert (follows(turned, 0.5, 160) == turned).all()
+
+
+@pytest.mark.parametrize(('axis', 'px_per_mm'), [('x', [[0.1, 0.0], [0.0, 5.0]]), ('y', [[5.0, 0.0], [0.0, 0.1]])])
+def test_axis_that_the_image_does_not_follow_is_named(axis: str, px_per_mm: list[list[float]]) -> None:
+    with pytest.raises(DeviceFaultError, match=f'does not follow the {axis} axis'):
+        follows(np.array(px_per_mm), 0.5, 160)
+
+
+def test_axes_that_move_the_image_the_same_way_are_refused() -> None:
+    with pytest.raises(DeviceFaultError, match='the same way'):
+        follows(np.array([[5.0, 4.9], [0.0, 0.5]]), 0.5, 160)
+
+
+def test_sound_run_is_anchored_to_its_end(tmp_path: Path, dots: Dots) -> None:
+    run = Run(tmp_path, SETTINGS, seen=dots)
+    run.campaign.run()
+    assert sorted(run.recorded) == ALL
+    assert not run.journal.unconfirmed()
+    assert not run.suspects
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+def test_axis_that_sticks_makes_the_presses_since_the_last_anchor_suspect(
+    tmp_path: Path, dots: Dots, axis: int
+) -> None:
+    first = Run(tmp_path, SETTINGS, seen=dots)
+    first.at(EVERY + 1, lambda: first.world.stick(axis, first.rig.clock.now_ns()))
+    with pytest.raises(DeviceFaultError, match='4 presses since the last good anchor are suspect'):
+        first.campaign.run()
+    late = [(record.point.press, record.attempt) for record in first.told[EVERY:]]
+    assert first.suspects == late
+    assert first.journal.done == first.campaign.progress.done == EVERY
+    assert first.height_mm == pytest.approx(-26.0, abs=0.01)
+    first.journal.close()
+    second = Run(tmp_path, SETTINGS, seen=dots)
+    second.campaign.run()
+    trusted = [record.point.press for record in first.told[:EVERY]]
+    assert sorted(trusted + second.recorded) == ALL
+    assert {record.attempt for record in second.told} == {1, 2}
+
+
+def lose(run: Run, axis: int, way_mm: float) -> Callable[[], None]:
+    """The axis sticks from then on for so much of its way."""
+
+    def stick() -> None:
+        begun = run.world.motor_at(run.rig.clock.now_ns())[axis]
+        over: list[bool] = []
+        run.world.stick(axis, run.rig.clock.now_ns())
+
+        def look() -> None:
+            now_ns = run.rig.clock.now_ns()
+            if not over and abs(run.world.motor_at(now_ns)[axis] - begun) >= way_mm:
+                over.append(True)
+                run.world.stick(axis, now_ns, stuck=False)
+
+        run.rig.clock.every(0.001, look)
+
+    return stick
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_steps_that_were_lost_once_are_noticed_and_counted(tmp_path: Path, dots: Dots, axis: int) -> None:
+    run = Run(tmp_path, SETTINGS, seen=dots)
+    run.at(2, lose(run, axis, 0.3))
+    with pytest.raises(DeviceFaultError, match='the anchor lies') as caught:
+        run.campaign.run()
+    found = re.search(r'x ([-+.0-9]+), y ([-+.0-9]+), z ([-+.0-9]+) mm', str(caught.value))
+    assert found is not None
+    now_ns = run.rig.clock.now_ns()
+    lost = [tip - motor for tip, motor in zip(run.world.tip_at(now_ns), run.world.motor_at(now_ns), strict=True)]
+    assert [float(each) for each in found.groups()] == pytest.approx(lost, abs=0.1)
+
+
+@pytest.mark.parametrize(('axis', 'name'), [(0, 'x'), (1, 'y')])
+def test_axis_that_is_stuck_from_the_start_ends_the_run_before_the_first_press(
+    tmp_path: Path, dots: Dots, axis: int, name: str
+) -> None:
+    run = Run(tmp_path, SETTINGS, seen=dots)
+
+    def stick() -> None:
+        if 'pressing the anchor' in run.said:
+            run.world.stick(axis, run.rig.clock.now_ns())
+
+    run.rig.clock.every(0.1, stick)
+    with pytest.raises(DeviceFaultError, match=f'does not follow the {name} axis'):
+        run.campaign.run()
+    assert not run.told
+
+
+def interrupted(folder: Path, dots: Dots, stick: bool) -> Run:
+    run = Run(folder, SETTINGS, seen=dots)
+    if stick:
+        run.at(EVERY + 1, lambda: run.world.stick(0, run.rig.clock.now_ns()))
+    run.at(EVERY + 3, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
+    run.campaign.run()
+    run.journal.close()
+    return run
+
+
+def test_what_an_interrupted_run_left_counts_when_its_last_press_comes_out_the_same(tmp_path: Path, dots: Dots) -> None:
+    first = interrupted(tmp_path, dots, stick=False)
+    second = Run(tmp_path, SETTINGS, seen=dots)
+    second.earlier = first.told
+    second.campaign.run()
+    assert not second.suspects
+    assert sorted(first.recorded + second.recorded) == ALL
+
+
+def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_was_elsewhere(
+    tmp_path: Path, dots: Dots
+) -> None:
+    first = interrupted(tmp_path, dots, stick=True)
+    second = Run(tmp_path, SETTINGS, seen=dots)
+    second.earlier = first.told
+    second.campaign.run()
+    assert len(second.suspects) == 3
+    assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
+
+
+def test_anchor_deeper_than_the_limit_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r'anchor\.depth_mm'):
+        Run(tmp_path, changed(anchor={'every': 5, 'depth_mm': 2.5}))
