@@ -9,10 +9,11 @@ resets with 0x18, which at rest keeps the place. No setting is written, and ``$X
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from types import MappingProxyType
 
-from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.cnc import CncSettings, CncState, CncStatus, Identity, Place, Switched, Traffic
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.cnc import CncState, CncStatus, Place, Switched
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
 from tactile_nodes.drivers.cnc_grbl_check import (
     acceleration_of,
@@ -24,10 +25,9 @@ from tactile_nodes.drivers.cnc_grbl_check import (
 )
 from tactile_nodes.drivers.cnc_grbl_dialogue import HOLD, JOG_CANCEL, RESUME, SILENT_S, GrblDialogue, inches, is_moving
 from tactile_nodes.drivers.cnc_grbl_words import NEEDS_RESET, Report, setting_of
-from tactile_nodes.drivers.cnc_guarded import GuardedCnc
+from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.drivers.serial_port import Port
-from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
 PREAMBLE = 'G21 G90 G94 G17 G54'
 BARRIER = 'G4 P0.01'
@@ -36,34 +36,11 @@ RESET_S = 3.0
 POLL_S = 0.03
 
 
-class GrblCnc(GuardedCnc):
-    """One controller.
+class GrblCnc(SerialCnc[GrblDialogue]):
+    """One controller; the arguments are those of `SerialCnc`."""
 
-    Args:
-        settings: what it may do.
-        clock: the host's.
-        port: opens the port.
-        traffic: told every byte.
-        threaded: false lets whoever waits listen, for emulators in the same thread.
-    """
-
-    def __init__(
-        self,
-        settings: CncSettings,
-        clock: Clock,
-        port: Callable[[], Port],
-        traffic: Traffic | None = None,
-        threaded: bool = True,
-    ) -> None:
-        super().__init__(settings, clock, settings.source)
-        self._open_port = port
-        self._traffic = traffic
-        self._threaded = threaded
-        self._dialogue: GrblDialogue | None = None
-        self._identity = Identity('unknown', '')
-        self._memory: dict[int, str] = {}
-        self._warnings: list[str] = []
-        self._stops = 0
+    _memory: Mapping[int, str] = MappingProxyType({})
+    _warnings: tuple[str, ...] = ()
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -71,22 +48,6 @@ class GrblCnc(GuardedCnc):
         base = {'source': self._settings.source, 'kind': f'CNC, {self._identity.firmware} {self._identity.version}'}
         said = {f'${number}': value for number, value in self._memory.items()}
         return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **said}
-
-    @property
-    def health(self) -> Health:
-        """ERROR when lost, locked, restarted or silent."""
-        dialogue = self._dialogue
-        if dialogue is None:
-            return Health(Level.STALE, f'{self._name} is not connected')
-        if dialogue.link.lost is not None:
-            return Health(Level.ERROR, str(dialogue.link.lost))
-        if dialogue.fault or dialogue.silent:
-            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
-        state = dialogue.report.word if dialogue.report is not None else 'connected'
-        where = state if self._homed else f'{state}, not homed'
-        return Health(
-            Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])
-        )
 
     def connect(self) -> None:
         """As `Cnc.connect`."""
@@ -104,11 +65,6 @@ class GrblCnc(GuardedCnc):
         if report.state is not CncState.ALARM:
             dialogue.ask(PREAMBLE, self._settings.answer_s)
         dialogue.polling = True
-
-    def identify(self) -> Identity:
-        """As `Cnc.identify`."""
-        self._talk()
-        return self._identity
 
     def home(self) -> None:
         """As `Cnc.home`."""
@@ -177,13 +133,6 @@ class GrblCnc(GuardedCnc):
         homed = self._homed and not dialogue.place_lost
         return CncStatus(report.state, position, homed, dialogue.report_ns, dialogue.uncertainty_ns)
 
-    def close(self) -> None:
-        """As `Cnc.close`."""
-        if self._dialogue is not None:
-            self._dialogue.close()
-            self._dialogue = None
-            self._homed = False
-
     # Connecting.
 
     def _greet(self, dialogue: GrblDialogue) -> None:
@@ -201,7 +150,7 @@ class GrblCnc(GuardedCnc):
     def _read_settings(self, dialogue: GrblDialogue) -> None:
         lines = dialogue.ask('$$', self._settings.answer_s).lines
         self._memory = dict(pair for line in lines if (pair := setting_of(line)) is not None)
-        self._warnings = check(self._name, self._identity, self._memory, self._settings)
+        self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
         self._guard = guard(self._settings, travel(self._identity, self._memory))
         self._acceleration = acceleration_of(self._memory, self._acceleration)
         dialogue.factor = inches(self._memory.get(13, '0'))
@@ -275,16 +224,12 @@ class GrblCnc(GuardedCnc):
             dialogue.ask(PREAMBLE, self._settings.answer_s)
             dialogue.polling = True
 
-    def _require_ready(self) -> None:
-        dialogue = self._talk()
-        if dialogue.place_lost:
-            self._homed = False
-        dialogue.require_sound()
-
-    def _talk(self) -> GrblDialogue:
-        if self._dialogue is None:
-            raise DeviceError(f'{self._name} is not connected; connect it first')
-        return self._dialogue
+    def _health_of(self, dialogue: GrblDialogue) -> Health:
+        state = dialogue.report.word if dialogue.report is not None else 'connected'
+        where = state if self._homed else f'{state}, not homed'
+        return Health(
+            Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])
+        )
 
 
 def _resting(report: Report) -> bool:

@@ -11,70 +11,39 @@ of 0.05 mm.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc import (
     BLIND_STEP_MM,
     NO_HOMING,
-    CncSettings,
     CncState,
     CncStatus,
     Identity,
     Place,
     Switched,
-    Traffic,
 )
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
-from tactile_nodes.drivers.cnc_guarded import GuardedCnc
 from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
+from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.drivers.serial_port import Port
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
 STOP_S = 10.0
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 
 
-class MarlinCnc(GuardedCnc):
-    """One controller; the arguments are those of `GrblCnc`."""
+class MarlinCnc(SerialCnc[MarlinDialogue]):
+    """One controller; the arguments are those of `SerialCnc`."""
 
-    def __init__(
-        self,
-        settings: CncSettings,
-        clock: Clock,
-        port: Callable[[], Port],
-        traffic: Traffic | None = None,
-        threaded: bool = True,
-    ) -> None:
-        super().__init__(settings, clock, settings.source)
-        self._open_port = port
-        self._traffic = traffic
-        self._threaded = threaded
-        self._dialogue: MarlinDialogue | None = None
-        self._identity = Identity('unknown', '')
-        self._stops = 0
-        self._queued = 0
+    _queued = 0
 
     @property
     def description(self) -> Mapping[str, str]:
         """Firmware and capabilities."""
         kind = f'CNC, {self._identity.firmware} {self._identity.version}'
         return {'source': self._settings.source, 'kind': kind, 'options': ' '.join(self._identity.options)}
-
-    @property
-    def health(self) -> Health:
-        """ERROR when lost, halted, restarted or hung."""
-        dialogue = self._dialogue
-        if dialogue is None:
-            return Health(Level.STALE, f'{self._name} is not connected')
-        if dialogue.link.lost is not None:
-            return Health(Level.ERROR, str(dialogue.link.lost))
-        if dialogue.fault or dialogue.silent:
-            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
-        state = self._state().value
-        return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
     @property
     def blind_step_mm(self) -> float | None:
@@ -107,11 +76,6 @@ class MarlinCnc(GuardedCnc):
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
         dialogue.polling = True
-
-    def identify(self) -> Identity:
-        """As `Cnc.identify`."""
-        self._talk()
-        return self._identity
 
     def home(self) -> None:
         """As `Cnc.home`, with the command that the settings give."""
@@ -183,13 +147,6 @@ class MarlinCnc(GuardedCnc):
         homed = self._homed and not dialogue.place_lost
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
-    def close(self) -> None:
-        """As `Cnc.close`."""
-        if self._dialogue is not None:
-            self._dialogue.close()
-            self._dialogue = None
-            self._homed = False
-
     def _state(self) -> CncState:
         if self._dialogue is not None and self._dialogue.killed:
             return CncState.ALARM
@@ -223,16 +180,9 @@ class MarlinCnc(GuardedCnc):
         """As a move: upwards it need not be stopped, so it needs no steps."""
         self.move(z=self._known_place()[2] + distance, feed=feed)
 
-    def _require_ready(self) -> None:
-        dialogue = self._talk()
-        if dialogue.place_lost:
-            self._homed = False
-        dialogue.require_sound()
-
-    def _talk(self) -> MarlinDialogue:
-        if self._dialogue is None:
-            raise DeviceError(f'{self._name} is not connected; connect it first')
-        return self._dialogue
+    def _health_of(self, dialogue: MarlinDialogue) -> Health:  # noqa: ARG002
+        state = self._state().value
+        return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
 
 def marlin_identity(lines: list[str]) -> Identity:

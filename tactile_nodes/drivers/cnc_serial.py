@@ -1,0 +1,106 @@
+"""What controllers at the other end of a serial line have in common: a port that is opened, and a dialogue over it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.cnc import CncSettings, Identity, Traffic
+from tactile_nodes.drivers.cnc_guarded import GuardedCnc
+from tactile_nodes.drivers.cnc_link import Link
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import DeviceError
+
+
+class Dialogue(Protocol):
+    """What is said, and what it means for who waits."""
+
+    link: Link
+    fault: str
+    place_lost: bool
+
+    @property
+    def silent(self) -> bool:
+        """Whether it owes an answer for longer than it may."""
+        ...
+
+    def require_sound(self) -> None:
+        """Raise what is wrong, if something is."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the port."""
+        ...
+
+
+Spoken = TypeVar('Spoken', bound=Dialogue)
+
+
+class SerialCnc(GuardedCnc, Generic[Spoken]):
+    """One controller.
+
+    Args:
+        settings: what it may do.
+        clock: the host's.
+        port: opens the port.
+        traffic: told every byte.
+        threaded: false lets whoever waits listen, for emulators in the same thread.
+    """
+
+    def __init__(
+        self,
+        settings: CncSettings,
+        clock: Clock,
+        port: Callable[[], Port],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        super().__init__(settings, clock, settings.source)
+        self._open_port = port
+        self._traffic = traffic
+        self._threaded = threaded
+        self._dialogue: Spoken | None = None
+        self._identity = Identity('unknown', '')
+        self._stops = 0
+
+    @property
+    def health(self) -> Health:
+        """ERROR when lost, locked, halted, restarted, hung or silent."""
+        dialogue = self._dialogue
+        if dialogue is None:
+            return Health(Level.STALE, f'{self._name} is not connected')
+        if dialogue.link.lost is not None:
+            return Health(Level.ERROR, str(dialogue.link.lost))
+        if dialogue.fault or dialogue.silent:
+            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
+        return self._health_of(dialogue)
+
+    def identify(self) -> Identity:
+        """As `Cnc.identify`."""
+        self._talk()
+        return self._identity
+
+    def close(self) -> None:
+        """As `Cnc.close`."""
+        if self._dialogue is not None:
+            self._dialogue.close()
+            self._dialogue = None
+            self._homed = False
+
+    @abstractmethod
+    def _health_of(self, dialogue: Spoken) -> Health:
+        """How it is when it can be talked to."""
+
+    def _require_ready(self) -> None:
+        dialogue = self._talk()
+        if dialogue.place_lost:
+            self._homed = False
+        dialogue.require_sound()
+
+    def _talk(self) -> Spoken:
+        if self._dialogue is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._dialogue
