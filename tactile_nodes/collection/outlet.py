@@ -27,5 +27,5 @@ class Outlet:
     rest_image: Callable[[Picture, int], None]
     say: Callable[[str], None]
     require_recorder: Callable[[], None]
-    suspect: Callable[[Entry, str], None] = lambda entry, reason: None
-    recall: Callable[[Entry], Record | None] = lambda entry: None
+    suspect: Callable[[Entry, str], None]
+    recall: Callable[[Entry], Record | None]

@@ -22,6 +22,7 @@ from tactile_nodes.learning.measuring import Measurer
 from tactile_nodes.learning.progress import Bar, Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.samples import Sample, Shelf
+from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 
 FRAMES = {
@@ -95,11 +96,15 @@ class _Builder:
         self.untouched_found = 0
         self._usable: dict[tuple[Any, ...], tuple[LeftOut, list[Sample]]] = {}
         self._seen: set[tuple[Any, ...]] = set()
+        self._suspects: dict[tuple[str, int, int], str] = {}
         self._without_contact = 0.0
 
     def take(self, bag: int, press: RecordedPress) -> None:
         """Judge and measure one attempt."""
         told = press.told
+        if told.status == types.Press.STATUS_SUSPECT:
+            self._suspects[told.plan_id, told.press, told.attempt] = told.reason
+            return
         entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
         verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
         samples: list[Sample] = []
@@ -115,7 +120,11 @@ class _Builder:
         self.bar.advance(1, f'{self.measurer.computed} measured, {self.measurer.found} known, {len(self.left_out)} out')
 
     def finish(self) -> list[Sample]:
-        """All samples, in the order in which their presses were first told."""
+        """All samples, in the order in which their presses were first told, but for those that became suspect."""
+        for key, (entry, _) in list(self._usable.items()):
+            if (reason := self._suspects.get((entry.plan, entry.press, entry.attempt))) is not None:
+                self._leave_out(entry, exclusions.SUSPECT, reason)
+                del self._usable[key]
         return [sample for _, samples in self._usable.values() for sample in samples]
 
     def _doubled(self, press: RecordedPress) -> exclusions.Verdict | None:

@@ -25,6 +25,7 @@ BAD_IMAGE = 'image of no use'
 BAD_NUMBERS = 'impossible numbers'
 DOUBLED = 'doubled'
 SUPERSEDED = 'tried again later'
+SUSPECT = 'perhaps not at its place'
 
 SIGMAS = 4.0
 

@@ -229,6 +229,15 @@ def test_an_attempt_that_cannot_be_used_takes_nothing_from_the_one_before(collec
     assert left_out(found) == [(1, 2, exclusions.LOST_FRAMES)]
 
 
+def test_a_press_that_became_suspect_later_does_not_count(collection: Collection) -> None:
+    collection.press(0, 1, 0.0, 0.0, 0.5)
+    message = collection.press(1, 2, 0.0, 0.0, 0.5)
+    collection.again(dataclasses.replace(message, status=types.Press.STATUS_SUSPECT, reason='an axis sticks'), 2)
+    found = build([collection.close()], COARSE)
+    assert set(found.press.tolist()) == {1}
+    assert left_out(found) == [(2, 1, exclusions.SUSPECT)]
+
+
 def test_a_press_told_twice_counts_once(collection: Collection) -> None:
     message = collection.press(0, 1, 0.0, 0.0, 0.5)
     collection.again(message, 0)
