@@ -67,6 +67,7 @@ setup(
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',
+            'pynetft>=2.1,<3',
             'pytest>=9,<10',
             'pytest-timeout>=2.3,<3',
             'ruff>=0.17.5,<0.18',
