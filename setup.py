@@ -19,6 +19,7 @@ NODES = [
     'bridge',
     'rig',
     'emulated_rig',
+    'sync_input',
     'composed',
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-NS_PER_S = 1_000_000_000
+from tactile_nodes.clock import NS_PER_S, Clock
 
 
 @dataclass(frozen=True)
@@ -52,3 +52,30 @@ class DeviceClock:
     @property
     def _ticks_per_ns(self) -> float:
         return self.rate_hz * (1.0 + self.drift_ppm * 1e-6) / NS_PER_S
+
+
+class ForeignClock:
+    """The clock of another computer, or of a recorder: it read something else when it began, and drifts.
+
+    Args:
+        host: the true time.
+        ahead_s: how much more it reads when it is made.
+        drift_ppm: how much too fast it runs.
+    """
+
+    def __init__(self, host: Clock, ahead_s: float = 0.0, drift_ppm: float = 0.0) -> None:
+        self._host = host
+        start_ns = host.now_ns()
+        self._counter = DeviceClock(NS_PER_S, start_ns, start_ns + round(ahead_s * NS_PER_S), drift_ppm, 64)
+
+    def now_ns(self) -> int:
+        """What it reads."""
+        return self.reading_ns(self._host.now_ns())
+
+    def reading_ns(self, host_ns: int) -> int:
+        """What it reads at a time of the host."""
+        return self._counter.offset + self._counter.count(host_ns)
+
+    def sleep_until(self, ns: int) -> None:
+        """Return when it reads this."""
+        self._host.sleep_until(self._counter.time_ns(ns - self._counter.offset))

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.world import Edge, LineSource
+from tactile_nodes.emulators.world import Edge, LineSource, World
+from tactile_nodes.simulation import worlds
 
 
 class EmulatedControlLine:
@@ -44,6 +45,23 @@ class EmulatedControlLine:
     def close(self) -> None:
         """Nothing to let go of."""
         self._closed.set()
+
+
+class SharedLine:
+    """The line of the world that others of this process know by a name; low as long as there is none."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def line_level(self, time_ns: int) -> bool:
+        """As `LineSource.line_level`."""
+        world = worlds.find(self._name)
+        return isinstance(world, World) and world.line_level(time_ns)
+
+    def line_edges(self) -> Sequence[Edge]:
+        """As `LineSource.line_edges`."""
+        world = worlds.find(self._name)
+        return world.line_edges() if isinstance(world, World) else ()
 
 
 @dataclass(frozen=True)

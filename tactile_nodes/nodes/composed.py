@@ -14,7 +14,9 @@ from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.runtime import NodeFactory, run_nodes
 from tactile_nodes.errors import ConfigurationError, TactileError
 
-KNOWN = ('camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig')
+KNOWN = (
+    'camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'sync_input',
+)  # fmt: skip
 
 
 def node_class(name: str) -> type[Node]:

@@ -15,7 +15,9 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
+from tactile_nodes.collection.station import WORLD
 from tactile_nodes.emulators.rig import EmulatedRig, EmulatedRigSettings
+from tactile_nodes.simulation import worlds
 
 OUTLIVE_S = 4.0  # a launch sends the next signal after 5 s
 
@@ -39,6 +41,7 @@ class EmulatedRigNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._rig = EmulatedRig(self.params, self.clock)
+        worlds.share(WORLD, self._rig.world)  # an emulated recorder in this process watches its line
         try:
             self._rig.switch(self.params.faults)
         except BaseException:

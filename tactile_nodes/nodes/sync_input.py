@@ -1,0 +1,122 @@
+"""Tells the edges of the digital line that this host sees on a control line of a serial port.
+
+Publishes ``sync_edge`` with the name of the recorder as frame, beside the edges that the rig tells of its own
+switching: a bag then holds both, and whoever reads it can compare the clocks.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import dataclass, field
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.station import WORLD
+from tactile_nodes.drivers.sync_input import Edge, SyncInputSettings, WatchedLine
+from tactile_nodes.drivers.sync_input_reconnecting import ReconnectingSyncInput, reconnecting_sync_input
+from tactile_nodes.emulators.clocks import ForeignClock
+from tactile_nodes.emulators.sync_line import EmulatedControlLine, SharedLine
+from tactile_nodes.errors import DeviceTimeoutError, TactileError
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+
+READ_S = 0.25
+HEALTH_S = 1.0
+SIMULATED = 'simulated'
+
+
+@dataclass(frozen=True)
+class EmulatedRecorderSettings:
+    """The clock of the recorder where the device is ``simulated``: the line of a rig that is not there."""
+
+    ahead_s: float = parameter(0.0, 'how much more it reads than the true time when it begins')
+    drift_ppm: float = parameter(0.0, 'how much too fast it runs')
+
+
+@dataclass(frozen=True)
+class SyncInputParams(SyncInputSettings, NodeParams):
+    """Parameters of the sync input."""
+
+    recorder: str = parameter('sync_input', 'frame of the edges: the name of whatever has the clock that stamps them')
+    line_name: str = parameter('press', 'what to call the line')
+    emulated: EmulatedRecorderSettings = field(default_factory=EmulatedRecorderSettings)
+
+
+class SyncInputNode(Node):
+    """Reads in a thread of its own; without a device it does nothing, and says so."""
+
+    NAME = 'sync_input'
+    PARAMS = SyncInputParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._edge = self.create_publisher(topics.SYNC_EDGE)
+        self._input = self._made()
+        self._running = True
+        self._reader = threading.Thread(target=self._read, name='sync input reader', daemon=True)
+        if not self.params.device:
+            self.report('sync input', Level.OK, 'no device is named, so nothing is watched')
+            return
+        self._input.open()
+        self._reader.start()
+        self.create_timer(HEALTH_S, self._report_health)
+
+    def on_close(self) -> None:
+        self._running = False
+        if self._reader.is_alive():
+            self._reader.join(2 * READ_S)
+        self._input.close()
+
+    def _made(self) -> ReconnectingSyncInput:
+        if self.params.device != SIMULATED:
+            return reconnecting_sync_input(self.params, self.clock)
+        foreign = ForeignClock(self.clock, self.params.emulated.ahead_s, self.params.emulated.drift_ppm)
+        name = 'the line of the simulated rig'
+
+        def connect() -> WatchedLine:
+            line = WatchedLine(name, EmulatedControlLine(SharedLine(WORLD), self.clock), self.params, foreign)
+            line.open()
+            return line
+
+        return ReconnectingSyncInput(connect, self.clock, name)
+
+    def _read(self) -> None:
+        while self._running:
+            try:
+                for edge in self._input.read(READ_S):
+                    self._edge.publish(self._message(edge))
+            except DeviceTimeoutError:
+                continue  # still, or lost and looked for: the health says which
+            except TactileError as error:
+                if self._running:
+                    self.fail('sync input', error)
+                return
+
+    def _message(self, edge: Edge) -> types.SyncEdge:
+        return types.SyncEdge(
+            header=conversions.header(edge.stamp_ns, self.params.recorder),
+            line=self.params.line_name,
+            level=edge.level,
+            count=edge.number,
+            uncertainty=edge.uncertainty_s,
+        )
+
+    def _report_health(self) -> None:
+        health = self._input.health
+        self.report('sync input', Level(health.level), health.message, **self._input.description)
+
+
+def main() -> int:
+    """The program ``sync_input_node``."""
+    return run_node(SyncInputNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
