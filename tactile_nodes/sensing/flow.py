@@ -19,9 +19,11 @@ from tactile_nodes.errors import ConfigurationError, ImageError
 
 @dataclass(frozen=True)
 class DisplacementField:
-    """Where every pixel of the rest image went: [..., 0] = x to the right, [..., 1] = y down, in pixels.
+    """Where the content of the rest image went: [..., 0] = x to the right, [..., 1] = y down, in pixels of the image.
 
-    `confidence` is between 0 (no information) and 1, or None where a method does not say.
+    A dense method gives one displacement a pixel; a method by patches one a patch, evenly over the image, so h x w are
+    then the rows and columns of its patches. `confidence` is between 0 (no information) and 1, or None where a method
+    does not say.
     """
 
     displacement_px: Float32[np.ndarray, 'h w 2']
@@ -96,11 +98,11 @@ class DisFlow:
         return asdict(self._options)
 
     def set_reference(self, image: np.ndarray) -> None:
-        _require_grey(image)
+        require_grey(image)
         self._reference = np.ascontiguousarray(image).copy()
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
-        reference = _require_like(self._reference, image)
+        reference = require_like(self._reference, image)
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
         flow = self._search.calc(reference, np.ascontiguousarray(image), None)  # type: ignore[call-overload]
@@ -133,7 +135,7 @@ SMALLEST_IMAGE = 32
 """Side in pixels under which DIS has no patches left on its coarser scales."""
 
 
-def _require_grey(image: np.ndarray) -> None:
+def require_grey(image: np.ndarray) -> None:
     if image.ndim != 2 or image.dtype != np.uint8:
         raise ImageError(
             f'optical flow needs 8 bit grey images, got {image.dtype} with shape {image.shape}; '
@@ -146,8 +148,8 @@ def _require_grey(image: np.ndarray) -> None:
         )
 
 
-def _require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
-    _require_grey(image)
+def require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
+    require_grey(image)
     if reference is None:
         raise ImageError('optical flow has no rest image to compare with; capture one with nothing touching the gel')
     if image.shape != reference.shape:
@@ -162,7 +164,17 @@ def _make_dis(options: Mapping[str, object]) -> FlowMethod:
     return DisFlow(DisOptions(**checked_options('dis', DisOptions, options)))  # type: ignore[arg-type]
 
 
-FLOW_METHODS: dict[str, Callable[[Mapping[str, object]], FlowMethod]] = {'dis': _make_dis}
+def _make_inverse_compositional(options: Mapping[str, object]) -> FlowMethod:
+    from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
+
+    checked = checked_options(InverseCompositionalFlow.name, InverseCompositionalOptions, options)
+    return InverseCompositionalFlow(InverseCompositionalOptions(**checked))  # type: ignore[arg-type]
+
+
+FLOW_METHODS: dict[str, Callable[[Mapping[str, object]], FlowMethod]] = {
+    'dis': _make_dis,
+    'inverse_compositional': _make_inverse_compositional,
+}
 
 
 def make_flow(name: str, options: Mapping[str, object] | None = None) -> FlowMethod:

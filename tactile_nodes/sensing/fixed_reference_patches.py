@@ -1,0 +1,174 @@
+"""Patches of one rest image, with everything about them known before the first frame comes.
+
+Each patch is matched by inverse compositional Lucas-Kanade (Baker and Matthews, IJCV 2004) with offset and gain of
+the light as further unknowns: image = offset + gain * (T + Tu u + Tv v). The least-squares solution is a sum and
+three dot products of the image's patch with constants. What the linear model leaves out is known too: the rest image
+is moved by known parts of a pixel and solved for, and a polynomial that takes those answers back to the true motion
+is fitted for each patch. So no frame is ever interpolated: a patch is read at the nearest whole pixel, and the part of
+a pixel follows from the dot products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, Int32
+from numpy.lib.stride_tricks import as_strided
+
+SAMPLES_PX = np.linspace(-0.8, 0.8, 5)
+"""Motions of the rest image, on each axis, that the polynomials are fitted to."""
+
+LARGEST_ANSWER_PX = 1.25
+"""Linear answers are cut to this before the polynomial, which was fitted to answers of up to about 0.8."""
+
+SLOPE_STEP_PX = 0.25
+LEAST_GAIN = 0.1
+"""Gains below this, which are a hundredth of what any light does, would blow noise up to motion."""
+
+MARKER_FREE_GREY = 0.05
+"""Root mean square gradient (grey levels per pixel) below which a patch counts as if it had this one."""
+
+SINC_REACH_PX = 8
+
+Moved = Callable[[float, float], Float32[np.ndarray, 'h w']]
+
+
+@dataclass(frozen=True)
+class Match:
+    """Motion of each patch in pixels, x first, and the share of its contrast that the moved rest image explains."""
+
+    motion_px: Float32[np.ndarray, '2 patches']
+    explained: Float32[np.ndarray, ' patches']
+
+
+class PatchGrid:
+    """Where patches lie: rows x cols centres evenly over an image, a square window about each, all within the image."""
+
+    def __init__(self, shape: tuple[int, int], rows: int, cols: int, window_px: int) -> None:
+        self.shape, self.rows, self.cols = shape, rows, cols
+        self.window_px = min(window_px, *shape)
+        self.furthest = np.array([[shape[1]], [shape[0]]], np.int32) - self.window_px
+        x, y = ((np.arange(count) + 0.5) * side / count for count, side in ((cols, shape[1]), (rows, shape[0])))
+        centre = np.stack(np.meshgrid(x, y)).reshape(2, -1)
+        corner = np.round(centre - self.window_px / 2).astype(np.int32)
+        self.corner: Int32[np.ndarray, '2 patches'] = np.clip(corner, 0, self.furthest)
+
+    def windows(
+        self, image: np.ndarray, corner: Int32[np.ndarray, '2 patches']
+    ) -> Float32[np.ndarray, 'patches pixels']:
+        """The pixels of windows, by their upper left corners, which must lie in the image."""
+        side, (height, width) = self.window_px, image.shape
+        places = (height - side + 1, width - side + 1, side, side)
+        every = as_strided(image, places, image.strides * 2, writeable=False)
+        found: np.ndarray = every[corner[1], corner[0]].reshape(corner.shape[1], -1).astype(np.float32)
+        return found
+
+
+class Templates:
+    """The patches of a rest image, ready to be found in other images.
+
+    `texture_grey` is the root mean square gradient of each patch in its weaker direction, in grey levels per pixel,
+    without what a change of light could explain.
+    """
+
+    def __init__(self, grid: PatchGrid, moved: Moved) -> None:
+        """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
+        self.grid = grid
+        basis, triangle = np.linalg.qr(self._model(moved))
+        self._basis = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
+        scale = np.abs(np.einsum('pkk->pk', triangle))
+        self.texture_grey: Float32[np.ndarray, ' patches'] = (scale[:, 1:].min(axis=1) / grid.window_px).astype(
+            np.float32
+        )
+        self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
+        self._mend = self._calibrated(moved)
+
+    def _model(self, moved: Moved) -> np.ndarray:
+        """T, dT/du and dT/dv of each patch, (patches, pixels, 3), each without its mean."""
+        step = SLOPE_STEP_PX
+        still, right, left, down, up = (
+            self.grid.windows(moved(*each), self.grid.corner).astype(np.float64)
+            for each in ((0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step))
+        )
+        model = np.stack([still, (right - left) / (2 * step), (down - up) / (2 * step)], axis=-1)
+        centred: np.ndarray = model - model.mean(axis=1, keepdims=True)
+        return centred
+
+    def _calibrated(self, moved: Moved) -> Float32[np.ndarray, '2 terms patches']:
+        """Coefficients of what to add to the linear answers, so that the rest image's own motions come out true."""
+        true = np.stack(np.meshgrid(SAMPLES_PX, SAMPLES_PX)).reshape(2, -1)
+        windows = (self.grid.windows(moved(*each), self.grid.corner) for each in true.T.tolist())
+        answer = np.stack([self._linear(each, slice(None))[0] for each in windows], axis=-1)
+        terms = _terms(*answer).astype(np.float64)
+        # Small motions count most: what is further than half a pixel away is read again from the next pixel.
+        weight = np.exp(-2 * np.square(true).sum(axis=0))
+        normal = np.einsum('kpj,lpj,j->pkl', terms, terms, weight) + 1e-3 * np.eye(len(terms))
+        miss = np.einsum('kpj,cpj,j->pkc', terms, true[:, None] - answer, weight)
+        return np.ascontiguousarray(np.linalg.solve(normal, miss).transpose(2, 1, 0), np.float32)
+
+    def _linear(
+        self, pixels: Float32[np.ndarray, 'patches pixels'], which: np.ndarray | slice
+    ) -> tuple[Float32[np.ndarray, '2 patches'], Float32[np.ndarray, ' patches']]:
+        """The linear model's answer, and the share of each patch's contrast that it explains."""
+        part = np.matmul(self._basis[which], pixels[:, :, None])[:, :, 0].T
+        total = np.einsum('pn->p', pixels)
+        contrast = np.einsum('pn,pn->p', pixels, pixels) - total * total / np.float32(pixels.shape[1])
+        explained = np.einsum('kp,kp->p', part, part) / np.maximum(contrast, 1)
+        unmix = self._unmix[:, which]
+        v = unmix[5] * part[2]
+        u = unmix[3] * part[1] + unmix[4] * part[2]
+        gain = unmix[0] * part[0] + unmix[1] * part[1] + unmix[2] * part[2]
+        answer = np.stack([u, v]) / np.maximum(gain, LEAST_GAIN)
+        return np.clip(answer, -LARGEST_ANSWER_PX, LARGEST_ANSWER_PX), explained
+
+    def find(
+        self, image: np.ndarray, start_px: Float32[np.ndarray, '2 patches'], which: np.ndarray | slice = slice(None)
+    ) -> Match:
+        """Find patches (all, or those numbered) in an image, each looked for where `start_px` expects it."""
+        home = self.grid.corner[:, which]
+        corner = np.clip(home + np.rint(start_px).astype(np.int32), 0, self.grid.furthest)
+        answer, explained = self._linear(self.grid.windows(image, corner), which)
+        mended = answer + np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*answer))
+        return Match(mended + (corner - home).astype(np.float32), explained)
+
+
+def _inverse(triangle: np.ndarray, least: float) -> Float32[np.ndarray, '6 patches']:
+    """Upper triangles inverted, row by row, with diagonals of at least `least`."""
+    safe = triangle.copy()
+    diagonal = np.einsum('pkk->pk', safe)
+    diagonal[:] = np.where(np.abs(diagonal) < least, least, diagonal)
+    row, column = np.triu_indices(3)
+    return np.ascontiguousarray(np.linalg.inv(safe)[:, row, column].T, np.float32)
+
+
+def _terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Products of two numbers up to the third degree, but no constant: what does not move needs no mending."""
+    xx, xy, yy = x * x, x * y, y * y
+    return np.stack([x, y, xx, xy, yy, x * xx, y * xx, x * yy, y * yy])
+
+
+def moved_image(image: Float32[np.ndarray, 'h w'], dx_px: float, dy_px: float) -> Float32[np.ndarray, 'h w']:
+    """The image with its content moved right and down by any part of a pixel: a sinc under a Kaiser window."""
+    kernels = _sinc(dx_px), _sinc(dy_px)
+    moved: np.ndarray = cv2.sepFilter2D(image, cv2.CV_32F, *kernels, borderType=cv2.BORDER_REFLECT_101)
+    return moved
+
+
+def _sinc(shift_px: float) -> np.ndarray:
+    reach = SINC_REACH_PX + round(abs(shift_px))
+    at = np.arange(-reach, reach + 1) + shift_px
+    inside = np.maximum(0, 1 - np.square(at / SINC_REACH_PX))
+    kernel = np.sinc(at) * np.where(inside > 0, np.i0(8.0 * np.sqrt(inside)), 0)
+    normal: np.ndarray = kernel / kernel.sum()
+    return normal
+
+
+def shrunk(image: np.ndarray, times: int = 1) -> np.ndarray:
+    """The image at half its size, `times` times over: each pixel the mean of four; an odd last line is left out."""
+    for _ in range(times):
+        height, width = (side // 2 for side in image.shape)
+        image = cv2.resize(image[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)
+    return image

@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow import FlowMethod, make_flow
+
+NAME = 'inverse_compositional'
+SMALL: dict[str, object] = {'rows': 20, 'cols': 20, 'finest_scale': 1}
+
+
+def shifted(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
+    """Shifted by any part of a pixel, exactly, wrapping around the border: Fourier's shift theorem."""
+    height, width = image.shape
+    phase = np.exp(-2j * np.pi * (dx * np.fft.fftfreq(width) + dy * np.fft.fftfreq(height)[:, None]))
+    moved = np.fft.ifft2(np.fft.fft2(image) * phase).real
+    return np.clip(np.round(moved), 0, 255).astype(np.uint8)
+
+
+def flow_of(rest: np.ndarray, **options: object) -> FlowMethod:
+    flow = make_flow(NAME, options)
+    flow.set_reference(rest)
+    return flow
+
+
+def middle_of(flow: FlowMethod, image: np.ndarray) -> np.ndarray:
+    """Displacement of the patches away from the border."""
+    rows, cols = flow.displacement(image).displacement_px.shape[:2]
+    return flow.displacement(image).displacement_px[rows // 5 : -rows // 5, cols // 5 : -cols // 5]
+
+
+@pytest.mark.parametrize('shift', [(0.02, -0.01), (0.1, 0.0), (0.5, 0.5), (1.5, -0.8), (-6.3, 4.4), (5.0, -7.5)])
+@pytest.mark.parametrize('options', [{}, SMALL])
+def test_every_patch_reads_a_shift_of_any_size_with_its_signs(speckle: np.ndarray, shift, options):
+    found = middle_of(flow_of(speckle, **options), shifted(speckle, *shift))
+    np.testing.assert_allclose(found, np.broadcast_to(shift, found.shape), atol=0.02)
+
+
+def test_the_rest_image_against_itself_does_not_move(speckle: np.ndarray):
+    np.testing.assert_allclose(flow_of(speckle).displacement(speckle).displacement_px, 0, atol=1e-4)
+
+
+def test_there_is_one_displacement_a_patch_with_its_confidence(speckle: np.ndarray):
+    field = flow_of(speckle, rows=10, cols=20).displacement(speckle)
+    assert field.displacement_px.dtype == np.float32
+    assert field.displacement_px.shape == (10, 20, 2)
+    assert field.confidence is not None
+    assert field.confidence.dtype == np.float32
+    assert field.confidence.shape == (10, 20)
+
+
+def test_features_by_region_take_the_patches_as_they_are(speckle: np.ndarray):
+    field = flow_of(speckle, **SMALL).displacement(shifted(speckle, 1.0, 2.0))
+    encoding = make_encoding('cartesian_mean', {'rows': 20, 'cols': 20})
+    np.testing.assert_array_equal(encoding.encode(field).values, field.displacement_px)
+
+
+@pytest.mark.parametrize(('gain', 'offset'), [(0.7, 0), (1.3, 0), (0.8, 20)])
+def test_light_that_changes_is_not_motion(speckle: np.ndarray, gain: float, offset: float):
+    rest = (speckle * 0.6).astype(np.uint8)
+    lit = np.clip(np.round(gain * shifted(rest, 0.3, -0.2).astype(float) + offset), 0, 255).astype(np.uint8)
+    found = middle_of(flow_of(rest, **SMALL), lit)
+    np.testing.assert_allclose(found, np.broadcast_to((0.3, -0.2), found.shape), atol=0.02)
+
+
+def test_what_was_seen_before_does_not_change_a_bit(speckle: np.ndarray):
+    image = shifted(speckle, 0.7, 0.3)
+    fresh, used = flow_of(speckle), flow_of(image)
+    used.displacement(shifted(speckle, 9.0, -5.0))
+    used.set_reference(speckle)
+    used.displacement(shifted(speckle, -3.0, 2.0))
+    np.testing.assert_array_equal(used.displacement(image).displacement_px, fresh.displacement(image).displacement_px)
+
+
+def test_later_calls_leave_earlier_results_alone(speckle: np.ndarray):
+    flow = flow_of(speckle, **SMALL)
+    first = flow.displacement(shifted(speckle, 1.0, 0.0))
+    kept = first.displacement_px.copy()
+    flow.displacement(shifted(speckle, -2.0, 1.0))
+    np.testing.assert_array_equal(first.displacement_px, kept)
+
+
+def test_the_rest_image_is_copied(speckle: np.ndarray):
+    buffer = speckle.copy()
+    flow = flow_of(buffer)
+    buffer[:] = 0
+    np.testing.assert_allclose(flow.displacement(speckle).displacement_px, 0, atol=1e-4)
+
+
+def test_patches_without_texture_follow_their_neighbours_and_say_so(speckle: np.ndarray):
+    hole = np.zeros((440, 440), np.float32)
+    hole[160:280, 160:280] = 1
+    rest = (128 + (speckle - 128.0) * (1 - cv2.GaussianBlur(hole, (0, 0), 6.0))).astype(np.uint8)
+    image = shifted(rest, 0.8, 0.4)
+    field = flow_of(rest, rows=20, cols=20).displacement(image)
+    assert field.confidence is not None
+    assert field.confidence[9:11, 9:11].max() < 0.3
+    assert field.confidence[2:8, 2:8].min() > 0.8
+    np.testing.assert_allclose(field.displacement_px[9:11, 9:11], np.broadcast_to((0.8, 0.4), (2, 2, 2)), atol=0.1)
+
+
+def test_a_picture_of_something_else_is_not_believed(speckle: np.ndarray):
+    other = shifted(speckle, 200.0, 150.0)
+    confidence = flow_of(speckle, **SMALL).displacement(other).confidence
+    assert confidence is not None
+    assert np.median(confidence) < 0.3
+
+
+def test_no_texture_at_all_is_no_motion_and_no_confidence():
+    grey = np.full((440, 440), 90, np.uint8)
+    field = flow_of(grey, **SMALL).displacement(grey)
+    assert field.confidence is not None
+    np.testing.assert_array_equal(field.displacement_px, 0)
+    np.testing.assert_array_equal(field.confidence, 0)
+
+
+def test_an_image_of_another_size_is_refused(speckle: np.ndarray):
+    with pytest.raises(ImageError, match='has 400x440 pixels and the rest image 440x440'):
+        flow_of(speckle, **SMALL).displacement(np.ascontiguousarray(speckle[:, :400]))
+
+
+def test_flow_without_a_rest_image_says_what_is_missing(speckle: np.ndarray):
+    with pytest.raises(ImageError, match='no rest image'):
+        make_flow(NAME).displacement(speckle)
+
+
+@pytest.mark.parametrize(
+    'options', [{'rows': 0}, {'levels': 0}, {'window': 'wide'}, {'speed': 1}, {'finest_scale': -1}]
+)
+def test_wrong_options_are_refused(options: dict[str, object]):
+    with pytest.raises(ConfigurationError):
+        make_flow(NAME, options)
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(('frame', 'shift'), [('04', 0.4), ('08', 0.8), ('10', 1.0)])
+def test_somebody_elses_speckle_moves_as_commanded(shared_data: Path, frame: str, shift: float):
+    rest, image = (
+        cv2.imread(str(shared_data / 'dic_rigid_shift' / f'rigid_cam0_frame{each}.tiff'), cv2.IMREAD_GRAYSCALE)
+        for each in ('00', frame)
+    )
+    found = middle_of(flow_of(rest, **SMALL), image)
+    np.testing.assert_allclose(np.median(found, axis=(0, 1)), [shift, -shift], atol=0.01)
