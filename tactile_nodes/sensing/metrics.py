@@ -1,9 +1,10 @@
-"""Figures of merit: the paper's three for force maps, and summaries of latencies."""
+"""Figures of merit: the paper's three for force maps, how true stated uncertainties are, summaries of latencies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Float
@@ -55,6 +56,80 @@ def total_errors_n(
     """Predicted minus true total force of each sample."""
     errors: np.ndarray = predicted_n.sum(axis=1) - true_n.sum(axis=1)
     return errors
+
+
+INTERVAL = 0.9
+"""The interval that stated uncertainties are judged by."""
+
+
+def interval_factor(level: float = INTERVAL) -> float:
+    """Standard deviations to either side that hold a share of a normal distribution: 1.645 for 90 %."""
+    return NormalDist().inv_cdf((1 + level) / 2)
+
+
+def coverage(
+    errors: Float[np.ndarray, '*samples'], sigma: Float[np.ndarray, '*samples'], level: float = INTERVAL
+) -> float:
+    """Share of errors within the interval that their standard deviations state; NaN where one states none.
+
+    Errors 1 and 2 with a standard deviation of 1 each: the 90 % interval of 1.645 holds one of the two, so 0.5.
+    """
+    if not errors.size or np.isnan(sigma).any():
+        return float('nan')
+    return float((np.abs(errors) <= interval_factor(level) * sigma).mean())
+
+
+@dataclass(frozen=True)
+class UncertaintyBin:
+    """Samples of like stated uncertainty: root mean square of what was stated, and of the errors."""
+
+    count: int
+    stated: float
+    actual: float
+
+
+def binned_uncertainty(
+    errors: Float[np.ndarray, ' samples'], sigma: Float[np.ndarray, ' samples'], bins: int = 10
+) -> list[UncertaintyBin]:
+    """Stated against actual error, over equally many samples a bin, from the surest to the least sure."""
+    order = np.argsort(sigma, kind='stable')
+    parts = [part for part in np.array_split(order, bins) if len(part)]
+    return [UncertaintyBin(len(part), root_mean_square(sigma[part]), root_mean_square(errors[part])) for part in parts]
+
+
+def sparsification(
+    errors: Float[np.ndarray, ' samples'], sigma: Float[np.ndarray, ' samples'], left_out: Sequence[float]
+) -> Float[np.ndarray, ' shares']:
+    """Root mean square error of what remains as the most uncertain samples are left out, for each share left out.
+
+    Errors 1 and 3, stated as 1 and 3: sqrt(5) with both, 1 with the half left out that is less sure.
+    """
+    surest_first = errors[np.argsort(sigma, kind='stable')]
+    kept = [max(1, round(len(errors) * (1 - share))) for share in left_out]
+    return np.array([root_mean_square(surest_first[:count]) for count in kept])
+
+
+def rank_correlation(first: Float[np.ndarray, ' samples'], second: Float[np.ndarray, ' samples']) -> float:
+    """Spearman's: 1 if the larger of one always goes with the larger of the other, 0 if they know nothing of it.
+
+    Values that are equal share their mean rank; NaN if all are.
+    """
+    ranks = _ranks(first), _ranks(second)
+    if any(np.ptp(each) == 0 for each in ranks):
+        return float('nan')
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
+
+
+def root_mean_square(values: Float[np.ndarray, '*samples']) -> float:
+    """3.536 of 3 and 4; NaN of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else float('nan')
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    _, member, count = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(count)
+    ranks: np.ndarray = (last - (count - 1) / 2)[member.reshape(-1)]
+    return ranks
 
 
 @dataclass(frozen=True)

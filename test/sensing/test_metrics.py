@@ -47,3 +47,41 @@ def test_latencies_are_summarised_in_milliseconds():
 
 def test_no_latencies_have_no_summary():
     assert np.isnan(metrics.summarise_latencies([]).p50_ms)
+
+
+def test_the_interval_of_ninety_per_cent_reaches_1_645_standard_deviations():
+    assert metrics.interval_factor() == pytest.approx(1.645, abs=1e-3)
+
+
+def test_coverage_is_the_share_of_errors_within_their_interval():
+    assert metrics.coverage(np.array([1.0, -2.0]), np.ones(2)) == 0.5
+
+
+def test_normal_errors_are_covered_as_stated():
+    sigma = np.random.default_rng(1).uniform(0.5, 5, 20_000)
+    errors = np.random.default_rng(2).normal(scale=sigma)
+    assert metrics.coverage(errors, sigma) == pytest.approx(0.9, abs=0.01)
+    assert metrics.coverage(errors, sigma, 0.5) == pytest.approx(0.5, abs=0.015)
+
+
+def test_a_model_that_states_no_uncertainty_covers_nothing_that_can_be_told():
+    assert np.isnan(metrics.coverage(np.ones(3), np.full(3, np.nan)))
+
+
+def test_samples_are_binned_by_what_was_stated():
+    sigma, errors = np.array([2.0, 1.0, 2.0, 1.0]), np.array([3.0, 1.0, -4.0, 1.0])
+    sure, unsure = metrics.binned_uncertainty(errors, sigma, 2)
+    assert (sure.stated, sure.actual, sure.count) == (1.0, 1.0, 2)
+    assert (unsure.stated, unsure.actual) == (2.0, pytest.approx(np.sqrt(12.5)))
+
+
+def test_leaving_out_the_least_sure_leaves_the_smaller_errors():
+    remaining = metrics.sparsification(np.array([3.0, 1.0]), np.array([3.0, 1.0]), [0.0, 0.5])
+    assert remaining == pytest.approx([np.sqrt(5), 1.0])
+
+
+def test_rank_correlation_knows_order_alone_and_shares_equal_ranks():
+    assert metrics.rank_correlation(np.array([1.0, 2.0, 3.0]), np.array([1.0, 10.0, 11.0])) == pytest.approx(1.0)
+    # ranks (1, 2.5, 2.5) against (1, 2, 3): covariance 0.75 over sqrt(0.75 * 1)
+    assert metrics.rank_correlation(np.array([1.0, 2.0, 2.0]), np.array([1.0, 2.0, 3.0])) == pytest.approx(0.75**0.5)
+    assert np.isnan(metrics.rank_correlation(np.ones(3), np.arange(3.0)))
