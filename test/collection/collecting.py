@@ -1,7 +1,8 @@
-"""A program that collects in simulated time into a real bag, to be killed: ``collecting.py FOLDER BAG [WHERE PRESS]``.
+"""A program that collects in simulated time into real bags, to be killed: ``collecting.py FOLDER BAG[:WHERE:PRESS] …``.
 
-WHERE is where it kills itself with SIGKILL at that press (counted from 1): `started`, `bag` (the bag has it on the
-disk, the journal does not) or `journal` (the journal has it, and nothing that the bag was given since is on the disk).
+Each BAG is a run in a process of its own. WHERE is where it kills itself with SIGKILL at that press (counted from 1):
+`started`, `bag` (the bag has it on the disk, the journal does not) or `journal` (the journal has it, and nothing that
+the bag was given since is on the disk). Prints how each process ended.
 """
 
 from __future__ import annotations
@@ -11,20 +12,22 @@ import signal
 import sys
 from pathlib import Path
 
-from rehearsing import SAFE_Z_MM, Run
+from rehearsing import SAFE_Z_MM, Dots, Run, changed
 
 from tactile_nodes import conversions, messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.collection.audit import audit
 from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.telling import press_message
+from tactile_nodes.collection.journal import Entry
+from tactile_nodes.collection.recall import recalled
+from tactile_nodes.collection.telling import press_message, suspect_message
 
 TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/Image'}
 
 
 def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
-    run = Run(folder)
+    run = Run(folder, changed(anchor={'every': 5}), seen=Dots())
     audit(run.journal, run.plan.plan_id, folder, 0)
     run.campaign.progress.done = run.journal.done
     writer = BagWriter(folder / name)
@@ -51,7 +54,10 @@ def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
 
     note = run.journal.note
     run.journal.note = die_after_the_journal  # type: ignore[method-assign]
-    object.__setattr__(run.campaign._outlet, 'record', record)
+    outlet = run.campaign._outlet
+    object.__setattr__(outlet, 'record', record)
+    object.__setattr__(outlet, 'suspect', lambda entry, reason: doubt(writer, run, entry, reason))
+    object.__setattr__(outlet, 'recall', lambda entry: recalled(folder, run.plan.plan_id, entry))
     run.campaign.run()
     assert abs(run.height_mm - SAFE_Z_MM) < 0.01
     writer.close()
@@ -59,7 +65,7 @@ def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
 
 def write(writer: BagWriter, run: Run, record: Record) -> None:
     now_ns = run.rig.clock.now_ns()
-    for frame in record.frames:
+    for frame in (*record.rest, *record.frames):
         image = conversions.image_message(frame.image, conversions.header(frame.stamp_ns, 'camera'))
         # Images travel by another way than messages: the last one comes in later.
         writer.write(
@@ -69,9 +75,25 @@ def write(writer: BagWriter, run: Run, record: Record) -> None:
     writer.write('/press', messages.encode(press), now_ns + 1000, now_ns)
 
 
+def doubt(writer: BagWriter, run: Run, entry: Entry, reason: str) -> None:
+    now_ns = run.rig.clock.now_ns()
+    told = suspect_message(entry, run.plan.plan_id, reason, now_ns, 'gel_surface')
+    writer.write('/press', messages.encode(told), now_ns, now_ns)
+
+
 def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def in_a_process(folder: Path, name: str, where: str = '', at: str = '0') -> int:
+    """How it ended: 0, or minus the signal."""
+    child = os.fork()
+    if child == 0:
+        main(folder, name, where, int(at))
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
 if __name__ == '__main__':
-    main(Path(sys.argv[1]), sys.argv[2], *(sys.argv[3:4]), *(int(text) for text in sys.argv[4:5]))
+    for run in sys.argv[2:]:
+        print(in_a_process(Path(sys.argv[1]), *run.split(':')), flush=True)

@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
 
-from rehearsing import PLAN
+import pytest
+from rehearsing import PLAN, TABLE
 
-from tactile_nodes.collection.audit import audit, bags_below, presses_in
-from tactile_nodes.collection.journal import Journal
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.collection.audit import attempts_below, audit, bags_below, presses_in
+from tactile_nodes.collection.journal import Entry, Journal
 from tactile_nodes.collection.plan import make_plan
+from tactile_nodes.collection.recall import recalled
+from tactile_nodes.collection.telling import suspect_message
 
 PROGRAM = Path(__file__).with_name('collecting.py')
 ONCE = dict.fromkeys(range(1, 13), 1)
 
 
-def collect(folder: Path, name: str, *where: str) -> int:
-    command = [sys.executable, str(PROGRAM), str(folder), name, *where]
-    ended = subprocess.run(command, env={**os.environ, 'PYTHONPATH': str(PROGRAM.parents[2])}, check=False)
-    return ended.returncode
+def collect(folder: Path, *runs: str) -> list[int]:
+    """How each run ended."""
+    command = [sys.executable, str(PROGRAM), str(folder), *runs]
+    environment = {**os.environ, 'PYTHONPATH': str(PROGRAM.parents[2])}
+    ended = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    return [int(line) for line in ended.stdout.split()]
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A plan done by a run that was killed again and again."""
+    folder = tmp_path_factory.mktemp('collected')
+    killed = [f'killed_{where}:{where}:3' for where in ('started', 'bag', 'journal')]
+    assert collect(folder, *killed, 'last') == [*[-signal.SIGKILL] * 3, 0]
+    return folder
 
 
 def held(folder: Path) -> dict[int, int]:
@@ -32,21 +48,47 @@ def held(folder: Path) -> dict[int, int]:
     return dict(sorted(found.items()))
 
 
-def test_run_that_is_killed_again_and_again_loses_and_repeats_nothing(tmp_path: Path) -> None:
-    for where in ('started', 'bag', 'journal'):
-        assert collect(tmp_path, f'killed {where}', where, '3') == -signal.SIGKILL
-    assert collect(tmp_path, 'last') == 0
-    assert held(tmp_path) == ONCE
+def test_run_that_is_killed_again_and_again_loses_and_repeats_nothing(folder: Path) -> None:
+    assert held(folder) == ONCE
 
 
-def test_the_bag_decides_what_is_done(tmp_path: Path) -> None:
-    assert collect(tmp_path, 'bag') == 0
+def test_press_that_was_recorded_is_found_again_with_its_images(folder: Path) -> None:
     plan = make_plan(PLAN)
-    shutil.copy(tmp_path / 'journal.jsonl', tmp_path / 'copy.jsonl')
-    with Journal(tmp_path / 'copy.jsonl', plan) as journal:  # the bag was lost
-        assert audit(journal, plan.plan_id, tmp_path / 'elsewhere', 0) == (0, 12)
+    with Journal(folder / 'journal.jsonl', plan) as journal:
+        entry = journal.last(plan.points[0].press)
+    assert entry is not None
+    record = recalled(folder, plan.plan_id, entry)
+    assert record is not None
+    assert record.point == pytest.approx(plan.points[0])
+    assert len(record.rest) == 1 and len(record.frames) == 5
+    assert -record.wrench[2] == pytest.approx(TABLE.force_at(record.point.depth_mm), abs=0.015)
+
+
+def test_press_that_the_bag_calls_suspect_later_is_not_held(folder: Path, tmp_path: Path) -> None:
+    plan = make_plan(PLAN)
+    held = attempts_below(folder, plan.plan_id)
+    doubted = Entry(*max(held), 'suspect', 0)
+    writer = BagWriter(tmp_path / 'doubts')
+    writer.add_topic(BagTopic.of_type('/press', 'tactile_nodes/msg/Press'))
+    told = suspect_message(doubted, plan.plan_id, 'an axis sticks', 1, 'gel_surface')
+    writer.write('/press', messages.encode(told), 1, 1)
+    writer.close()
+    for bag in bags_below(folder):
+        (tmp_path / bag.name).symlink_to(bag)
+    assert held - attempts_below(tmp_path, plan.plan_id) == {max(held)}
+
+
+def test_the_bag_decides_what_is_done(folder: Path, tmp_path: Path) -> None:
+    plan = make_plan(PLAN)
+    lines = (folder / 'journal.jsonl').read_text(encoding='utf-8').splitlines(keepends=True)
+    last = [line for line in lines if 'verified' not in line]  # as it stood before anything was looked for
+    for name in ('whole', 'lost'):
+        (tmp_path / f'{name}.jsonl').write_text(''.join(last), encoding='utf-8')
+    with Journal(tmp_path / 'lost.jsonl', plan) as journal:  # the bags were lost
+        # One was killed before it could be noted as recorded, so nobody misses it.
+        assert audit(journal, plan.plan_id, tmp_path / 'elsewhere', 0) == (0, 11)
         assert len(journal.left(plan.points, 3)) == 12
-    with Journal(tmp_path / 'journal.jsonl', plan) as journal:
-        assert audit(journal, plan.plan_id, tmp_path, 0) == (12, 0)
-        assert audit(journal, plan.plan_id, tmp_path, 0) == (0, 0)
+    with Journal(tmp_path / 'whole.jsonl', plan) as journal:
+        assert audit(journal, plan.plan_id, folder, 0) == (12, 0)
+        assert audit(journal, plan.plan_id, folder, 0) == (0, 0)
         assert not journal.left(plan.points, 3)
