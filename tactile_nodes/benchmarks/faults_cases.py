@@ -1,0 +1,75 @@
+"""The faults of the bench: what is done to a running collection, and for how long."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from tactile_nodes.params import Value
+
+GOES_ON, ENDS = 'goes on by itself', 'ends; a person starts it again'
+FOR_EVER = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault.
+
+    Attributes:
+        name: on the command line.
+        text: in the table.
+        switch: parameters of the emulated rig, without ``faults.``.
+        lasts_s: after which they are switched off again; `FOR_EVER`: only with the launch.
+        process: what gets the signal `number`: a program of the launch, or ``launch``.
+        full_disk: no file of `process` may grow any more.
+        expect: how the run should take it.
+        sensor: the force/torque sensor of the rig.
+        anchor: presses between two anchors, where these are what finds the fault; 0: none, which saves time.
+        stops: the tip must come to rest and go up before anything else.
+    """
+
+    name: str
+    text: str
+    switch: Mapping[str, Value] = field(default_factory=dict)
+    lasts_s: float = FOR_EVER
+    process: str = ''
+    number: signal.Signals = signal.SIGKILL
+    full_disk: bool = False
+    expect: str = GOES_ON
+    sensor: str = 'netft'
+    stops: bool = True
+    anchor: int = 0
+
+
+CASES = (
+    Case('none', 'none, to compare with', stops=False),
+    Case('lost-packets', '400 samples in a row lost (0.4 s)', {'lose': 400}),
+    Case('lossy-network', '5 % of the samples lost, 5 s', {'loss_rate': 0.05}, 5.0, stops=False),
+    Case('reordered-packets', '50 samples change places with the next', {'reorder': 50}, stops=False),
+    Case('doubled-packets', '50 samples come twice', {'double': 50}, stops=False),
+    Case('silent-sensor', 'sensor silent, 2.5 s', {'silent_sensor': True}, 2.5),
+    Case('stalled-sensor', 'front end of the sensor stands still, 2.5 s', {'stalled_sensor': True}, 2.5),
+    Case('saturated-sensor', 'sensor saturated, 2.5 s', {'saturated_sensor': True}, 2.5),
+    Case('unplugged-sensor', 'serial line of the sensor pulled, 3 s', {'unplugged_sensor': True}, 3.0, sensor='bota'),
+    Case('damaged-frames', '20 damaged frames on the serial line of the sensor', {'damage': 20}, sensor='bota'),
+    Case('clock-jump', "sensor's clock jumps ahead by 0.3 s", {'sensor_jump_s': 0.3}, stops=False),
+    Case('clock-drift', "sensor's clock begins to run 100 ppm fast", {'sensor_drift_ppm': 100.0}, stops=False),
+    Case('silent-camera', 'camera silent, 2.5 s', {'silent_camera': True}, 2.5),
+    Case('dropped-frames', '20 images in a row lost', {'lose_frames': 20}),
+    Case('lossy-camera', '30 % of the images lost, 5 s', {'frame_loss_rate': 0.3}, 5.0, stops=False),
+    Case('late-images', 'images 0.2 s late from now on', {'camera_delay_s': 0.2}, stops=False),
+    Case('very-late-images', 'images 3 s late, for 10 s', {'camera_delay_s': 3.0}, 10.0, stops=False),
+    Case('stuck-x', 'x does not move any more', {'stuck_axis': 'x'}, expect=ENDS, stops=False, anchor=3),
+    Case('stuck-y', 'y does not move any more', {'stuck_axis': 'y'}, expect=ENDS, stops=False, anchor=3),
+    Case('stuck-z', 'z does not move any more, tip in the gel', {'stuck_axis': 'z'}, expect=ENDS, stops=False),
+    Case('alarm', 'controller raises alarm 1 (limit switch)', {'alarm': 1}, expect=ENDS),
+    Case('hung-controller', 'controller hangs', {'hung_machine': True}, expect=ENDS),
+    Case('slow-controller', 'all the controller says comes 1 s late, 3 s', {'machine_delay_s': 1.0}, 3.0, expect=ENDS),
+    Case('unplugged-controller', 'serial line of the controller pulled, 3 s', {'unplugged': True}, 3.0, expect=ENDS),
+    Case('killed-rig-node', 'kill -9 of the rig node', process='rig_node', expect=ENDS),
+    Case('killed-recorder', 'kill -9 of the recorder', process='recorder_node', expect=ENDS),
+    Case('killed-launch', 'kill -9 of the whole launch', process='launch', expect=ENDS),
+    Case('interrupt', 'Ctrl-C of the whole launch', process='launch', number=signal.SIGINT, expect=ENDS),
+    Case('full-disk', "the recorder's disk is full", process='recorder_node', full_disk=True, expect=ENDS),
+)
