@@ -7,15 +7,20 @@
     flow: {name: dis, options: {preset: ultrafast, finest_scale: 1}}
     encoding: {name: polar_mean, options: {rows: 40, cols: 40}}
     gel: {seed: 1}
+    readout: network
     network: {hidden: [800, 400, 400], dropout: 0.15}
     training: {batch: 200, learning_rate: 0.001}
+
+`resolved` gives the whole run back as such a mapping, with every default filled in.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
@@ -26,37 +31,52 @@ from tactile_nodes.simulation.gel import Gel
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Which presses are simulated."""
+    """Which presses are simulated, or the file of recorded ones, and what of them is put aside.
 
-    presses: int = parameter(20000, 'presses at random places and depths', minimum=1)
+    A plan `random` has presses anywhere, and nothing is put aside: other random presses are the test. A plan `paper`
+    is the paper's grid (37 x 37 places 0.75 mm apart, eight depths from 0.25 to 2 mm: 10952 presses); `jittered` moves
+    each of those presses at random within its cell and its step of depth. Those are split as recorded presses are.
+    """
+
+    plan: str = parameter('random', 'where presses lie', choices=('random', 'paper', 'jittered'))
+    presses: int = parameter(20000, 'presses of a random plan; the most of another one, drawn by the seed', minimum=1)
     seed: int = parameter(1, 'seed of places, depths and noise')
-    reach_mm: float = parameter(14.0, 'presses lie within plus and minus this, along x and y', minimum=0.0)
-    shallowest_mm: float = parameter(0.0, 'smallest depth', minimum=0.0)
-    deepest_mm: float = parameter(2.1, 'largest depth', minimum=0.0, maximum=2.5)
-    without_contact: float = parameter(0.05, 'share of frames in which nothing touches', minimum=0.0, maximum=1.0)
-    presses_per_rest_image: int = parameter(250, 'presses measured against one rest image', minimum=1)
+    reach_mm: float = parameter(14.0, 'random presses lie within plus and minus this, along x and y', minimum=0.0)
+    shallowest_mm: float = parameter(0.0, 'smallest depth of a random press', minimum=0.0)
+    deepest_mm: float = parameter(2.1, 'largest depth of a random press', minimum=0.0, maximum=2.5)
+    without_contact: float = parameter(0.05, 'share of frames in which nothing touches', minimum=0.0, maximum=0.9)
+    presses_per_rest_image: int = parameter(250, 'frames measured against one rest image; 0: all of them', minimum=0)
     frames_per_rest_image: int = parameter(16, 'frames averaged into a rest image', minimum=1)
     processes: int = parameter(2, 'processes that render at the same time', minimum=1)
     crop: int = parameter(440, 'side of the square cut from the middle of the image, px', minimum=32)
     file: str = parameter('', 'a data set of recorded presses, instead of simulated ones; see tactile dataset build')
-    split: str = parameter('sample', 'what is put aside of a file for the test', choices=('sample', 'position'))
+    split: str = parameter('sample', 'what is put aside for the test', choices=('sample', 'position'))
     split_seed: int = parameter(1, 'seed of what is put aside')
-    test: float = parameter(0.2, 'share of a file that is put aside for the test', minimum=0.01, maximum=0.9)
+    test: float = parameter(0.2, 'share that is put aside for the test', minimum=0.01, maximum=0.9)
 
     def simulated(self) -> dict[str, object]:
         """What simulated presses depend on, and how many there are."""
-        of_files = ('file', 'split', 'split_seed', 'test')
-        return {name: value for name, value in asdict(self).items() if name not in of_files}
+        of_splits = ('file', 'split', 'split_seed', 'test')
+        return {name: value for name, value in asdict(self).items() if name not in of_splits}
+
+
+INPUT_SCALINGS = 'features as they are, or minus mean and over spread, of each channel or of each feature'
+INITIAL_WEIGHTS = "Glorot's, or four times those with biases that balance each logistic unit"
+OUTPUT_UNITS = 'what an output of 1 means: 1 N, or the root mean square of all labels'
 
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Layers between features and bins, and how features enter."""
+    """Layers between features and bins, how features enter, and in which unit forces leave."""
 
     hidden: tuple[int, ...] = parameter((800, 400, 400), 'units of the hidden layers')
+    activation: str = parameter('logistic', 'what a hidden unit does', choices=('logistic', 'relu'))
     dropout: float = parameter(0.15, 'share of hidden units left out in training', minimum=0.0, maximum=0.9)
+    input_scaling: str = parameter('feature', INPUT_SCALINGS, choices=('none', 'channel', 'feature'))
     confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
-    channel_gains: tuple[float, ...] = parameter((), 'factor on each channel once it is standardised; none means 1')
+    channel_gains: tuple[float, ...] = parameter((), 'factor on each channel once it is scaled; none means 1')
+    initial_weights: str = parameter('balanced', INITIAL_WEIGHTS, choices=('glorot', 'balanced'))
+    output_unit: str = parameter('rms', OUTPUT_UNITS, choices=('newton', 'rms'))
     rows: int = parameter(9, 'bins along y', minimum=1)
     cols: int = parameter(9, 'bins along x', minimum=1)
 
@@ -74,15 +94,31 @@ class TrainingConfig:
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     patience: int = parameter(50, 'epochs without a better validation loss before stopping', minimum=1)
     validation: float = parameter(0.1, 'share of the presses held back for validation', minimum=0.01, maximum=0.5)
+    plateau: str = parameter('restart', 'what to do with a network that predicts nothing', choices=('restart', 'wait'))
+    plateau_epochs: int = parameter(20, 'epochs on the all-zero answer before a restart', minimum=1)
     seed: int = parameter(1, 'seed of initial weights, order and dropout')
     threads: int = parameter(2, 'processor threads; the result depends on it in the last digits', minimum=1)
+    device: str = parameter('auto', 'where to train; auto: CUDA when there is one', choices=('auto', 'cpu', 'cuda'))
+    checkpoint_s: float = parameter(20.0, 'seconds of training that a kill may cost', minimum=0.0)
+
+
+@dataclass(frozen=True)
+class ResponseConfig:
+    """The gel's response as splines, for the readout of that name."""
+
+    places: int = parameter(20, 'knots of the splines along x, and along y', minimum=4)
+    levels: int = parameter(6, 'knots along the force', minimum=3)
+    components: int = parameter(64, 'principal components of the features that are modelled', minimum=3)
+    power: float = parameter(0.6667, 'knots are even in the force to this power', minimum=0.1, maximum=1.0)
 
 
 @dataclass(frozen=True)
 class _Blocks:
     output: str = parameter('model.safetensors', 'the file to write')
+    readout: str = parameter('network', 'what turns features into forces', choices=('network', 'response'))
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
+    response: ResponseConfig = field(default_factory=ResponseConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
 
 
@@ -99,11 +135,13 @@ class TrainConfig:
     """A training run."""
 
     output: Path = Path('model.safetensors')
+    readout: str = 'network'
     data: DataConfig = field(default_factory=DataConfig)
     flow: Choice = field(default_factory=lambda: Choice('dis'))
     encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
     gel: Gel = field(default_factory=Gel)
     network: NetworkConfig = field(default_factory=NetworkConfig)
+    response: ResponseConfig = field(default_factory=ResponseConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     recorded_bins: BinGrid | None = None
     stated: frozenset[str] = frozenset()
@@ -114,6 +152,14 @@ class TrainConfig:
         if self.recorded_bins is not None:
             return self.recorded_bins
         return BinGrid(self.network.rows, self.network.cols, self.gel.size_mm, self.gel.size_mm)
+
+    def resolved(self) -> dict[str, Any]:
+        """The run as `load_train_config` reads it, every default filled in; no two keys mean the same."""
+        blocks = {name: asdict(getattr(self, name)) for name in ('data', 'gel', 'network', 'response', 'training')}
+        methods = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
+        named = {block: {'name': made.name, 'options': made.options} for block, made in methods.items()}
+        plain: dict[str, Any] = json.loads(json.dumps({'readout': self.readout, **named, **blocks}))
+        return {'output': str(self.output), **plain}
 
     def make_flow(self) -> FlowMethod:
         return make_flow(self.flow.name, self.flow.options)
@@ -137,11 +183,13 @@ def load_train_config(path: Path | str) -> TrainConfig:
     )
     return TrainConfig(
         output=Path(blocks.output),
+        readout=blocks.readout,
         data=blocks.data,
         flow=_choice('flow', 'dis', written, str(path)),
         encoding=_choice('encoding', 'polar_mean', written, str(path)),
         gel=Gel.from_mapping(_under('gel', written), str(path)),
         network=blocks.network,
+        response=blocks.response,
         training=blocks.training,
         stated=frozenset(written),
     )
