@@ -39,8 +39,12 @@ class NetFtServer:
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind((LOOPBACK, rdt_port))
-        self._http = _http_server(self, http_port)
+        try:
+            self._udp.bind((LOOPBACK, rdt_port))
+            self._http = _http_server(self, http_port)
+        except OSError:
+            self._udp.close()
+            raise
         self._threads = [
             threading.Thread(target=self._serve_rdt, name='Net F/T emulator RDT', daemon=True),
             threading.Thread(target=self._http.serve_forever, args=(0.05,), name='Net F/T emulator HTTP', daemon=True),
