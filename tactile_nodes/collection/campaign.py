@@ -24,6 +24,7 @@ from tactile_nodes.collection.progress import Progress
 from tactile_nodes.collection.rest import await_recovery, go_to_gel, image_noise, rest_frames
 from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, SENSOR
 from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.speed import check_speeds
 from tactile_nodes.collection.surface import Surface, find_surface
 from tactile_nodes.collection.sync_pattern import sync_pattern
 from tactile_nodes.collection.trust import Trust
@@ -45,6 +46,10 @@ class Campaign:
         settings: limits and wishes.
         safe_z_mm: where the machine may go sideways.
         outlet: whom to tell.
+        period_s: between two samples of the force/torque sensor.
+
+    Raises:
+        ConfigurationError: a plan that is too deep, or a feed too fast to be stopped in time.
     """
 
     def __init__(
@@ -56,12 +61,14 @@ class Campaign:
         settings: CollectionSettings,
         safe_z_mm: float,
         outlet: Outlet,
+        period_s: float = 0.0,
     ) -> None:
         if plan.deepest_mm > settings.limits.depth_mm:
             raise ConfigurationError(
                 f'the plan presses {plan.deepest_mm:g} mm deep, limits.depth_mm allows {settings.limits.depth_mm:g}; '
                 'change one of them'
             )
+        check_speeds(settings, period_s, hands.cnc.blind_step_mm)
         self._plan_id = plan.plan_id
         self._order = order
         self._journal = journal

@@ -27,7 +27,7 @@ def go_to_gel(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Tare]
     """
     feed = settings.motion.travel_mm_min
     yield Go(settings.surface.gel_x_mm, settings.surface.gel_y_mm, feed_mm_min=feed)  # homing left the tip at the top
-    yield Go(z=safe_z_mm, feed_mm_min=feed)
+    yield Go(z=safe_z_mm, feed_mm_min=settings.motion.approach_mm_min)  # where the gel begins, nobody knows yet
     seen = yield Look(settings.press.tare_s)
     if len(seen.samples) < 2 or not all(sample.usable for sample in seen.samples):
         raise DeviceFaultError('no sound force samples come from the unloaded sensor; check it, then start again')

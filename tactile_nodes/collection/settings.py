@@ -12,6 +12,10 @@ class LimitSettings:
     """When everything stops. Each is looked at for every sample, or every 10 ms where silence is the sign."""
 
     force_n: float = parameter(3.0, 'greatest change of the force since the last tare [N]', minimum=0.05)
+    bearable_n: float = parameter(5.0, 'greatest force that gel, tip and sensor bear [N]', minimum=0.05)
+    stiffness_n_mm: float = parameter(2.0, 'steepest rise of the force with depth [N/mm]', minimum=0.01)
+    stop_ms: float = parameter(75.0, 'from a force at the sensor to the machine braking, at worst', minimum=1.0)
+    brake_mm_s2: float = parameter(200.0, 'slowest deceleration of z (Grbl: $122) [mm/s²]', minimum=1.0)
     torque_nm: float = parameter(0.0, 'greatest change of the torque since the last tare [N m]; 0.0: any', minimum=0.0)
     force_rate_n_s: float = parameter(40.0, 'fastest rise of the force over rate_ms [N/s]', minimum=0.1)
     rate_ms: float = parameter(40.0, 'over which the rise of the force is taken', minimum=1.0)

@@ -92,7 +92,9 @@ class RigNode(Node):
                 self._on_suspect, self._recall,
             )  # fmt: skip
             order = ordered(self._plan, settings)
-            self._campaign = Campaign(self._plan, order, self._journal, station.hands, p, p.cnc.safe_z_mm, outlet)
+            self._campaign = Campaign(
+                self._plan, order, self._journal, station.hands, p, p.cnc.safe_z_mm, outlet, 1 / station.sensor.rate_hz
+            )
         except BaseException:
             self.on_close()
             raise

@@ -62,7 +62,7 @@ def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes
 
 
 def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
-    limits: dict[str, object] = {'force_rate_n_s': 3.0, 'attempts': 1, 'rejects_in_a_row': 20}
+    limits: dict[str, object] = {'bearable_n': 9.0, 'force_rate_n_s': 3.0, 'attempts': 1, 'rejects_in_a_row': 20}
     run = Run(tmp_path, changed(limits=limits, motion={'press_mm_min': 600.0}))
     run.campaign.run()  # 10 mm/s and half a newton a millimetre are 5 N/s
     assert any('N/s' in record.reason for record in run.told)
@@ -179,6 +179,11 @@ def test_recorder_that_goes_away_ends_the_run(tmp_path: Path) -> None:
 def test_plan_that_is_too_deep_is_refused_before_anything_moves(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'limits\.depth_mm allows 1'):
         Run(tmp_path, changed(limits={'depth_mm': 1.0}))
+
+
+def test_feed_that_cannot_be_stopped_in_time_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r'motion\.approach_mm_min of 1200'):
+        Run(tmp_path, changed(motion={'approach_mm_min': 1200.0}))
 
 
 def test_gel_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
