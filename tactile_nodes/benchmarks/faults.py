@@ -1,6 +1,6 @@
 """Switch every fault on in the midst of a real collection on the emulated rig, and count what was lost.
 
-For each fault: `tactile launch collect rig:=emulated` with a plan of six presses; when two are told and the tip goes
+For each fault: `tactile launch collect rig:=emulated` with a plan of four presses; when two are told and the tip goes
 down into the gel for the third, the fault comes, by the parameter service of the emulated rig or as a signal. If
 the launch ends, it is started again without the fault, as a person would, until the plan is done. Then the bags are
 compared with the journal, and both with where the tip truly was.
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     return int(any(not is_good(row) for row in rows.values()))
 
 
-def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, int] = (3, 2)) -> Outcome:
+def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, int] = (2, 2)) -> Outcome:
     """One fault, from the first launch to the audit.
 
     Raises:

@@ -40,11 +40,11 @@ DEVICES = """\
   ros__parameters: {{source: 'http://127.0.0.1:{camera}/'}}
 /**/rig:
   ros__parameters:
-    cnc: {{kind: grbl, boot_s: 0.5, report_hz: 10.0, safe_z_mm: {safe}}}
+    cnc: {{kind: grbl, boot_s: 0.5, report_hz: 20.0, safe_z_mm: {safe}}}
     force_torque: {{source: '{source}', net_ft: {{rdt_port: {rdt}, http_port: {http}}}}}
     mounting: {{upside_down: true}}
     surface: {{gel_x_mm: {gel[0]}, gel_y_mm: {gel[1]}, top_mm: {top}, bottom_mm: {bottom}, corners: 3, repeats: 1,
-      dwell_s: 0.05, beyond: 3, feed_mm_min: 60.0}}
+      dwell_s: 0.05, beyond: 2, step_mm: 0.2, fine_step_mm: 0.1, feed_mm_min: 60.0}}
     limits: {{{limits}}}
     sync: {{pulses: 0}}
     anchor: {{every: {anchor}}}
@@ -68,7 +68,7 @@ class Bench:
 
     folder: Path
     sensor: str = 'netft'
-    size: tuple[int, int] = (3, 2)
+    size: tuple[int, int] = (2, 2)
     limits: str = LIMITS
     anchor: int = 0
 
