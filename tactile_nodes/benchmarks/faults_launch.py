@@ -40,7 +40,7 @@ DEVICES = """\
   ros__parameters: {{source: 'http://127.0.0.1:{camera}/'}}
 /**/rig:
   ros__parameters:
-    cnc: {{kind: grbl, boot_s: 0.5, report_hz: 20.0, safe_z_mm: {safe}}}
+    cnc: {{kind: grbl, boot_s: 0.5, report_hz: 10.0, safe_z_mm: {safe}}}
     force_torque: {{source: '{source}', net_ft: {{rdt_port: {rdt}, http_port: {http}}}}}
     mounting: {{upside_down: true}}
     surface: {{gel_x_mm: {gel[0]}, gel_y_mm: {gel[1]}, top_mm: {top}, bottom_mm: {bottom}, corners: 3, repeats: 1,
