@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
+import traceback
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -137,6 +138,9 @@ class RigNode(Node):
             self.log.info(self._campaign.run())
         except TactileError as error:
             self.fail('collection', error)
+        except Exception:  # noqa: BLE001 - a bug: the tip is up by now; say all we know, and end
+            self.log.fatal(f'a bug ends this run:\n{traceback.format_exc()}')
+            self.fail('collection', TactileError('a bug ended this run; please report what was said before'))
         else:
             self.stop()
 
