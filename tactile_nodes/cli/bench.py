@@ -9,6 +9,7 @@ DESCRIPTION = 'Measure, on this machine, what the documentation claims of anothe
 BENCHMARKS = {
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
+    'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 
