@@ -12,14 +12,20 @@ import threading
 from types import TracebackType
 
 import numpy as np
+import numpy.typing as npt
 
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.sync_line import light_brightness
 from tactile_nodes.emulators.world import World
 from tactile_nodes.simulation.scene import WorldScene
 
 LOOPBACK = '127.0.0.1'
 BOUNDARY = 'picture'
 QUALITY = 95
+LIGHT = (16, 16, 24, 24)  # x, y, width and height in the picture; off the middle square that is made of it
+BRIGHT = 220
+EXPOSURE_S = 0.008
+RECENT = 32
 
 
 class CameraStream:
@@ -43,6 +49,7 @@ class CameraStream:
         self._clock = clock
         self._fps = fps
         self._quality = world.gel.jpeg_quality or QUALITY
+        self._world = world
         self._scene = WorldScene(_Uncompressed(world))
         self._stop = threading.Event()
         self._server = _server(self, port)
@@ -73,9 +80,21 @@ class CameraStream:
         """The JPEG picture at a time."""
         import cv2
 
-        image = self._scene.render(time_ns)
-        _, data = cv2.imencode('.jpg', np.asarray(image), [cv2.IMWRITE_JPEG_QUALITY, self._quality])
+        image = self._with_light(np.asarray(self._scene.render(time_ns)), time_ns)
+        _, data = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
         return bytes(data)
+
+    def _with_light(self, image: npt.NDArray[np.uint8], time_ns: int) -> npt.NDArray[np.uint8]:
+        """The light in the corner, which follows the world's line; dark it is not to be seen."""
+        recent = self._world.line_edges()[-RECENT:]
+        lit = light_brightness(recent, time_ns - round(EXPOSURE_S / 2 * NS_PER_S), EXPOSURE_S, dark=0.0, bright=1.0)
+        if lit == 0:
+            return image
+        x, y, width, height = LIGHT
+        shown = np.array(image, np.uint8)
+        part = shown[y : y + height, x : x + width]
+        part[...] = np.rint(part + lit * (BRIGHT - part.astype(np.float64))).astype(np.uint8)
+        return shown
 
     def _is_lost(self) -> bool:
         if self.lose > 0:

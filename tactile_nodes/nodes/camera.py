@@ -1,13 +1,14 @@
 """Publishes a camera's frames, cropped and grey, with the stamp of their capture.
 
-Publishes ``image_raw``, ``camera_info`` and, when the camera is the simulated one, ``true_force_distribution``.
+Publishes ``image_raw``, ``camera_info``, ``true_force_distribution`` when the camera is the simulated one, and
+``sync_edge`` when a light is watched that follows the digital line.
 """
 
 from __future__ import annotations
 
 import sys
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,19 +17,22 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.protocol import Bus, Publisher
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth
+from tactile_nodes.drivers.camera_light import CameraLight, LightSettings
 from tactile_nodes.drivers.camera_opening import open_camera
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
 from tactile_nodes.sensing.quality import require_picture
+from tactile_nodes.sensing.reading import Contact
 
 READ_TIMEOUT_S = 0.25
 HEALTH_PERIOD_S = 0.5
+LINE = 'press'
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,7 @@ class CameraParams(CameraSettings, NodeParams):
     )
     frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
     surface_frame_id: str = parameter('gel_surface', 'frame of the true force of a simulated camera')
+    light: LightSettings = field(default_factory=LightSettings)
 
 
 class CameraNode(Node):
@@ -55,6 +60,8 @@ class CameraNode(Node):
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
         self._camera = open_camera(self.params, self.clock)
+        self._light = CameraLight(self.params.light, self.params.exposure_ms)
+        self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
         self._running = True
         self._frames = 0
@@ -97,12 +104,23 @@ class CameraNode(Node):
         self._info.publish(_camera_info(head, width, height, crop))
         if self._truth is not None and isinstance(self._camera, KnowsTruth):
             truth, bins = self._camera.truth(frame.stamp_ns), self._camera.bins
-            contact_mm = truth.position_mm if truth.in_contact else None
-            fields = conversions.force_fields(truth.normal_force_n, bins, contact_mm)
+            contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0),) if truth.in_contact else ()
+            fields = conversions.force_fields(truth.normal_force_n, bins, contacts, total_sigma_n=0.0)
             surface = conversions.header(frame.stamp_ns, self.params.surface_frame_id)
             self._truth.publish(types.ForceDistribution(header=surface, **fields))
         if self._frames % 60 == 1:
             self._report_picture(picture, side)
+        if self._edge is not None:
+            self._tell_edges(self._edge, frame)
+
+    def _tell_edges(self, edge: Publisher, frame: Frame) -> None:
+        first = self._light.edges + 1
+        found = self._light.take(frame.image, frame.stamp_ns)
+        told = zip(found.stamp_ns, found.level, found.uncertainty_s, strict=True)
+        for count, (stamp_ns, level, half_s) in enumerate(told, start=first):
+            head = conversions.header(int(stamp_ns), self.params.frame_id)
+            message = types.SyncEdge(header=head, line=LINE, level=bool(level), count=count, uncertainty=float(half_s))
+            edge.publish(message)
 
     def _report_picture(self, picture: np.ndarray, side: int) -> None:
         try:

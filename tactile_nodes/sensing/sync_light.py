@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8
 
 NS_PER_S = 1_000_000_000
+HISTORY, KEPT, AFTER = 600, 8, 3
 SETTLED = 0.15  # a frame this near to dark or bright counts as that: noise, and the ends of the camera's curve
 LINEARITY = 0.15  # a camera's response is a curve; read as a line it is off by this share of the exposure at most
 
@@ -46,8 +48,62 @@ def light_edges(
         exposure_s: 0: not known; then an edge is only known to lie between two frames.
         contrast: grey levels between dark and bright; with less than this there is no light, so there are no edges.
     """
-    share = _share(brightness, contrast)
-    settled = np.flatnonzero((share <= SETTLED) | (share >= 1 - SETTLED))
+    return _edges(start_ns, _share(brightness, _levels(brightness, contrast)), exposure_s)
+
+
+class LightWatch:
+    """The edges of a light as frames come, each told once, three frames later.
+
+    Dark and bright are those of the last 600 frames, so a light that is seen for the first time shows in its fourth
+    frame. What `light_edges` says of a whole run it says too, but for flashes of less than four frames, which it may
+    date less well.
+
+    Args:
+        exposure_s, contrast: as of `light_edges`.
+    """
+
+    def __init__(self, exposure_s: float, contrast: float = 20.0) -> None:
+        self._exposure_s = exposure_s
+        self._contrast = contrast
+        self._history: deque[float] = deque(maxlen=HISTORY)
+        self._start_ns: list[int] = []
+        self._brightness: list[float] = []
+
+    def take(self, start_ns: int, brightness: float) -> LightEdges:
+        """One frame, not earlier than the last; the edges that are certain now, mostly none."""
+        self._history.append(brightness)
+        self._start_ns.append(start_ns)
+        self._brightness.append(brightness)
+        levels = _levels(np.array(self._history), self._contrast)
+        share = _share(np.array(self._brightness), levels)
+        found = _edges(np.array(self._start_ns, np.int64), share, self._exposure_s)
+        if len(found.stamp_ns) == 0:
+            self._forget(len(self._start_ns) - KEPT)
+            return found
+        changed = _first_change(share)
+        if len(self._start_ns) - changed <= AFTER:
+            return LightEdges(found.stamp_ns[:0], found.level[:0], found.uncertainty_s[:0])
+        self._forget(changed)
+        return LightEdges(found.stamp_ns[:1], found.level[:1], found.uncertainty_s[:1])
+
+    def _forget(self, count: int) -> None:
+        if count > 0:
+            del self._start_ns[:count], self._brightness[:count]
+
+
+def _first_change(share: Float64[np.ndarray, ' n']) -> int:
+    """Index of the first settled frame after the first edge."""
+    settled = _settled(share)
+    lit = share[settled] > 0.5
+    return int(settled[1:][lit[1:] != lit[:-1]][0])
+
+
+def _settled(share: Float64[np.ndarray, ' n']) -> Int64[np.ndarray, ' k']:
+    return np.flatnonzero((share <= SETTLED) | (share >= 1 - SETTLED))
+
+
+def _edges(start_ns: Int64[np.ndarray, ' n'], share: Float64[np.ndarray, ' n'], exposure_s: float) -> LightEdges:
+    settled = _settled(share)
     lit = share[settled] > 0.5
     found = [
         _edge(start_ns, share, int(settled[k]), int(settled[k + 1]), bool(lit[k + 1]), exposure_s)
@@ -60,15 +116,21 @@ def light_edges(
     )
 
 
-def _share(brightness: Float64[np.ndarray, ' n'], contrast: float) -> Float64[np.ndarray, ' n']:
-    """From 0 (dark) to 1 (bright); all dark if there is no contrast."""
+def _levels(brightness: Float64[np.ndarray, ' n'], contrast: float) -> tuple[float, float] | None:
+    """Dark and bright; None if there is no contrast."""
     if len(brightness) == 0 or float(np.ptp(brightness)) < contrast:
-        return np.zeros_like(brightness)
+        return None
     middle = (float(brightness.min()) + float(brightness.max())) / 2
     dark = float(np.median(brightness[brightness < middle]))
     bright = float(np.median(brightness[brightness >= middle]))
-    if bright - dark < contrast:
+    return (dark, bright) if bright - dark >= contrast else None
+
+
+def _share(brightness: Float64[np.ndarray, ' n'], levels: tuple[float, float] | None) -> Float64[np.ndarray, ' n']:
+    """From 0 (dark) to 1 (bright); all dark if there are no two levels."""
+    if levels is None:
         return np.zeros_like(brightness)
+    dark, bright = levels
     return np.clip((brightness - dark) / (bright - dark), 0.0, 1.0)
 
 
