@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from tactile_nodes.errors import ConfigurationError
 
 LAUNCHES = 4
 BEGIN_S, LASTS_S, LEAVE_S = 90.0, 150.0, 12.0
+END, LONGEST_TEXT = 'collection: ', 150
 RESULT, TABLE = 'faults.json', 'faults.md'
 
 
@@ -94,7 +96,7 @@ def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, i
         outcome.statuses.append(-1 if launch.status is None else launch.status)
         outcome.seconds.append(round((clock.now_ns() - begun_ns) / NS_PER_S, 1))
         if number == 1:
-            outcome.told = launch.told_since(fault_ns)
+            outcome.told = [line.replace(f'{folder}/', '') for line in launch.told_since(fault_ns)]
             outcome.stop = Trace(bench.trace, GEL_MM).stop(fault_ns, clock.now_ns(), SAFE_MM)
         start_mm = _last_place(bench)
         if _is_done(folder, plan):
@@ -180,13 +182,21 @@ def markdown(rows: dict[str, Any]) -> str:
     return table(heads, cells)
 
 
+def gist(lines: Sequence[str]) -> str:
+    """Of what was told after a fault, the line that says most: why the run ended, or else what came first."""
+    lines = [line for line in lines if not line.startswith(('the plan is done', 'going on'))]
+    ends = [line.removeprefix(END) for line in lines if line.startswith(END)]
+    text = next(iter([*ends, *lines]), 'nothing')
+    return text if len(text) <= LONGEST_TEXT else f'{text[: LONGEST_TEXT - 2]} …'
+
+
 def _cells(case: Case, row: dict[str, Any]) -> list[str]:
     stop, kept = row['stop'], row['ledger'] or {}
     shown = case.stops and stop is not None
     up = '–' if not shown else 'stays' if stop['up_s'] is None else f'{stop["up_s"]:.1f} s'
     counts = [str(len(kept.get(name, ()))) for name in ('lost', 'doubled')]
     wrong = str(len({*kept.get('wrong', ()), *kept.get('faint', ())}))
-    text = row['problem'] or (row['told'][0] if row['told'] else 'nothing')
+    text = row['problem'] or gist(row['told'])
     return [
         case.text,
         f'{1000 * stop["rest_s"]:.0f} ms' if shown else '–',

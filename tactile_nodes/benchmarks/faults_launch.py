@@ -41,7 +41,7 @@ DEVICES = """\
 /**/rig:
   ros__parameters:
     cnc: {{kind: grbl, boot_s: 0.5, report_hz: 10.0, safe_z_mm: {safe}}}
-    force_torque: {{source: '{source}', net_ft: {{rdt_port: {rdt}, http_port: {http}}}}}
+    force_torque: {{source: '{source}', rate_hz: 1000.0, net_ft: {{rdt_port: {rdt}, http_port: {http}}}}}
     mounting: {{upside_down: true}}
     surface: {{gel_x_mm: {gel[0]}, gel_y_mm: {gel[1]}, top_mm: {top}, bottom_mm: {bottom}, corners: 3, repeats: 1,
       dwell_s: 0.05, beyond: 2, step_mm: 0.2, fine_step_mm: 0.1, feed_mm_min: 60.0}}
