@@ -86,7 +86,11 @@ class SerialPort:
             self._port.close()
 
     def _lost(self, error: Exception) -> DeviceLostError:
-        return DeviceLostError(f'{self.name} is gone ({error}); check its cable and plug it in again')
+        return DeviceLostError(f'{self.name} is gone ({_why(error)}); check its cable and plug it in again')
+
+
+def _why(error: Exception) -> str:
+    return 'unplugged, or read by another program' if 'returned no data' in str(error) else str(error)
 
 
 def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
