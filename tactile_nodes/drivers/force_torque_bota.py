@@ -156,14 +156,14 @@ class BotaConnection:
             'device': self._port.name,
             'sinc filter': str(self._sinc),
             'temperature': f'{self._temperature_c:.1f} °C',
-            'clock drift': f'{self._ticks.drift_ppm:+.0f} ppm',
+            'clock drift': self._ticks.told,
             'damaged frames': str(self._parser.bad),
         }
 
     @property
     def complaint(self) -> str:
-        """Nothing."""
-        return ''
+        """A clock that does not keep time."""
+        return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
         """Read what has come."""

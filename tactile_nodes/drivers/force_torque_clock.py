@@ -4,6 +4,9 @@ A sample arrives late by a constant and by what the network, the USB adapter and
 negative. So the arrivals, drawn over the counter, lie above a straight line, and touch it when nothing was in the way:
 the lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of
 clock skew from network delay measurements", 1999.)
+
+A counter whose rate is not the one that was announced would lead the line away from the arrivals, further every
+second. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it is said.
 """
 
 from __future__ import annotations
@@ -20,8 +23,13 @@ WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the w
 SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
 RECENT_BLOCKS = 8
 MOST_DRIFT = 500e-6
+EARLY_BLOCKS = 8
+EDGE_BLOCKS = 4  # a second: the least delay in it is small unless the host stands still
+JITTER_NS = 10e6
+EARLY_JITTER_NS = 200e6
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
+SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, where the counter hardly moves
 
 
 class TickClock:
@@ -31,12 +39,18 @@ class TickClock:
         rate_hz: nominal ticks a second.
         bits: width of the counter, which wraps.
         delay_ns: constant time from measurement to arrival, taken off every stamp.
+        most_drift: how far the rate may be from the nominal one, as a share; a crystal keeps to 100 ppm, a ceramic
+            resonator to 5000.
     """
 
-    def __init__(self, rate_hz: float, bits: int = 32, delay_ns: int = 0) -> None:
+    def __init__(self, rate_hz: float, bits: int = 32, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
         self._ns_per_tick = NS_PER_S / rate_hz
         self._modulus = 1 << bits
         self._delay_ns = delay_ns
+        self._most_drift = most_drift
+        self._keeps_time = True
+        self._x = 0.0
+        self._arrived_ns = 0
         self._ticks: int | None = None
         self._origin = (0, 0)
         self._seen = 0
@@ -49,12 +63,23 @@ class TickClock:
     @property
     def settled(self) -> bool:
         """Whether enough samples were seen for the stamps to be good."""
-        return self._seen >= SETTLED_AFTER and self._elapsed_ns() >= SETTLED_AFTER_NS
+        long_enough = self._elapsed_ns() >= SETTLED_AFTER_NS or self._arrived_ns >= SETTLED_AT_LAST_NS
+        return self._seen >= SETTLED_AFTER and long_enough
 
     @property
     def drift_ppm(self) -> float:
         """How much too fast the sensor's clock runs against the host's, as far as seen."""
         return -self._line[1] * 1e6
+
+    @property
+    def complaint(self) -> str:
+        """What a person should know of the stamps; empty: nothing."""
+        return '' if self._keeps_time else 'its counter does not keep the announced rate: samples carry their arrival'
+
+    @property
+    def told(self) -> str:
+        """The drift for a description."""
+        return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
 
     def unwrapped(self, reading: int) -> int:
         """The reading as a number that goes on where the counter wraps; of a late one, the smaller number.
@@ -76,13 +101,18 @@ class TickClock:
             self._origin = (ticks, arrival_ns)
         self._seen += 1
         x = (ticks - self._origin[0]) * self._ns_per_tick
-        y = arrival_ns - self._origin[1] - x
+        self._arrived_ns = arrival_ns - self._origin[1]
+        y = self._arrived_ns - x
         self._observe(x, y)
-        line_ns = self._origin[1] + round(x + min(y, self._line[0] + self._line[1] * x))
+        late = min(y, self._line[0] + self._line[1] * x) if self._keeps_time else y
+        line_ns = self._origin[1] + round(x + late)
         self._stamp_ns = max(self._stamp_ns + 1, line_ns - self._delay_ns)
         return self._stamp_ns
 
     def _observe(self, x: float, y: float) -> None:
+        if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
+            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x
+        self._x = x
         if self._block is None or x >= self._block_ends:
             self._end_block()
             self._block, self._block_ends = (x, y), x + BLOCK_NS
@@ -97,12 +127,21 @@ class TickClock:
 
     def _refit(self) -> None:
         points = [*self._blocks, *([self._block] if self._block else [])]
+        if len(self._blocks) >= EARLY_BLOCKS:
+            self._keeps_time = self._kept(points)
+        if not self._keeps_time:
+            return
         if len(self._blocks) < SLOPE_AFTER_BLOCKS:
             self._line = (min(y for _, y in points[-RECENT_BLOCKS:]), 0.0)
             return
         array = np.array(points)
-        at, slope = lower_line(array[:, 0], array[:, 1], MOST_DRIFT)
+        at, slope = lower_line(array[:, 0], array[:, 1], self._most_drift)
         self._line = (at, slope)
+
+    def _kept(self, points: list[tuple[float, float]]) -> bool:
+        """Whether the least delays at both ends differ by no more than the drift allows."""
+        first, last = (min(edge, key=lambda point: point[1]) for edge in (points[:EDGE_BLOCKS], points[-EDGE_BLOCKS:]))
+        return abs(last[1] - first[1]) <= 2 * self._most_drift * abs(last[0] - first[0]) + JITTER_NS
 
     def _elapsed_ns(self) -> float:
         return 0.0 if self._ticks is None else (self._ticks - self._origin[0]) * self._ns_per_tick

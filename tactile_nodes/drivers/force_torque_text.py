@@ -24,6 +24,7 @@ from tactile_nodes.errors import DeviceLostError
 
 BAUD = 115_200
 US_PER_S = 1e6
+MOST_DRIFT = 0.01  # an Arduino Uno counts microseconds with a ceramic resonator
 LONGEST_LINE = 200
 GARBAGE_S = 2.0
 NUMBER = rb'-?\d{1,12}(?:\.\d{0,12})?(?:[eE][+-]?\d{1,2})?'
@@ -90,7 +91,7 @@ class TextLineConnection:
         self._port = port
         self._settings = settings
         self._clock = clock
-        self._ticks = TickClock(US_PER_S, delay_ns=round(settings.delay_ms * 1e6))
+        self._ticks = TickClock(US_PER_S, delay_ns=round(settings.delay_ms * 1e6), most_drift=MOST_DRIFT)
         self._parser = LineParser()
         self._gaps = Gaps(US_PER_S / settings.rate_hz if settings.rate_hz else 0.0)
         self._same = Repetition(settings.text.same_values)
@@ -112,14 +113,16 @@ class TextLineConnection:
             'kind': 'text line',
             'device': self._port.name,
             'units per count': scales,
-            'clock drift': f'{self._ticks.drift_ppm:+.0f} ppm',
+            'clock drift': self._ticks.told,
             'damaged lines': str(self._parser.bad),
         }
 
     @property
     def complaint(self) -> str:
-        """Lines with another number of channels than the settings say."""
-        return f'{self._wrong} lines had not {len(self._settings.text.axes)} channels' if self._wrong else ''
+        """Lines with another number of channels than the settings say, or a clock that does not keep time."""
+        if self._wrong:
+            return f'{self._wrong} lines had not {len(self._settings.text.axes)} channels'
+        return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
         """Read what has come."""

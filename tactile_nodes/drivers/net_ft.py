@@ -20,14 +20,20 @@ from tactile_nodes.drivers.force_torque import AXES, Flag, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque_clock import TickClock
 from tactile_nodes.drivers.force_torque_queue import SampleQueue
 from tactile_nodes.drivers.force_torque_stream import StreamedForceTorque
-from tactile_nodes.drivers.net_ft_config import INTERNAL_RATE_HZ, BoxConfig
+from tactile_nodes.drivers.net_ft_config import BoxConfig
 from tactile_nodes.drivers.net_ft_status import flags_of
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceLostError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
 
 RECEIVE_BUFFER = 4 << 20  # five seconds of records at 7000 Hz, bookkeeping of the kernel included
 WAIT_S = 0.05
 TRY_S = 0.1
-RETRIES_OF_RENEWAL = 20
+PERIODS_OF_A_TRY = 3  # a box that begins anew with every request must have time for a record
 LARGEST_DATAGRAM = 65_535
 
 
@@ -48,9 +54,9 @@ class NetFtConnection:
         self._ticks = self._new_clock()
         self._stalls = 0
         self._renew_at_s = 0.0
-        self._tries = 0
         self._first: tuple[bytes, int] | None = None
-        self._socket = _socket(host, settings.net_ft.rdt_port)
+        self._address = _address(host)
+        self._socket = _socket(host)
         try:
             self._start()
         except BaseException:
@@ -60,7 +66,9 @@ class NetFtConnection:
     @property
     def rate_hz(self) -> float:
         """As the box's counters show; before that, as the box says."""
-        return INTERNAL_RATE_HZ / self.tracker.step if self.tracker.step else self.config.rate_hz
+        if self.tracker.step and not (self.config.rate_hz and self._ticks.complaint):
+            return self.config.internal_rate_hz / self.tracker.step
+        return self.config.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -76,7 +84,7 @@ class NetFtConnection:
             'filter': fields.get('setuserfilter', ''),
             'bias in the box': fields.get('setbias', ''),
             'rate': f'{self.rate_hz:.0f}',
-            'clock drift': f'{self._ticks.drift_ppm:+.0f} ppm',
+            'clock drift': self._ticks.told,
             'records lost, doubled, late, malformed': f'{counters.lost}, {counters.duplicates}, '
             f'{counters.out_of_order}, {counters.malformed}',
             'times stalled': str(self._stalls),
@@ -84,16 +92,16 @@ class NetFtConnection:
 
     @property
     def complaint(self) -> str:
-        """A rate that is not the one asked for, or a bias set by somebody else."""
+        """A rate that is not the one asked for, or a counter that does not keep time."""
         asked = self._settings.rate_hz
-        if asked > 0 and self.rate_hz and not _near(asked, self.rate_hz):
+        if asked > 0 and self.rate_hz and not _near(asked, self.rate_hz, self.config.internal_rate_hz):
             return f'asked for {asked:g} samples/s, the box gives {self.rate_hz:.0f}; see its Communications page'
-        return ''
+        return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
         """Receive a datagram, and renew the request when it is time."""
         if clocks.monotonic_s() >= self._renew_at_s:
-            self._renew()
+            self._request()
         datagram, self._first = (self._first or self._receive()), None
         if datagram is None:
             return
@@ -106,12 +114,12 @@ class NetFtConnection:
         for record in records:
             self._put(record, arrival_ns, queue)
         if expecting and self.tracker.renewed:
-            self._tries, self._renew_at_s = 0, clocks.monotonic_s() + self._settings.net_ft.renew_s
+            self._renew_at_s = clocks.monotonic_s() + self._settings.net_ft.renew_s
 
     def close(self) -> None:
         """Have the box stop; it would by itself."""
         with contextlib.suppress(OSError):
-            self._socket.send(rdt.request(rdt.STOP))
+            self._send(rdt.request(rdt.STOP))
         self._socket.close()
 
     def _put(self, record: rdt.Record, arrival_ns: int, queue: SampleQueue) -> None:
@@ -137,13 +145,13 @@ class NetFtConnection:
         )
 
     def _new_clock(self) -> TickClock:
-        return TickClock(INTERNAL_RATE_HZ, delay_ns=round(self._settings.delay_ms * 1e6))
+        return TickClock(self.config.internal_rate_hz, delay_ns=round(self._settings.delay_ms * 1e6))
 
     def _start(self) -> None:
         """Ask until a record comes: the box acknowledges nothing, and a request can get lost."""
-        self._socket.settimeout(TRY_S)
         for _ in range(self._settings.net_ft.start_tries):
             self._request()
+            self._socket.settimeout(self._try_s)
             if (datagram := self._receive()) is not None:
                 self._first = datagram
                 self._socket.settimeout(WAIT_S)
@@ -153,38 +161,46 @@ class NetFtConnection:
             'no firewall holds UDP back and that no other program uses the box'
         )
 
-    def _renew(self) -> None:
-        """Ask again; and again soon, a number of times, until the new stream is seen to begin."""
-        self._request()
-        self._tries += 1
-        if self._tries >= RETRIES_OF_RENEWAL:
-            self._tries, self._renew_at_s = 0, clocks.monotonic_s() + self._settings.net_ft.renew_s
+    @property
+    def _try_s(self) -> float:
+        """Until the next request, if the new stream is not seen to begin."""
+        return max(TRY_S, PERIODS_OF_A_TRY / self.rate_hz if self.rate_hz else 0.0)
 
     def _request(self) -> None:
+        """Ask for records, and again soon until the new stream begins, or, where it never does, the old one ends."""
         self.tracker.requested()
         net_ft = self._settings.net_ft
-        count = math.ceil(net_ft.count_s * (self.rate_hz or INTERNAL_RATE_HZ))
-        command = rdt.START_BUFFERED if net_ft.buffered else rdt.START_REALTIME
-        with contextlib.suppress(ConnectionRefusedError):  # the answer to an earlier one: nobody listens there now
-            self._socket.send(rdt.request(command, count))
-        self._renew_at_s = clocks.monotonic_s() + TRY_S
+        count = math.ceil(net_ft.count_s * (self.rate_hz or self.config.internal_rate_hz))
+        try:
+            self._send(rdt.request(rdt.START_BUFFERED if net_ft.buffered else rdt.START_REALTIME, count))
+        except OSError as error:
+            raise DeviceLostError(
+                f'cannot reach the box at {self._host} ({error.strerror or error}); check the network of this computer'
+            ) from error
+        self._renew_at_s = clocks.monotonic_s() + self._try_s
+
+    def _send(self, request: bytes) -> None:
+        self._socket.sendto(request, (self._address, self._settings.net_ft.rdt_port))
 
     def _receive(self) -> tuple[bytes, int] | None:
+        """What the box sends, from whatever port; what others send is dropped."""
         try:
-            data = self._socket.recv(LARGEST_DATAGRAM)
+            data, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
         except (TimeoutError, ConnectionRefusedError):
             return None
-        return data, self._clock.now_ns()
+        return (data, self._clock.now_ns()) if sender[0] == self._address else None
 
 
-def _near(asked: float, given: float) -> bool:
-    return asked <= given * 1.001 and given <= INTERNAL_RATE_HZ / max(1, INTERNAL_RATE_HZ // asked) * 1.001
+def _near(asked: float, given: float, internal: float) -> bool:
+    """Whether a rate is the next that the box can give: the internal one divided by a whole number."""
+    return asked <= given * 1.001 and given <= internal / max(1, internal // asked) * 1.001
 
 
 def _configured(host: str, settings: ForceTorqueSettings) -> BoxConfig:
     port = settings.net_ft.http_port
     config = configs.read_config(host, port)
-    if settings.net_ft.set_rate and settings.rate_hz > 0 and not _near(settings.rate_hz, config.rate_hz):
+    wanted = settings.rate_hz if settings.net_ft.set_rate else 0.0
+    if wanted > 0 and not _near(wanted, config.rate_hz, config.internal_rate_hz):
         configs.set_rate(host, port, settings.rate_hz, config.axia)
         config = configs.read_config(host, port)
     if not config.enabled:
@@ -192,14 +208,23 @@ def _configured(host: str, settings: ForceTorqueSettings) -> BoxConfig:
     return config
 
 
-def _socket(host: str, port: int) -> socket.socket:
+def _address(host: str) -> str:
+    """In numbers, as datagrams name their sender."""
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        raise DeviceNotFoundError(f'cannot find the box at {host} ({error.strerror or error})') from error
+
+
+def _socket(host: str) -> socket.socket:
+    """Not connected: a connected one would drop what a box sends from another port than the one that it listens at."""
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        opened.connect((host, port))  # from now on only what this box sends is received
+        opened.bind(('', 0))
     except OSError as error:
         opened.close()
-        raise DeviceNotFoundError(f'cannot reach the box at {host} ({error.strerror or error})') from error
+        raise DeviceNotFoundError(f'cannot listen for the box at {host} ({error.strerror or error})') from error
     return opened
 
 

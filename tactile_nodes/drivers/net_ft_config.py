@@ -18,7 +18,7 @@ from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeout
 PAGE = '/netftapi2.xml'
 HTTP_TIMEOUT_S = 2.0
 LARGEST_PAGE = 65_536
-INTERNAL_RATE_HZ = 7000.0
+INTERNAL_RATE_HZ = 7000.0  # of a box that does not say its `runrate`
 
 LBF_N, KGF_N, INCH_M = 4.4482216152605, 9.80665, 0.0254
 FORCE_N = {
@@ -43,6 +43,7 @@ class BoxConfig:
     Attributes:
         units_per_count: N (three times) and N·m (three times) per count.
         rate_hz: RDT output rate as it says; 0 if it does not.
+        internal_rate_hz: at which `ft_sequence` counts.
         enabled: whether it streams at all.
         axia: whether it is of the kind that writes ``commrdtrate``.
         fields: everything it said, for the record.
@@ -50,6 +51,7 @@ class BoxConfig:
 
     units_per_count: tuple[float, ...]
     rate_hz: float
+    internal_rate_hz: float
     enabled: bool
     axia: bool
     fields: Mapping[str, str]
@@ -77,7 +79,8 @@ def parse_config(page: bytes, host: str) -> BoxConfig:
     axia = 'commrdtrate' in fields
     rate = fields.get('commrdtrate' if axia else 'comrdtrate', '0')
     enabled = fields.get('comrdte', 'Enabled').lower() not in {'disabled', '0'}
-    return BoxConfig((force,) * 3 + (torque,) * 3, _number(rate), enabled, axia, fields)
+    internal = _number(fields.get('runrate', '')) or INTERNAL_RATE_HZ
+    return BoxConfig((force,) * 3 + (torque,) * 3, _number(rate), internal, enabled, axia, fields)
 
 
 _FIELD = re.compile(r'<(\w+)(?:\s[^>]*)?>([^<]*)</\1\s*>')

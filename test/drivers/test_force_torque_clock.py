@@ -77,3 +77,41 @@ def test_it_settles_after_eight_samples_and_a_tenth_of_a_second() -> None:
         clock.stamp(clock.unwrapped(number * 12_500), START_NS + number * 12_500_000)
         settled.append(clock.settled)
     assert settled == [False] * 8 + [True] * 4
+
+
+@pytest.mark.parametrize('factor', [0.1, 0.9, 0.99, 1.01, 1.1, 3.0])
+def test_a_counter_that_runs_at_another_rate_is_found_out_and_not_believed(factor: float) -> None:
+    """A second and a half later, or ten where it is off by a hundredth, stamps are those of arrival."""
+    clock, ages = TickClock(1000), []
+    for number in range(6000):
+        arrival_ns = START_NS + number * 5_000_000
+        stamp_ns = clock.stamp(clock.unwrapped(round(5 * number * factor)), arrival_ns)
+        ages.append((arrival_ns - stamp_ns) / 1e9)
+    assert max(ages) < 0.25
+    assert max(ages[2400:]) < 0.001
+    assert 'does not keep the announced rate' in clock.complaint
+    assert clock.told == 'unknown: stamped on arrival'
+
+
+def test_a_ceramic_resonator_is_a_clock_for_whom_allows_it() -> None:
+    """4000 ppm are within what an Arduino Uno may do; its stamps stay within a few milliseconds."""
+    clock, errors = TickClock(1e6, most_drift=0.01), []
+    for number in range(80 * 60):
+        true_ns = START_NS + number * 12_500_000
+        late_ns = 300_000 + 5_000_000 * (number % 3 == 0)
+        errors.append(clock.stamp(clock.unwrapped(round(number * 12_500 * 1.004)), true_ns + late_ns) - true_ns)
+    assert clock.complaint == ''
+    assert clock.drift_ppm == pytest.approx(3984, abs=2)  # 4000 too fast against the host's, as a share of its own
+    assert max(map(abs, errors[-2000:])) < 1e6
+
+
+def test_a_host_that_stands_still_for_seconds_does_not_spoil_the_clock() -> None:
+    """Everything of three seconds arrives at their end; afterwards the stamps are again those of the sensor's clock."""
+    clock, errors = TickClock(1000), []
+    for number in range(30_000):
+        true_ns = START_NS + number * 1_000_000
+        arrival_ns = max(true_ns + 200_000, START_NS + 8_000_000_000 if 5000 <= number < 8000 else 0)
+        arrival_ns += 3_000_000 * (number % 5 != 0)
+        errors.append(clock.stamp(clock.unwrapped(number), arrival_ns) - true_ns)
+    assert clock.complaint == ''
+    assert max(map(abs, errors[12_000:])) < 0.5e6
