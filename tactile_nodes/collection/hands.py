@@ -165,6 +165,8 @@ class Hands:
         for way, seconds in self._pieces(start.position_mm, target, go.feed_mm_min):
             self.check()
             self.cnc.jog(*way, feed=go.feed_mm_min)
+            if self.safety.trip is not None:  # the guard may have stopped the machine just before this jog was sent
+                self.cnc.stop()
             busy_until_ns = max(busy_until_ns, self.clock.now_ns()) + round(seconds * NS_PER_S)
             ahead_s = (busy_until_ns - self.clock.now_ns()) / NS_PER_S
             if self.cnc.blind_step_mm is not None:

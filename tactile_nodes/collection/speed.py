@@ -1,7 +1,7 @@
 """How fast the tip may go down: so slowly that the force is bearable when it stops only after it was too great.
 
-At speed v, a force that rises by k with each millimetre goes on above the limit by k (v t + v² / 2a) until the tip is at
-rest, with the time t from a force to the stop and the deceleration a.
+At speed v, a force that rises by k with each millimetre goes on above the limit by k (v t + v² / 2a) until the tip is
+at rest, with the time t from a force to the stop and the deceleration a.
 """
 
 from __future__ import annotations

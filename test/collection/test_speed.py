@@ -31,7 +31,7 @@ def test_greatest_feed_is_allowed_and_a_faster_one_is_not() -> None:
     # 2 N that may be added at 2 N/mm are 1 mm: 10 mm/s for 75 ms are 0.75 mm, and 100 / 400 = 0.25 mm to brake.
     assert feed == pytest.approx(600.0)
     check_speeds(with_approach(0.999 * feed))
-    with pytest.raises(ConfigurationError, match='motion.approach_mm_min'):
+    with pytest.raises(ConfigurationError, match=r'motion\.approach_mm_min'):
         check_speeds(with_approach(1.001 * feed))
 
 

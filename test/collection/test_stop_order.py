@@ -1,0 +1,87 @@
+"""On the wire: a force above its limit is followed by the stop and by nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rehearsing import Run, changed
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection import rehearsal
+from tactile_nodes.collection.safety import FORCE
+from tactile_nodes.drivers.cnc import Cnc, CncSettings
+from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.emulators.grbl import Grbl
+from tactile_nodes.emulators.serial_ports import DirectPort
+from tactile_nodes.emulators.world import World
+
+JOG_CANCEL = b'\x85'
+LIMIT_N = 0.4
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bytes]]:
+    """What is sent to a Grbl, and when; it takes the place of the machine without a port."""
+    said: list[tuple[int, bytes]] = []
+
+    def traffic(way: str, stamp_ns: int, data: bytes) -> None:
+        if way == '>':
+            said.append((stamp_ns, data))
+
+    def open_grbl(settings: CncSettings, clock: Clock, machine: World) -> Cnc:
+        device = Grbl(machine, clock)
+        cnc = GrblCnc(settings, clock, lambda: DirectPort(device, clock), traffic, threaded=False)
+        cnc.connect()
+        return cnc
+
+    monkeypatch.setattr(rehearsal, 'open_cnc', open_grbl)
+    return said
+
+
+def test_stop_is_the_first_thing_said_after_the_sample_above_the_limit(
+    tmp_path: Path, sent: list[tuple[int, bytes]]
+) -> None:
+    run = Run(tmp_path, changed(limits={'force_n': LIMIT_N, 'attempts': 1, 'rejects_in_a_row': 20}))
+    tripped_ns: list[int] = []
+    tell = run.rig.safety._on_trip
+    assert tell is not None
+
+    def note(trip: object) -> None:
+        tripped_ns.append(run.rig.clock.now_ns())
+        tell(trip)  # type: ignore[arg-type]
+
+    run.rig.safety._on_trip = note
+    run.campaign.run()
+    deep = [record for record in run.told if record.point.depth_mm == 1.5]
+    assert len(tripped_ns) == len(deep) == 6
+    assert all(FORCE in record.reason for record in deep)
+    for at_ns in tripped_ns:
+        after = [(stamp_ns, data) for stamp_ns, data in sent if stamp_ns >= at_ns]
+        assert after[0] == (at_ns, JOG_CANCEL)
+        # What follows is a report that says whether it rests, and the way up: nothing goes on down.
+        jogs = [data for _, data in after if data.startswith(b'$J=')]
+        assert jogs[0].startswith(b'$J=G91 G21 Z') and b'Z-' not in jogs[0]
+
+
+def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path) -> None:
+    """Between check and jog the safety may find something wrong, and the guard's thread stop the machine."""
+    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}))
+    jog, retreat, now_ns = run.rig.cnc.jog, run.rig.hands.retreat, run.rig.clock.now_ns
+    speeds: list[float] = []
+
+    def jog_late(dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        if len(run.told) == 1 and dz < 0 and run.rig.safety.trip is None:
+            run.rig.safety.fail(FORCE, 'a sample between check and jog', now_ns())
+            run.rig.cnc.stop()
+        jog(dx, dy, dz, feed=feed)
+
+    def retreat_later() -> None:
+        speeds.append(run.world.motor_speed_at(now_ns() + 50_000_000))
+        retreat()
+
+    run.rig.cnc.jog = jog_late  # type: ignore[method-assign]
+    run.rig.hands.retreat = retreat_later  # type: ignore[method-assign]
+    run.campaign.run()
+    assert len(speeds) > 1
+    assert speeds[0] == 0.0
