@@ -1,4 +1,4 @@
-"""``tactile evaluate``: score a force model on presses that it never saw, simulated or recorded."""
+"""``tactile evaluate``: score force models on presses that they never saw, simulated or recorded."""
 
 from __future__ import annotations
 
@@ -10,42 +10,78 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tactile_nodes.learning.evaluate import Evaluation
 
-DESCRIPTION = 'Score a model at continuous random places and depths, with the metrics of the paper and more.'
+DESCRIPTION = (
+    'Score models at continuous random places and depths: the metrics of the paper, places and forces, light touches, '
+    'how true stated uncertainties are, and what is flagged.'
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
-    parser.add_argument('model', type=Path, help='a model file')
+    parser.add_argument('model', nargs='+', help='model files, or names of models that ship; several are compared')
     parser.add_argument('--presses', type=int, default=2000, metavar='N', help='presses to score (default: 2000)')
     parser.add_argument('--seed', type=int, default=1001, metavar='S', help='seed of the presses (default: 1001)')
+    parser.add_argument(
+        '--unlike', type=int, default=0, nargs='?', const=200, metavar='N',
+        help='also disturb the input (other gel, knocked camera, covered lens, ...), N presses each (200)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--put-aside', action='store_true', help='score what the training put aside of its simulated grid of presses'
+    )
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='score recorded presses instead of simulated ones')
     parser.add_argument(
         '--split', choices=('sample', 'position'), help='which test set of FILE (default: what the training put aside)'
     )
+    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='also draw error maps and curves')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the scores as JSON')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the table of scores."""
-    from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.evaluate import table
+    """Print the tables of scores."""
+    from tactile_nodes.learning.evaluation_tables import report
 
-    if arguments.presses < 1:
-        raise ConfigurationError(f'--presses must be at least 1, got {arguments.presses}')
-    scores = _scores(arguments)
-    print(table(scores))
+    _check(arguments)
+    evaluated = [_evaluated(name, arguments) for name in arguments.model]
+    print(report(evaluated))
     if arguments.json:
-        arguments.json.write_text(json.dumps(scores.as_dict(), indent=2) + '\n', encoding='utf-8')
+        scores = [each.as_dict() for each in evaluated]
+        written = json.dumps(scores[0] if len(scores) == 1 else scores, indent=2)
+        arguments.json.write_text(written + '\n', encoding='utf-8')
+    if arguments.picture:
+        _draw(evaluated, arguments.picture)
     return 0
 
 
-def _scores(arguments: argparse.Namespace) -> Evaluation:
+def _check(arguments: argparse.Namespace) -> None:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.evaluate import evaluate, evaluate_recorded
-    from tactile_nodes.learning.progress import TerminalProgress
 
-    if arguments.dataset:
-        return evaluate_recorded(arguments.model, arguments.dataset, split=arguments.split)
-    if arguments.split:
+    if arguments.presses < 1 or arguments.unlike < 0:
+        raise ConfigurationError('--presses must be at least 1, and --unlike no less than 0')
+    if arguments.dataset and arguments.put_aside:
+        raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
+    if arguments.split and not arguments.dataset:
         raise ConfigurationError('--split says which part of recorded presses to score; give them with --dataset FILE')
-    return evaluate(arguments.model, presses=arguments.presses, seed=arguments.seed, progress=TerminalProgress())
+    if arguments.unlike and (arguments.dataset or arguments.put_aside):
+        raise ConfigurationError('--unlike disturbs simulated random presses; leave out --dataset and --put-aside')
+
+
+def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
+    from tactile_nodes.learning.evaluate import evaluate, evaluate_put_aside, evaluate_recorded
+    from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.model_file import find_model
+
+    model, progress = find_model(name), TerminalProgress()
+    if arguments.dataset:
+        return evaluate_recorded(model, arguments.dataset, split=arguments.split)
+    if arguments.put_aside:
+        return evaluate_put_aside(model, progress=progress)
+    return evaluate(model, presses=arguments.presses, seed=arguments.seed, unlike=arguments.unlike, progress=progress)
+
+
+def _draw(evaluated: list[Evaluation], picture: Path) -> None:
+    from tactile_nodes.learning.evaluation_picture import draw
+
+    for each in evaluated:
+        name = picture if len(evaluated) == 1 else picture.with_name(f'{picture.stem}_{each.name}{picture.suffix}')
+        draw(each.answers, f'{each.name} ({each.model_id})', name)
+        print(f'{name}: the picture of {each.name}')

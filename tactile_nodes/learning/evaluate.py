@@ -2,80 +2,83 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-
-import numpy as np
-from jaxtyping import Float32
+from typing import Any
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.evaluation_disturbed import disturbed_samples
+from tactile_nodes.learning.evaluation_predictions import Predictions, name_of, predictions_of
+from tactile_nodes.learning.evaluation_scores import (
+    LightScores,
+    PressScores,
+    RestScores,
+    score_groups,
+    score_light,
+    score_rest,
+)
+from tactile_nodes.learning.evaluation_uncertainty import Uncertainty, force_uncertainty, position_uncertainty
+from tactile_nodes.learning.evaluation_unlike import UnlikeScores, score_unlike
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.source import evaluation_samples
+from tactile_nodes.learning.source import evaluation_samples, simulated_test
 from tactile_nodes.model_file import LoadedModel, load_model
-from tactile_nodes.sensing import metrics
-from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import ForceEstimator, ForceMap
 from tactile_nodes.simulation.gel import Gel
 
-NEAR_BORDER_MM = 0.3
-
-
-@dataclass(frozen=True)
-class PressScores:
-    """Figures of merit over presses; the first three are the paper's, lengths in mm, forces in N."""
-
-    presses: int
-    armse_n: float
-    d_loc_mm: float
-    rmse_mc_n: float
-    total_rmse_n: float
-    total_p95_n: float
-    right_bin: float
-    position_median_mm: float
-    position_p95_mm: float
-
-
-@dataclass(frozen=True)
-class RestScores:
-    """What a model says while nothing touches: the total force it invents."""
-
-    frames: int
-    total_mean_n: float
-    total_rms_n: float
-    total_largest_n: float
-    largest_bin_n: float
+LIGHTEST_MM = 0.25
+"""Where the paper's depths begin; touches up to there are a set of their own."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A model's scores, by group of presses, and at rest."""
+    """A model's scores: by group of presses, at rest, of light touches, of its uncertainty, of unlike inputs.
 
+    What was not asked for, or what a model does not state, is None or empty. `answers` are what it all follows from.
+    """
+
+    name: str
     model_id: str
     groups: Mapping[str, PressScores]
     rest: RestScores | None
+    force_uncertainty: Uncertainty | None
+    position_uncertainty: Uncertainty | None
     fingerprint: str
+    answers: Predictions = dataclasses.field(repr=False)
     data: str = ''
+    light: LightScores | None = None
+    unlike: Mapping[str, UnlikeScores] = dataclasses.field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, object]:
-        return asdict(self)
+    def as_dict(self) -> dict[str, Any]:
+        """The scores as JSON knows them; what is not known is None."""
+        plain = _plain(asdict(dataclasses.replace(self, answers=None)))  # type: ignore[arg-type]
+        return {name: value for name, value in plain.items() if name != 'answers'}
 
 
 def evaluate(
-    model_file: Path | str, *, presses: int = 2000, seed: int = 1001, progress: Progress | None = None
+    model_file: Path | str, *, presses: int = 2000, seed: int = 1001, unlike: int = 0, progress: Progress | None = None
 ) -> Evaluation:
-    """Scores of a model on simulated presses of the gel that it was trained on, and as many frames at rest again.
+    """Scores of a model on simulated presses of the gel that it was trained on.
+
+    Of five frames one is at rest; half as many presses again are light touches (seed + 1), and `unlike` as many for
+    each way of disturbing the input (seed + 2).
 
     Raises:
-        ModelError: the file cannot be used, was trained on other data than simulated, or with this very seed.
+        ModelError: the file cannot be used, was trained on other data than simulated, or with one of these seeds.
     """
-    loaded = load_model(model_file)
+    loaded, progress = load_model(model_file), progress or Progress()
     config = evaluation_config(loaded, presses, seed)
-    return score(loaded, simulate(config, progress or Progress()))
+    dataset = simulate(config, progress)
+    light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress))
+    return dataclasses.replace(
+        score(loaded, dataset, simulated_words(loaded, config), name_of(model_file)),
+        light=score_light(light),
+        unlike=score_disturbed(loaded, config, unlike, progress) if unlike else {},
+    )
 
 
 def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | None = None) -> Evaluation:
@@ -87,23 +90,43 @@ def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | 
     """
     loaded = load_model(model_file)
     samples, words = evaluation_samples(loaded, load_dataset(file), split)
-    return score(loaded, samples, f'{file}: {words}')
+    return score(loaded, samples, f'{file}: {words}', name_of(model_file))
 
 
-def score(loaded: LoadedModel, dataset: Dataset, data: str = '') -> Evaluation:
+def evaluate_put_aside(model_file: Path | str, *, progress: Progress | None = None) -> Evaluation:
+    """Scores of a model on what its training put aside of its simulated grid: the paper's question.
+
+    Raises:
+        ModelError: the file cannot be used, or nothing was put aside.
+    """
+    loaded = load_model(model_file)
+    samples, words = simulated_test(loaded, progress or Progress())
+    return score(loaded, samples, words, name_of(model_file))
+
+
+def score(loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '') -> Evaluation:
     """Scores of a model on samples; `data` says which they are."""
-    predictions = predict(loaded, dataset)
-    forces = np.stack([each.normal_force_n.reshape(-1) for each in predictions])
-    positions = np.array([each.contact_mm for each in predictions])
-    bins = loaded.model.bins
-    groups = {
-        name: score_presses(dataset, forces, positions, chosen, bins)
-        for name, chosen in groups_of(dataset, bins).items()
-        if chosen.any()
-    }
-    untouched = forces[dataset.presses[:, 2] < 0]
-    rest = score_rest(untouched) if len(untouched) else None
-    return Evaluation(loaded.model_id, groups, rest, dataset.fingerprint, data)
+    answers = predictions_of(loaded, dataset)
+    return Evaluation(
+        name=name or loaded.model_id,
+        model_id=loaded.model_id,
+        groups=score_groups(answers),
+        rest=score_rest(answers),
+        force_uncertainty=force_uncertainty(answers),
+        position_uncertainty=position_uncertainty(answers),
+        fingerprint=dataset.fingerprint,
+        answers=answers,
+        data=data,
+    )
+
+
+def score_disturbed(
+    loaded: LoadedModel, config: TrainConfig, presses: int, progress: Progress
+) -> dict[str, UnlikeScores]:
+    """Scores by disturbance, over presses of the depths of `config`."""
+    data = dataclasses.replace(config.data, presses=presses * 5 // 4, seed=config.data.seed + 2)
+    samples = disturbed_samples(dataclasses.replace(config, data=data), progress)
+    return {name: score_unlike(predictions_of(loaded, dataset)) for name, dataset in samples.items()}
 
 
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
@@ -113,10 +136,13 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
         raise ModelError(
             f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
         )
-    if card['data']['seed'] == seed:
-        raise ModelError(f'model {loaded.model_id} was trained on presses of seed {seed}; choose another --seed')
+    if seed <= card['data']['seed'] <= seed + 2:
+        raise ModelError(
+            f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, and the evaluation takes '
+            f'those of {seed} to {seed + 2}; choose another --seed'
+        )
     data = DataConfig(
-        presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
+        presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,
         without_contact=0.2, crop=card['crop_px'],
     )  # fmt: skip
     gel = Gel.from_mapping({name: value for name, value in card['gel'].items() if name != 'id'}, 'the model card')
@@ -124,84 +150,30 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
     return TrainConfig(data=data, flow=flow, encoding=encoding, gel=gel)
 
 
-def predict(loaded: LoadedModel, dataset: Dataset) -> list[ForceMap]:
-    """The model's answers, one sample at a time as the live node asks."""
-    estimator = ForceEstimator(loaded.model)
-    name = loaded.model.layout.encoding
-    return [
-        estimator.predict(Features(name, values.astype(np.float32), dataset.confidence[rest]))
-        for values, rest in zip(dataset.features, dataset.rest, strict=True)
-    ]
+def light_config(config: TrainConfig, touches: int) -> TrainConfig:
+    """Touches from nothing to where the paper's depths begin."""
+    data = dataclasses.replace(
+        config.data, presses=touches, seed=config.data.seed + 1, shallowest_mm=0.0, deepest_mm=LIGHTEST_MM,
+        without_contact=0.0,
+    )  # fmt: skip
+    return dataclasses.replace(config, data=data)
 
 
-def groups_of(dataset: Dataset, bins: BinGrid) -> dict[str, np.ndarray]:
-    """Which presses are scored together: all, near to and away from a border between bins, and by depth."""
-    x, y, depth, _ = dataset.presses.T
-    touched = depth > 0
-    distance = np.array([bins.border_distance_mm(*place) for place in zip(x.tolist(), y.tolist(), strict=True)])
-    near = distance < NEAR_BORDER_MM
-    groups = {
-        'all presses': touched,
-        f'within {NEAR_BORDER_MM} mm of a bin border': touched & near,
-        'away from bin borders': touched & ~near,
-    }
-    for low, high in ((0.25, 0.5), (0.5, 1.0), (1.0, 2.0)):
-        below = depth <= high if high == 2.0 else depth < high  # the deepest presses of the paper are 2 mm deep
-        groups[f'{low} to {high} mm deep'] = touched & (depth >= low) & below
-    return groups
-
-
-def score_presses(
-    dataset: Dataset,
-    forces_n: Float32[np.ndarray, 'samples bins'],
-    positions_mm: np.ndarray,
-    chosen: np.ndarray,
-    bins: BinGrid,
-) -> PressScores:
-    """Scores over the chosen samples."""
-    true, predicted = dataset.labels(bins)[chosen], forces_n[chosen]
-    totals = metrics.total_errors_n(true, predicted)
-    away = np.hypot(*(positions_mm[chosen] - dataset.presses[chosen, :2]).T)
-    return PressScores(
-        presses=int(chosen.sum()),
-        armse_n=metrics.armse(true, predicted),
-        d_loc_mm=metrics.location_error_mm(true, predicted, bins),
-        rmse_mc_n=metrics.peak_rmse_n(true, predicted),
-        total_rmse_n=float(np.sqrt(np.mean(totals**2))),
-        total_p95_n=float(np.percentile(np.abs(totals), 95)),
-        right_bin=metrics.right_bin_share(true, predicted),
-        position_median_mm=float(np.median(away)),
-        position_p95_mm=float(np.percentile(away, 95)),
+def simulated_words(loaded: LoadedModel, config: TrainConfig) -> str:
+    """Which presses they are, and whether the gel is the one that the model was trained on."""
+    data, gel = config.data, config.gel.gel_id
+    words = (
+        f'simulated gel {gel}, random places within {2 * data.reach_mm:g}x{2 * data.reach_mm:g} mm and depths of '
+        f'{data.shallowest_mm:g} to {data.deepest_mm:g} mm, seed {data.seed}'
     )
+    if gel == loaded.gel:
+        return words
+    return f'{words}; NOT the gel of the training, {loaded.gel}, which an earlier release simulated: train it again'
 
 
-def score_rest(forces_n: Float32[np.ndarray, 'samples bins']) -> RestScores:
-    """Scores over frames in which nothing touches."""
-    totals = forces_n.sum(axis=1)
-    return RestScores(
-        frames=len(forces_n),
-        total_mean_n=float(totals.mean()),
-        total_rms_n=float(np.sqrt(np.mean(totals**2))),
-        total_largest_n=float(np.abs(totals).max()),
-        largest_bin_n=float(np.abs(forces_n).max()),
-    )
-
-
-def table(evaluation: Evaluation) -> str:
-    """The scores as text, one line a group."""
-    heads = ('presses', 'aRMSE N', 'd_loc mm', 'RMSE_mc N', 'total RMSE N', 'p95 N', 'right bin', 'place mm', 'p95 mm')
-    width = max(len(name) for name in evaluation.groups)
-    heading = [f'model {evaluation.model_id}', *filter(None, [evaluation.data])]
-    lines = [*heading, f'{"":{width}}  ' + '  '.join(heads)]
-    for name, scores in evaluation.groups.items():
-        cells = [str(scores.presses), *(f'{value:.4f}' for value in list(asdict(scores).values())[1:])]
-        lines.append(
-            f'{name:{width}}  ' + '  '.join(f'{cell:>{len(head)}}' for cell, head in zip(cells, heads, strict=True))
-        )
-    if (rest := evaluation.rest) is None:
-        return '\n'.join([*lines, 'at rest: the data set holds no image of the untouched gel'])
-    lines.append(
-        f'at rest, {rest.frames} frames: total {rest.total_mean_n:+.4f} N on average, {rest.total_rms_n:.4f} N RMS, '
-        f'{rest.total_largest_n:.4f} N at most; largest bin {rest.largest_bin_n:.4f} N'
-    )
-    return '\n'.join(lines)
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

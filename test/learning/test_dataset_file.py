@@ -179,7 +179,8 @@ def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize('split', ['sample', 'position'])
 def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path, tmp_path: Path, split: str) -> None:
     pytest.importorskip('torch')
-    from tactile_nodes.learning.evaluate import evaluate_recorded, table
+    from tactile_nodes.learning.evaluate import evaluate_recorded
+    from tactile_nodes.learning.evaluation_tables import report
     from tactile_nodes.learning.train import train
     from tactile_nodes.model_file import load_model
 
@@ -189,7 +190,7 @@ def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path,
     assert card['data']['fingerprint'] == load_dataset(file).fingerprint
     scores = evaluate_recorded(model, file)
     assert scores.groups['all presses'].presses == 3
-    assert f'put aside by {split}' in table(scores)
+    assert f'put aside by {split}' in report([scores])
     other = 'position' if split == 'sample' else 'sample'
     with pytest.raises(ModelError, match='it saw presses of the test set'):
         evaluate_recorded(model, file, split=other)
