@@ -1,0 +1,42 @@
+"""Whether the tip is free above the gel."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactile_nodes.collection.actions import Seen
+from tactile_nodes.collection.cycle import check_free
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.wrench import tare_of
+from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.errors import DeviceFaultError
+
+S = 1_000_000_000
+PLACE = (0.0, 0.0, 0.0)
+
+
+def samples(force_n: float = 0.0) -> tuple[Sample, ...]:
+    return tuple(Sample((0.0, 0.0, force_n, 0.0, 0.0, 0.0), at, at, 0, at, 0, 0, 0, ()) for at in range(10))
+
+
+def test_sensor_that_pauses_is_waited_for() -> None:
+    procedure = check_free(tare_of(samples()), CollectionSettings())
+    next(procedure)
+    look = procedure.send(Seen(S // 10, 0, PLACE))
+    assert look.since_ns == 0  # from the beginning of the first look
+    with pytest.raises(StopIteration):
+        procedure.send(Seen(S // 5, 0, PLACE, samples()))
+
+
+def test_tip_about_which_no_sample_tells_is_not_free() -> None:
+    procedure = check_free(tare_of(samples()), CollectionSettings())
+    next(procedure)
+    with pytest.raises(DeviceFaultError, match='nobody knows'):
+        procedure.send(Seen(3 * S, 0, PLACE))
+
+
+def test_tip_on_which_a_force_is_left_is_not_free() -> None:
+    procedure = check_free(tare_of(samples()), CollectionSettings())
+    next(procedure)
+    with pytest.raises(DeviceFaultError, match=r'0\.50 N are left'):
+        procedure.send(Seen(S // 10, 0, PLACE, samples(0.5)))
