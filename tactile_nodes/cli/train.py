@@ -1,4 +1,4 @@
-"""``tactile train``: make a force model from simulated or recorded presses."""
+"""``tactile train``: make a force model from simulated or recorded presses, and compare the runs that did."""
 
 from __future__ import annotations
 
@@ -7,14 +7,26 @@ import dataclasses
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
 
 DESCRIPTION = (
-    'Train a force model on presses of the simulated gel, or recorded ones. Ctrl-C keeps the best network so far.'
+    'Train a force model on presses of the simulated gel, or recorded ones. Every run has a folder with its settings, '
+    'its curves and where it stands: after a kill the same command goes on. Ctrl-C keeps the best network so far.'
 )
+EPILOG = """\
+examples:
+  tactile train config/train/quick.yaml          a small network in seconds, to try things out
+  tactile train config/train/paper.yaml          the paper's plan, network and training; killed, the same again goes on
+  tactile train config/train/paper.yaml --dataset presses.npz -o my_gel.safetensors
+                                                 the same on presses of a rig (see tactile dataset build)
+  tactile train --dataset presses.npz --split position
+  tactile train --compare runs/paper-* --picture curves.png
+                                                 settings that differ, scores, and curves of several runs
+  tensorboard --logdir runs                      the curves in a browser, if tensorboard is installed
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,17 +36,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
-    parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside of FILE for the test')
+    parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside for the test')
+    parser.add_argument('--device', choices=('auto', 'cpu', 'cuda'), help='where to train (auto: CUDA if there is one)')
+    parser.add_argument(
+        '--runs', type=Path, default=Path('runs'), metavar='DIR', help='where the folders of runs are (default: runs)'
+    )
+    parser.add_argument('--fresh', action='store_true', help='forget what an earlier start of this run reached')
+    parser.add_argument('--compare', nargs='+', type=Path, metavar='RUN', help='compare folders of runs; train nothing')
+    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='with --compare: also draw their curves')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train as the arguments say; 0 when the model is written."""
+    if arguments.compare:
+        return compare(arguments)
+    from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.train import import_torch, train
+    from tactile_nodes.learning.train import train
 
-    import_torch()  # before any press is rendered
-    config = chosen_config(arguments)
-    train(config, progress=TerminalProgress(), command=shlex.join(['tactile', *sys.argv[1:]]))
+    if arguments.picture:
+        raise ConfigurationError('--picture draws the curves of runs; name them with --compare RUN RUN')
+    train(
+        chosen_config(arguments),
+        progress=TerminalProgress(),
+        command=shlex.join(['tactile', *sys.argv[1:]]),
+        runs=arguments.runs,
+        fresh=arguments.fresh,
+    )
+    return 0
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    """Print how runs differ and did, and draw their curves."""
+    from tactile_nodes.learning.runs import read_run
+    from tactile_nodes.learning.runs_comparison import draw, table
+
+    told = [read_run(path) for path in arguments.compare]
+    print(table(told))
+    if arguments.picture:
+        draw(told, arguments.picture)
+        print(f'curves: {arguments.picture}')
     return 0
 
 
@@ -48,28 +89,20 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     config = load_train_config(arguments.config or paths.share_directory() / 'config' / 'train' / default)
     if arguments.presses is not None and arguments.presses < 20:
         raise ConfigurationError(f'--presses must be at least 20, got {arguments.presses}')
-    config = _with_file(config, arguments)
-    if arguments.presses is not None and config.data.file:
-        raise ConfigurationError('--presses says how many presses to simulate; a data set holds what it holds')
-    if arguments.output is not None:
-        config = dataclasses.replace(config, output=arguments.output)
-    if arguments.presses is not None:
-        config = dataclasses.replace(config, data=dataclasses.replace(config.data, presses=arguments.presses))
-    if arguments.seed is not None:
-        data = dataclasses.replace(config.data, seed=arguments.seed)
-        training = dataclasses.replace(config.training, seed=arguments.seed)
-        config = dataclasses.replace(config, data=data, training=training)
-    return config
-
-
-def _with_file(config: TrainConfig, arguments: argparse.Namespace) -> TrainConfig:
-    from tactile_nodes.errors import ConfigurationError
-
-    data = config.data
+    data, training = config.data, config.training
     if arguments.dataset is not None:
         data = dataclasses.replace(data, file=str(arguments.dataset))
-    if arguments.split is not None:
-        if not data.file:
-            raise ConfigurationError('--split says how to part recorded presses; give them with --dataset FILE')
-        data = dataclasses.replace(data, split=arguments.split)
-    return dataclasses.replace(config, data=data)
+    if arguments.presses is not None and data.file:
+        raise ConfigurationError('--presses says how many presses to simulate; a data set holds what it holds')
+    if arguments.split is not None and not data.file and data.plan == 'random':
+        raise ConfigurationError(
+            '--split parts recorded presses (--dataset FILE) or those of a grid; of random ones nothing is put aside'
+        )
+    data = dataclasses.replace(data, **_given(arguments, 'presses', 'seed', 'split'))
+    training = dataclasses.replace(training, **_given(arguments, 'seed', 'device'))
+    return dataclasses.replace(config, data=data, training=training, **_given(arguments, 'output'))
+
+
+def _given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Those of the arguments that the command line has."""
+    return {name: value for name in names if (value := getattr(arguments, name)) is not None}

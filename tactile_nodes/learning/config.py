@@ -90,12 +90,12 @@ class TrainingConfig:
     loss: str = parameter('armse', 'what is minimised after the warm-up', choices=('armse', 'mse'))
     warm_up_epochs: int = parameter(10, 'epochs with squared error before the loss', minimum=0)
     decay: float = parameter(1.0, 'factor on the step size per epoch', minimum=0.5, maximum=1.0)
-    rest_repeats: int = parameter(1, 'how often an epoch shows each frame without contact', minimum=1)
+    rest_repeats: int = parameter(1, 'how often an epoch shows each frame without contact; 0: never', minimum=0)
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     patience: int = parameter(50, 'epochs without a better validation loss before stopping', minimum=1)
     validation: float = parameter(0.1, 'share of the presses held back for validation', minimum=0.01, maximum=0.5)
     plateau: str = parameter('restart', 'what to do with a network that predicts nothing', choices=('restart', 'wait'))
-    plateau_epochs: int = parameter(20, 'epochs on the all-zero answer before a restart', minimum=1)
+    plateau_epochs: int = parameter(40, 'epochs on the all-zero answer before a restart', minimum=1)
     seed: int = parameter(1, 'seed of initial weights, order and dropout')
     threads: int = parameter(2, 'processor threads; the result depends on it in the last digits', minimum=1)
     device: str = parameter('auto', 'where to train; auto: CUDA when there is one', choices=('auto', 'cpu', 'cuda'))
@@ -104,12 +104,18 @@ class TrainingConfig:
 
 @dataclass(frozen=True)
 class ResponseConfig:
-    """The gel's response as splines, for the readout of that name."""
+    """How finely the response is measured."""
 
-    places: int = parameter(20, 'knots of the splines along x, and along y', minimum=4)
-    levels: int = parameter(6, 'knots along the force', minimum=3)
-    components: int = parameter(64, 'principal components of the features that are modelled', minimum=3)
-    power: float = parameter(0.6667, 'knots are even in the force to this power', minimum=0.1, maximum=1.0)
+    components: int = parameter(48, 'principal components of the features', minimum=3)
+    spacing_mm: float = parameter(2.0, 'distance between the knots along x and y', minimum=0.25)
+    levels: int = parameter(5, 'intervals between the knots along the force', minimum=1)
+    power: float = parameter(2 / 3, 'depth grows as the force to this power (Hertz)', minimum=0.1, maximum=2.0)
+    smoothing: tuple[float, ...] = parameter(
+        (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
+    )
+    confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
+    most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
+    seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
 
 
 @dataclass(frozen=True)
@@ -156,7 +162,7 @@ class TrainConfig:
     def resolved(self) -> dict[str, Any]:
         """The run as `load_train_config` reads it, every default filled in; no two keys mean the same."""
         blocks = {name: asdict(getattr(self, name)) for name in ('data', 'gel', 'network', 'response', 'training')}
-        methods = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
+        methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
         named = {block: {'name': made.name, 'options': made.options} for block, made in methods.items()}
         plain: dict[str, Any] = json.loads(json.dumps({'readout': self.readout, **named, **blocks}))
         return {'output': str(self.output), **plain}

@@ -12,23 +12,27 @@ import json
 import multiprocessing
 import signal
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float16, Float32
+from jaxtyping import Float16, Float32, Int
 
 from tactile_nodes import paths
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.reference import average
-from tactile_nodes.simulation.optics import Optics, Press, mix
+from tactile_nodes.simulation.optics import Optics, mix
 
 RECIPE = 1
 """Raised when the code below gives other samples for the same configuration."""
+PRESSES_PER_BLOCK = 250
+"""So many are rendered at a time where one rest image serves all."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +56,25 @@ class Dataset:
         labels[np.arange(len(labels)), places] = self.presses[:, 3]
         return labels
 
+    def take(self, rows: Int[np.ndarray, ' chosen']) -> Dataset:
+        """Some of the samples, under the fingerprint of all."""
+        return replace(self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows])
+
 
 @dataclass(frozen=True)
 class _Block:
-    """One rest image and the presses that are measured against it."""
+    """Presses that are measured against one rest image, from the `first` of the plan on."""
 
     config: TrainConfig
     number: int
+    first: int
     presses: int
     file: Path
+
+    @property
+    def rest_number(self) -> int:
+        """Blocks of one number share their rest image."""
+        return self.number if self.config.data.presses_per_rest_image else 0
 
 
 def simulate(config: TrainConfig, progress: Progress) -> Dataset:
@@ -87,9 +101,12 @@ def recipe_id(config: TrainConfig) -> str:
 
 
 def _blocks(config: TrainConfig, folder: Path) -> list[_Block]:
-    size, total = config.data.presses_per_rest_image, config.data.presses
-    counts = [min(size, total - first) for first in range(0, total, size)]
-    return [_Block(config, number, count, folder / f'{number:05}-{count}.npz') for number, count in enumerate(counts)]
+    size, total = config.data.presses_per_rest_image or PRESSES_PER_BLOCK, press_count(config.data)
+    counts = [(first, min(size, total - first)) for first in range(0, total, size)]
+    return [
+        _Block(config, number, first, count, folder / f'{number:05}-{count}.npz')
+        for number, (first, count) in enumerate(counts)
+    ]
 
 
 def _render(blocks: list[_Block], processes: int, progress: Progress) -> None:
@@ -125,12 +142,14 @@ def _render_block(block: _Block) -> int:
     table = contact_table(config.gel)
     optics = Optics(config.gel, table)
     flow, encoding = config.make_flow(), config.make_encoding()
-    seeds = _noise_seeds(config.data.seed, block.number)
-    rest = average([_crop(config, optics.render((), next(seeds))) for _ in range(config.data.frames_per_rest_image)])
+    seeds, rest_seeds = (_noise_seeds(config.data.seed, number) for number in (block.number, block.rest_number))
+    frames = config.data.frames_per_rest_image
+    rest = average([_crop(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)])
+    seeds = islice(seeds, frames, None)
     flow.set_reference(rest)
     encoding.set_reference(rest)
     features, presses = [], []
-    for press in random_presses(config, block.number, block.presses):
+    for press in planned_presses(config.data, block.number, block.first, block.presses):
         encoded = encoding.encode(flow.displacement(_crop(config, optics.render((press,), next(seeds)))))
         features.append(encoded.values.astype(np.float16))
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
@@ -138,16 +157,6 @@ def _render_block(block: _Block) -> int:
     np.savez(draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=encoded.confidence)
     draft.replace(block.file)
     return block.presses
-
-
-def random_presses(config: TrainConfig, block: int, count: int) -> list[Press]:
-    """Places and depths, uniform within the configuration's limits; some of them without contact."""
-    data = config.data
-    random = np.random.default_rng([data.seed, block])
-    x, y = random.uniform(-data.reach_mm, data.reach_mm, (2, count))
-    depth = random.uniform(data.shallowest_mm, data.deepest_mm, count)
-    depth[random.random(count) < data.without_contact] = -1.0
-    return [Press(*each) for each in zip(x.tolist(), y.tolist(), depth.tolist(), strict=True)]
 
 
 def _noise_seeds(seed: int, block: int) -> Iterator[int]:

@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.learning.config import Choice, TrainConfig
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.plans import press_numbers
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.split import Split, by_position, by_sample
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.simulation.gel import Gel
 
 
 @dataclass(frozen=True)
@@ -41,14 +44,88 @@ def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
     """
     if config.data.file:
         return recorded_data(config, load_dataset(config.data.file), progress)
+    return simulated_data(config, progress)
+
+
+def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
+    """Simulated presses; of a grid a part is put aside for the test, as of recorded ones.
+
+    Raises:
+        DatasetError: there are too few for that.
+    """
     dataset = simulate(config, progress)
-    return TrainingData(
-        config,
-        dataset,
-        held_out_share(len(dataset.presses), config),
-        {'id': config.gel.gel_id, **asdict(config.gel)},
-        {**config.data.simulated(), 'origin': 'simulated'},
+    origin = {**config.data.simulated(), 'origin': 'simulated', 'validation': config.training.validation}
+    if config.data.plan == 'random':
+        held_out = held_out_share(len(dataset.presses), config)
+    else:
+        split = simulated_split(dataset, config.data, config.training.validation)
+        _tell(split, f'{config.data.plan} plan', config.data.split, progress)
+        dataset, held_out = _without_test(dataset, split)
+        origin |= _split_entries(config, split)
+    return TrainingData(config, dataset, held_out, {'id': config.gel.gel_id, **asdict(config.gel)}, origin)
+
+
+def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:
+    """Training, validation and test set of simulated presses on a grid.
+
+    Raises:
+        DatasetError: there are too few.
+    """
+    if data.split == 'position':
+        places = dataset.presses[:, :2]
+        return by_position(places, seed=data.split_seed, test=data.test, validation=validation)
+    depth_mm = dataset.presses[:, 2]
+    numbers = press_numbers(depth_mm)
+    return by_sample(numbers, depth_mm, seed=data.split_seed, test=data.test, validation=validation)
+
+
+def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
+    """What the training of a model put aside of its grid of simulated presses, and in words what that is.
+
+    Raises:
+        ModelError: nothing was put aside, or this release simulates or splits other presses.
+    """
+    card = loaded.card
+    origin = card['data']
+    if 'split_id' not in origin or origin['origin'] != 'simulated':
+        raise ModelError(
+            f'the training of model {loaded.model_id} put no simulated presses aside; evaluate it on random ones'
+        )
+    known = {field.name for field in dataclasses.fields(DataConfig)}
+    data = DataConfig(**{name: value for name, value in origin.items() if name in known})
+    gel = Gel.from_mapping({name: value for name, value in card['gel'].items() if name != 'id'}, 'the model card')
+    config = TrainConfig(data=data, flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=gel)
+    dataset = simulate(config, progress)
+    split = simulated_split(dataset, data, origin['validation'])
+    if dataset.fingerprint != origin['fingerprint'] or split.split_id != origin['split_id']:
+        raise ModelError(
+            f'the presses that model {loaded.model_id} was trained on come out differently here (other releases of '
+            'OpenCV, numpy or tactile_nodes, or another processor); evaluate it on random ones, or train it again'
+        )
+    return dataset.take(split.test), f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
+
+
+def _without_test(dataset: Dataset, split: Split) -> tuple[Dataset, np.ndarray]:
+    chosen = np.sort(np.concatenate([split.train, split.validation]))
+    return dataset.take(chosen), np.isin(chosen, split.validation)
+
+
+def _tell(split: Split, what: str, by: str, progress: Progress) -> None:
+    progress.say(
+        f'{what}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
+        f'{len(split.test)} put aside for the test, split by {by}'
     )
+
+
+def _split_entries(config: TrainConfig, split: Split) -> dict[str, Any]:
+    """What makes the same split again."""
+    return {
+        'split': config.data.split,
+        'split_seed': config.data.split_seed,
+        'split_id': split.split_id,
+        'test': config.data.test,
+        'validation': config.training.validation,
+    }
 
 
 def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
@@ -69,10 +146,7 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
     data, validation = config.data, config.training.validation
     split = recordings.split(data.split, data.split_seed, test=data.test, validation=validation)
     chosen = np.sort(np.concatenate([split.train, split.validation]))
-    progress.say(
-        f'{data.file}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
-        f'{len(split.test)} put aside for the test, split by {data.split}'
-    )
+    _tell(split, data.file, data.split, progress)
     origin = {
         'origin': 'recorded',
         'file': Path(data.file).name,
@@ -80,11 +154,7 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
         'frames': recordings.card['frames'],
         'labels': recordings.card['labels']['reading'],
         'samples': len(recordings),
-        'split': data.split,
-        'split_seed': data.split_seed,
-        'split_id': split.split_id,
-        'test': data.test,
-        'validation': validation,
+        **_split_entries(config, split),
     }
     held_out = np.isin(chosen, split.validation)
     return TrainingData(config, recordings.as_samples(chosen), held_out, dict(recordings.card['gel']), origin)

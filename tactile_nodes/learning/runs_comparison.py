@@ -1,0 +1,99 @@
+"""Several training runs side by side: the settings in which they differ, how they ended, and their curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.learning.runs import Told
+
+SCORES = ('armse_n', 'rmse_mc_n', 'd_loc_mm', 'total_rmse_n', 'right_bin')
+CURVES = {
+    'armse_n': 'aRMSE, held out [N]',
+    'rmse_mc_n': 'RMSE_mc, held out [N]',
+    'd_loc_mm': 'd_loc, held out [mm]',
+    'loss': 'loss, training [unit of the outputs]',
+}
+
+
+def table(runs: Sequence[Told]) -> str:
+    """Settings that differ, then the scores of the best epoch, a column for each run."""
+    settings = [_flat(run.settings) for run in runs]
+    names = dict.fromkeys(name for each in settings for name in each)
+    differing = [name for name in names if len({str(each.get(name)) for each in settings}) > 1]
+    rows = [['', *(run.name for run in runs)]]
+    rows += [[name, *(str(each.get(name, '-')) for each in settings)] for name in differing]
+    outcomes = [_outcome(run) for run in runs]
+    rows += [[name, *(each[name] for each in outcomes)] for name in outcomes[0]]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(runs) + 1)]
+    return '\n'.join(
+        '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = '') -> dict[str, object]:
+    """{'data': {'seed': 1}} becomes {'data.seed': 1}."""
+    flat: dict[str, object] = {}
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f'{prefix}{name}.')
+        else:
+            flat[f'{prefix}{name}'] = value
+    return flat
+
+
+def _outcome(run: Told) -> dict[str, str]:
+    """What came of a run, or has so far."""
+    training = run.result.get('training', {})
+    best = run.result.get('validation') or min(run.epochs, key=lambda each: each['armse_n'], default={})
+    seconds = training.get('seconds', run.epochs[-1]['seconds'] if run.epochs else None)
+    return {
+        'model': str(run.result.get('model_id', '(not finished)')),
+        'parameters': str(run.result.get('parameters', '-')),
+        'epochs': str(training.get('epochs_run', len(run.epochs) or '-')),
+        'ended': str(training.get('ended', '-')),
+        'seconds': '-' if seconds is None else f'{seconds:.0f}',
+        'device': str(training.get('device', '-')),
+        **{f'held out: {name}': f'{best[name]:.4f}' if name in best else '-' for name in SCORES},
+    }
+
+
+def draw(runs: Sequence[Told], file: Path) -> None:
+    """Write the curves over the seconds of training; the file's ending says which kind of image.
+
+    Raises:
+        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        DatasetError: the file cannot be written.
+    """
+    figure = _figure()
+    for axis, (name, label) in zip(figure.subplots(2, 2).flat, CURVES.items(), strict=True):
+        for run in runs:
+            seconds = [each['seconds'] for each in run.epochs]
+            axis.plot(seconds, [each[name] for each in run.epochs], linewidth=1, label=run.name)
+        if name != 'd_loc_mm':
+            axis.set_yscale('log')
+        axis.set(xlabel='seconds of training', ylabel=label)
+        axis.grid(which='both', linewidth=0.3)
+    figure.axes[0].legend(fontsize='small')
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(file, dpi=120)
+    except ValueError as error:
+        raise ConfigurationError(f'cannot draw {file}: {error}') from error
+    except OSError as error:
+        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+
+
+def _figure() -> Any:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigurationError(
+            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
+        ) from error
+    figure = Figure(figsize=(11, 8), layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure
