@@ -34,6 +34,7 @@ BARRIER = 'G4 P0.01'
 REST_S = 3.0  # within which any feed comes to rest
 RESET_S = 3.0
 POLL_S = 0.03
+OFFSET_S = 0.01
 
 
 class GrblCnc(SerialCnc[GrblDialogue]):
@@ -57,13 +58,14 @@ class GrblCnc(SerialCnc[GrblDialogue]):
             self._open_port(), self._clock, self._settings, self._traffic, self._threaded
         )
         self._greet(dialogue)
-        self._identity = identity_of(dialogue.ask('$I', self._settings.answer_s).lines, dialogue.banner)
-        report = dialogue.fresh_report(self._settings.answer_s)
-        if is_moving(report) or report.state is CncState.HOLD:
-            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
-        self._read_settings(dialogue)
-        if report.state is not CncState.ALARM:
-            dialogue.ask(PREAMBLE, self._settings.answer_s)
+        restarts = dialogue.restarts
+        try:
+            self._introduce(dialogue)
+        except DeviceFaultError:
+            if dialogue.restarts == restarts:
+                raise
+            dialogue.forgive()  # a board that restarted once more, as some do after their port was opened
+            self._introduce(dialogue)
         dialogue.polling = True
 
     def home(self) -> None:
@@ -127,6 +129,9 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """As `Cnc.status`."""
         dialogue = self._talk()
         report = dialogue.fresh_report(self._settings.answer_s)
+        if dialogue.position is None:  # work coordinates, whose offset comes with every tenth or thirtieth report
+            dialogue.poll_until(lambda _: dialogue.position is not None, self._settings.answer_s, OFFSET_S)
+            report = dialogue.report or report
         position = dialogue.position
         if position is None:
             raise DeviceFaultError(f'{self._name} reports no place in machine coordinates; set $10=1')
@@ -147,6 +152,16 @@ class GrblCnc(SerialCnc[GrblDialogue]):
                     'the setting dtr, as some boards are in reset while the port is open'
                 ) from error
 
+    def _introduce(self, dialogue: GrblDialogue) -> None:
+        """Who it is, what it does, and how it is set up."""
+        self._identity = identity_of(dialogue.ask('$I', self._settings.answer_s).lines, dialogue.banner)
+        report = dialogue.fresh_report(self._settings.answer_s)
+        if report.state not in {CncState.IDLE, CncState.ALARM}:
+            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+        self._read_settings(dialogue)
+        if report.state is not CncState.ALARM:
+            dialogue.ask(PREAMBLE, self._settings.answer_s)
+
     def _read_settings(self, dialogue: GrblDialogue) -> None:
         lines = dialogue.ask('$$', self._settings.answer_s).lines
         self._memory = dict(pair for line in lines if (pair := setting_of(line)) is not None)
@@ -162,7 +177,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         try:
             dialogue.ask(self._settings.home_command or '$H', self._settings.home_s)
         finally:
-            dialogue.homing = False
+            dialogue.homing_over()
 
     # Motion.
 

@@ -14,7 +14,7 @@ SMALLEST_BUFFER = 128
 def identity_of(lines: list[str], banner: str) -> Identity:
     """Who answered ``$I``: by its answer, because banners can be set to anything."""
     fields = [line.strip('[]') for line in lines]
-    version = next((field[4:] for field in fields if field.startswith('VER:')), '')
+    version = next((field[4:].rstrip(':') for field in fields if field.startswith('VER:')), '')
     text = ' '.join([*fields, banner])
     firmware = 'grblHAL' if 'FIRMWARE:grblHAL' in text else 'FluidNC' if 'FluidNC' in text else 'Grbl'
     options = tuple(field for field in fields if not field.startswith('VER:'))
@@ -33,16 +33,24 @@ def buffer_bytes(identity: Identity) -> int:
 def travel(identity: Identity, memory: Mapping[int, str]) -> Envelope | None:
     """The machine's own box, from minus the travel to 0; None where its settings do not say (FluidNC).
 
-    grblHAL may be told to count up from the switch of an axis that homes to its lower end ($22 bit 3).
+    grblHAL ($22 bit 3) and Grbl (compiled so, a Z among its options) may count up from the switch of an axis that homes
+    to its lower end ($23).
     """
     if identity.firmware == 'FluidNC' or not {130, 131, 132} <= memory.keys():
         return None
-    counts_up = int(_number(memory, 23)) if identity.firmware == 'grblHAL' and int(_number(memory, 22)) & 8 else 0
+    counts_up = int(_number(memory, 23)) if _zero_at_switch(identity, memory) else 0
     sizes = [_number(memory, number) for number in (130, 131, 132)]
     up = [bool(counts_up & 1 << axis) for axis in range(3)]
     low = [0.0 if each else -size for each, size in zip(up, sizes, strict=True)]
     high = [size if each else 0.0 for each, size in zip(up, sizes, strict=True)]
     return Envelope((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _zero_at_switch(identity: Identity, memory: Mapping[int, str]) -> bool:
+    if identity.firmware == 'grblHAL':
+        return bool(int(_number(memory, 22)) & 8)
+    letters = next((option[4:].partition(',')[0] for option in identity.options if option.startswith('OPT:')), '')
+    return 'Z' in letters
 
 
 def check(name: str, identity: Identity, memory: Mapping[int, str], settings: CncSettings) -> list[str]:
@@ -54,17 +62,24 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
     if identity.firmware == 'FluidNC':
         return ['FluidNC keeps its settings in a file of its own: its limits are not checked here']
     if _number(memory, 32):
-        raise DeviceFaultError(f'{name} is in laser mode ($32=1), where motion goes on at corners; set $32=0')
+        raise DeviceFaultError(
+            f'{name} is in laser or lathe mode ($32={memory[32]}), where it moves otherwise than a mill; set $32=0'
+        )
     warnings = []
     for number, what, risk in ((20, 'soft limits', NO_SOFT_LIMITS), (22, 'homing', NO_HOMING)):
-        if not _number(memory, number):
+        if not _is_on(memory, number):
             _accepted(name, number, what, risk, settings)
-            warnings.append(f'{what} off (${number}=0)')
+            warnings.append(f'{what} off (${number}={memory.get(number, "?")})')
     if memory.get(1, '') != str(KEEP_MOTORS_ON):
         warnings.append(f'$1={memory.get(1, "?")}: motors let go at rest and the place may be lost; set $1=255')
     if _number(memory, 13):
         warnings.append('reports in inches ($13=1), converted')
     return warnings
+
+
+def _is_on(memory: Mapping[int, str], number: int) -> bool:
+    """By the lowest bit: on grblHAL $22 has more of them, which mean nothing without it."""
+    return bool(int(_number(memory, number)) & 1)
 
 
 def _accepted(name: str, number: int, what: str, risk: str, settings: CncSettings) -> None:
@@ -89,4 +104,4 @@ def acceleration_of(memory: Mapping[int, str], otherwise: float) -> float:
 
 def without_homing(memory: Mapping[int, str], settings: CncSettings) -> bool:
     """Whether this machine cannot home, and that is accepted."""
-    return NO_HOMING in settings.accept and not _number(memory, 22)
+    return NO_HOMING in settings.accept and not _is_on(memory, 22)

@@ -161,6 +161,11 @@ class GrblDialogue:
                 request.error = request.error or DeviceFaultError(f'{self.name}: {request.text!r} {why}')
             self.link.changed.notify_all()
 
+    def homing_over(self) -> None:
+        """A report that was asked for before it homed is not late: while it homes it answers none."""
+        with self.link.changed:
+            self.homing, self._owed_ns = False, self._clock.now_ns()
+
     def require_sound(self) -> None:
         """Raise what is wrong, if something is."""
         if wrong := self.fault or self.refusal:

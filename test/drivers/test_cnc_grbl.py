@@ -102,7 +102,7 @@ def pass_time(rig: Rig, seconds: float) -> None:
 
 def test_connecting_asks_who_where_and_how_and_changes_nothing() -> None:
     cnc = play(CONNECT, nothing)
-    assert cnc.identify().version == '1.1h.20190830:'
+    assert cnc.identify().version == '1.1h.20190830'
     assert cnc.limits.lowest_mm == (-120.0, -120.0, -60.0)
     assert cnc.description['$130'] == '120.000'
 
@@ -298,7 +298,7 @@ def test_damaged_reports_are_none(line: str) -> None:
     [
         ('$20=0', r'soft limits switched off \(\$20=0\); switch it on'),
         ('$22=0', r'homing switched off \(\$22=0\)'),
-        ('$32=1', r'laser mode \(\$32=1\)'),
+        ('$32=1', r'laser or lathe mode \(\$32=1\)'),
     ],
 )
 def test_dangerous_settings_are_refused(change: str, text: str) -> None:
