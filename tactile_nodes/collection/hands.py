@@ -125,6 +125,15 @@ class Hands:
         if self.asked_to_stop:
             raise InterruptedRunError
 
+    def home(self) -> None:
+        """Find the end switches. Raises as `run`."""
+        try:
+            self.cnc.home()
+        except DeviceError:
+            self.check()  # a stop by the safety breaks homing off: that is the reason then
+            raise
+        self.check()
+
     def wait(self, seconds: float) -> None:
         """Let time pass, watchfully. Raises as `run`."""
         end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
