@@ -1,0 +1,153 @@
+"""One run of a plan on a rig: journal, devices and campaign, from the first look at the bags to letting go of all."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_nodes.bus.log import Log
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.audit import audit
+from tactile_nodes.collection.campaign import Campaign
+from tactile_nodes.collection.journal import Journal
+from tactile_nodes.collection.order import ordered
+from tactile_nodes.collection.outlet import Outlet
+from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make_plan
+from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.recall import recalled
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.voice import Names, Voice
+from tactile_nodes.drivers.cnc import CncSettings, CncStatus
+from tactile_nodes.drivers.force_torque import ForceTorqueSettings
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import BusError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.params import parameter
+
+LEAVE_S = 1.5
+
+
+@dataclass(frozen=True)
+class RigSettings(CollectionSettings):
+    """A collection, with its plan, its devices, and where its traces are."""
+
+    folder: str = parameter('collection', 'where the journal lies, and the bags that it is compared with')
+    plan_file: str = parameter('', 'YAML of a plan (config/plans); empty: the plan below `plan`')
+    plan: PlanSettings = field(default_factory=PlanSettings)
+    cnc: CncSettings = field(default_factory=CncSettings)
+    force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
+    world: WorldSettings = field(default_factory=WorldSettings)
+    wait_s: float = parameter(20.0, 'how long camera and recorder may take to come', minimum=0.0)
+    require_recorder: bool = parameter(True, 'press only while somebody records')
+    sensor_frame_id: str = parameter('force_torque_sensor', 'frame of the force samples')
+    machine_frame_id: str = parameter('rig', "frame of the machine's coordinates")
+    surface_frame_id: str = parameter('gel_surface', 'frame of the presses')
+    camera_frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
+
+
+class Session:
+    """Opens everything; `run` does what is left of the plan.
+
+    Args:
+        settings: plan, devices and limits.
+        publishers: one for each of `voice.TOPICS`.
+        clock: the host's.
+        log: for a person.
+
+    Raises:
+        ConfigurationError: a plan, a journal or a limit that cannot be.
+        DeviceError: a device that does not come within `wait_s`.
+    """
+
+    def __init__(self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log) -> None:
+        self._settings = s = settings
+        self._clock = clock
+        self._log = log
+        plan = load_plan_settings(Path(s.plan_file)) if s.plan_file else s.plan
+        self.plan = make_plan(plan)
+        frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
+        names = Names(*frames, self.plan.plan_id, s.press.indenter)
+        self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm))
+        self._runner: threading.Thread | None = None
+        self._station: Station | None = None
+        self._journal = Journal(Path(s.folder) / f'{self.plan.plan_id}.jsonl', self.plan)
+        try:
+            self._audit()
+            self._station = self.station = station = self._opened()
+            outlet = Outlet(
+                voice.record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
+                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry),
+            )  # fmt: skip
+            order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
+            self.campaign = Campaign(
+                self.plan, order, self._journal, station.hands, s, s.cnc.safe_z_mm, outlet, period_s
+            )
+        except BaseException:
+            self.close()
+            raise
+
+    def run(self) -> str:
+        """Do what is left of the plan, in this thread; what came of it, in a sentence. Raises as `Campaign.run`."""
+        self._runner = threading.current_thread()
+        self._await_partners()
+        return self.campaign.run()
+
+    def stop(self) -> None:
+        """Let the run end, with the tip up; returns at once."""
+        self.station.hands.asked_to_stop = True
+
+    def close(self) -> None:
+        """End the run and let go of everything."""
+        if self._station is not None:
+            self.stop()
+            if self._runner is not None:
+                self._runner.join(LEAVE_S)
+            self._station.close()
+        self._journal.close()
+
+    def image(self, stamp_ns: int, image: Picture) -> None:
+        """An image has come. Raises ImageError."""
+        self.station.image(stamp_ns, image)
+
+    def _opened(self) -> Station:
+        """The devices, once they are there: a rig that was just switched on takes its time."""
+        s, voice = self._settings, self._voice
+        deadline_ns = self._clock.now_ns() + round(s.wait_s * NS_PER_S)
+        while True:
+            try:
+                return Station(
+                    s, s.cnc, s.force_torque, s.world, self._clock, voice.sample, self._on_status, voice.switched
+                )
+            except (DeviceNotFoundError, DeviceTimeoutError) as error:
+                if self._clock.now_ns() > deadline_ns:
+                    raise
+                self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)
+            self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 4)
+
+    def _on_status(self, status: CncStatus) -> None:
+        self._voice.status(status, self.campaign.now, self.campaign.surface)
+
+    def _await_partners(self) -> None:
+        """Camera and recorder; whether they came, the campaign finds out."""
+        deadline_ns = self._clock.now_ns() + round(self._settings.wait_s * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns and not self.station.hands.asked_to_stop:
+            if self.station.readings.frames(0) and (self._voice.is_recorded or not self._settings.require_recorder):
+                return
+            self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 20)
+
+    def _require_recorder(self) -> None:
+        if self._settings.require_recorder and not self._voice.is_recorded:
+            raise BusError('nobody records press, press_image and force_torque; start a recorder, then this again')
+
+    def _audit(self) -> None:
+        if self._journal.repaired:
+            self._log.warn(self._journal.repaired)
+        found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
+        if self._journal.done or missing:
+            self._log.info(
+                f'going on with plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
+                f'there, {found} of them just found in the bags; {missing} not found will be done again'
+            )

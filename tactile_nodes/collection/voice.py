@@ -1,0 +1,107 @@
+"""What a run tells the world: each measurement as a message to the publisher of its topic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tactile_nodes import conversions
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.topics import (
+    FORCE_TORQUE,
+    PRESS,
+    PRESS_IMAGE,
+    REFERENCE_IMAGE,
+    RIG_STATE,
+    SYNC_EDGE,
+    Topic,
+)
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection import telling
+from tactile_nodes.collection.cycle import Record
+from tactile_nodes.collection.journal import Entry
+from tactile_nodes.collection.plan import Point
+from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.surface import Surface
+from tactile_nodes.drivers.cnc import CncStatus, Switched
+from tactile_nodes.drivers.force_torque import Sample
+
+TOPICS = (FORCE_TORQUE, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
+LINE = 'press'
+BETWEEN = 0  # what the rig's state calls the press while there is none
+
+
+@dataclass(frozen=True)
+class Names:
+    """What messages say about themselves: frames, plan and indenter."""
+
+    sensor_frame: str
+    machine_frame: str
+    surface_frame: str
+    camera_frame: str
+    plan_id: str
+    indenter: str
+
+
+class Voice:
+    """Publishes what a run measures.
+
+    Args:
+        publishers: one for each of `TOPICS`.
+        names: as above.
+        clock: the host's.
+        gel_mm: the gel's centre in machine coordinates.
+    """
+
+    def __init__(
+        self, publishers: dict[Topic, Publisher], names: Names, clock: Clock, gel_mm: tuple[float, float]
+    ) -> None:
+        self._publishers = publishers
+        self._names = names
+        self._clock = clock
+        self._gel_mm = gel_mm
+        self._edges = 0
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether somebody listens to all that a press consists of."""
+        return all(self._publishers[topic].listeners for topic in (PRESS, PRESS_IMAGE, FORCE_TORQUE))
+
+    def sample(self, sample: Sample) -> None:
+        """A force sample."""
+        self._publishers[FORCE_TORQUE].publish(telling.sample_message(sample, self._names.sensor_frame))
+
+    def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
+        """Where the machine is, and which press is under way."""
+        press = BETWEEN if now is None else now.press
+        words, frame = status.state.value, self._names.machine_frame
+        told = telling.state_message(status, press, surface, self._gel_mm, words, frame)
+        self._publishers[RIG_STATE].publish(told)
+
+    def switched(self, switched: Switched) -> None:
+        """An edge of the digital line."""
+        self._edges += 1
+        edge = telling.edge_message(switched, self._edges, self._names.machine_frame, LINE)
+        self._publishers[SYNC_EDGE].publish(edge)
+
+    def record(self, record: Record) -> None:
+        """An attempt, after its images."""
+        for frame in (*record.rest, *record.frames):
+            self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
+        names = self._names
+        self._publishers[PRESS].publish(
+            telling.press_message(record, names.plan_id, names.indenter, names.surface_frame)
+        )
+
+    def suspect(self, entry: Entry, reason: str) -> None:
+        """An attempt counts no more."""
+        names, now_ns = self._names, self._clock.now_ns()
+        told = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
+        self._publishers[PRESS].publish(told)
+
+    def rest_image(self, image: Picture, at_ns: int) -> None:
+        """A new rest image."""
+        self._image(REFERENCE_IMAGE, image, at_ns)
+
+    def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:
+        head = conversions.header(stamp_ns, self._names.camera_frame)
+        self._publishers[topic].publish(conversions.image_message(image, head))
