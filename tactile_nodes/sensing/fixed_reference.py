@@ -1,29 +1,43 @@
 """Flow against a rest image that never changes: all that can be computed from it is computed once.
 
-The general methods build pyramids, gradients and normal matrices of both images for every frame. Here a frame costs
-its own pyramid and, for each patch, the dot products of `fixed_reference_patches`.
+General methods build pyramids, gradients and normal matrices of both images for every frame. Here a frame costs the
+dot products of `fixed_reference_patches`, once for each patch and once more where it moved to another pixel. A
+pyramid did not pay: patches that are not found at once are found from where their neighbours went, and where that
+fails too, a dense search helps out.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.fixed_reference_patches import PatchGrid, Templates, moved_image, shrunk
-from tactile_nodes.sensing.flow import DisplacementField, require_grey, require_like
+from tactile_nodes.sensing.fixed_reference_patches import Match, PatchGrid, Templates, moved_image, shrunk
+from tactile_nodes.sensing.flow import DisFlow, DisOptions, DisplacementField, require_grey, require_like
 
 AGAIN_PX = 0.6
 """A patch that turns out to lie further than this from where it was read is read again there."""
 
+LOST = 0.5
+"""A patch of which less than this share of the contrast is explained was not found."""
+
+ROUNDS = 2
+"""How many times lost patches are looked for where their neighbours went."""
+
+HOPELESS_SHARE = 0.2
+"""With more lost patches than this, neighbours are no help."""
+
+SEARCHES = (DisOptions(preset='ultrafast', finest_scale=1), DisOptions(preset='medium', finest_scale=0))
+"""Dense searches of the image at half size, a cheap one and a thorough one."""
+
+STRETCH_WORTH = 0.05
+"""How much more of a patch must be explained once stretching is undone: doing so costs sharpness."""
+
 OWN_WORTH = 0.05
 """The confidence at which a patch's own measurement counts as much as its neighbours' mean."""
-
-COARSE_WINDOW_PX = 13
-COARSE_PITCH_PX = 11.0
 
 
 @dataclass(frozen=True)
@@ -31,19 +45,18 @@ class InverseCompositionalOptions:
     """Options of the flow by patches.
 
     `rows` x `cols` patches, each `window` times as wide as their distance. `finest_scale` 0 measures at full size, 1 at
-    half, 2 at a quarter. `levels` images, each half the size of the one before, are searched from the smallest on;
-    with one level motion of more than about two pixels is lost. On each level patches that turn out to lie elsewhere
-    are read again, `iterations` times altogether. `texture_grey` is the root mean square gradient (grey levels per
-    pixel) at which a patch counts half. `threads` is what OpenCV is told to use.
+    half, 2 at a quarter. A patch is read at most `iterations` times from one start. `texture_grey` is the root mean
+    square gradient, in grey levels per pixel, at which a patch counts half. When more than `search_share` of the
+    patches are lost, a dense search is made: 1 never does. `threads` is what OpenCV is told to use.
     """
 
     rows: int = 40
     cols: int = 40
     finest_scale: int = 0
-    levels: int = 3
-    window: float = 1.4
+    window: float = 1.2
     iterations: int = 3
     texture_grey: float = 4.0
+    search_share: float = 0.01
     threads: int = 1
 
 
@@ -56,7 +69,7 @@ class InverseCompositionalFlow:
         self._options = options or InverseCompositionalOptions()
         _require_possible(self._options)
         self._reference: np.ndarray | None = None
-        self._levels: list[Templates] = []
+        self._templates: Templates
 
     @property
     def options(self) -> dict[str, object]:
@@ -64,60 +77,90 @@ class InverseCompositionalFlow:
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
-        full = image.astype(np.float32)
-        first = self._options.finest_scale
-        levels = [self._templates(full, first + level) for level in range(self._options.levels)]
-        self._reference, self._levels = image.copy(), levels
+        options, full = self._options, image.astype(np.float32)
 
-    def _templates(self, full: np.ndarray, scale: int) -> Templates:
-        def moved(right: float, down: float) -> np.ndarray:
-            return shrunk(moved_image(full, right * 2**scale, down * 2**scale), scale)
+        def moved(right_px: float, down_px: float) -> np.ndarray:
+            by = 2**options.finest_scale
+            return shrunk(moved_image(full, right_px * by, down_px * by), options.finest_scale)
 
-        return Templates(self._grid(shrunk(full, scale).shape, scale), moved)
-
-    def _grid(self, shape: tuple[int, ...], scale: int) -> PatchGrid:
-        options = self._options
-        height, width = shape
-        if scale == options.finest_scale:
-            pitch = max(height / options.rows, width / options.cols)
-            return PatchGrid((height, width), options.rows, options.cols, round(options.window * pitch))
-        rows, cols = (max(1, round(side / COARSE_PITCH_PX)) for side in shape)
-        return PatchGrid((height, width), rows, cols, COARSE_WINDOW_PX)
+        height, width = shrunk(image, options.finest_scale).shape
+        side = round(options.window * max(height / options.rows, width / options.cols))
+        self._templates = Templates(PatchGrid((height, width), options.rows, options.cols, side), moved)
+        self._reference = image.copy()
+        texture = np.square(self._templates.texture_grey)
+        self._known = texture / (texture + np.float32(options.texture_grey**2))
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
-        require_like(self._reference, image)
+        reference = require_like(self._reference, image)
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
-        pyramid = [shrunk(image, self._options.finest_scale)]
-        for _ in self._levels[1:]:
-            pyramid.append(shrunk(pyramid[-1]))
-        motion = np.zeros((1, 1, 2), np.float32)
-        confidence = np.zeros((1, 1), np.float32)
-        for templates, picture in zip(reversed(self._levels), reversed(pyramid), strict=True):
-            motion, confidence = self._refined(templates, picture, 2 * motion)
-        return DisplacementField(motion * np.float32(2**self._options.finest_scale), confidence)
+        picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
+        found = self._settled(picture)
+        if self._lost(found).size:
+            self._follow(found, picture)
+            for options in SEARCHES:
+                if self._lost(found).size <= self._options.search_share * len(found.explained):
+                    break
+                self._search(found, picture, (reference, image), options)
+        motion, confidence = self._by_row(found)
+        return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
 
-    def _refined(self, templates: Templates, picture: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Motion and confidence of one level's patches, from motion of another grid in this level's pixels."""
-        grid = templates.grid
-        start = cv2.resize(motion, (grid.cols, grid.rows), interpolation=cv2.INTER_LINEAR).reshape(-1, 2).T
-        found = templates.find(picture, start)
+    def _settled(self, picture: np.ndarray, start: np.ndarray | None = None, which: np.ndarray | None = None) -> Match:
+        """Patches (all, or those numbered) found from `start`, and read again where they turned out to lie."""
+        found = self._templates.find(picture, start, which)
+        read = np.zeros_like(found.motion_px) if start is None else np.rint(start)
         for _ in range(self._options.iterations - 1):
-            far = np.flatnonzero(np.abs(found.motion_px - np.rint(start)).max(axis=0) > AGAIN_PX)
+            far = np.flatnonzero(np.abs(found.motion_px - read).max(axis=0) > AGAIN_PX)
             if not far.size:
                 break
-            start = start.copy()
-            start[:, far] = found.motion_px[:, far]
-            nearer = templates.find(picture, start[:, far], far)
+            read[:, far] = np.rint(found.motion_px[:, far])
+            nearer = self._templates.find(picture, read[:, far], far if which is None else which[far])
             found.motion_px[:, far], found.explained[far] = nearer.motion_px, nearer.explained
-        texture = np.square(templates.texture_grey)
-        known = texture / (texture + np.float32(self._options.texture_grey**2))
-        confidence = (known * np.square(np.clip(found.explained, 0, 1))).reshape(grid.rows, grid.cols)
-        return filled(found.motion_px.T.reshape(grid.rows, grid.cols, 2), confidence), confidence
+        return found
+
+    def _lost(self, found: Match) -> Int[np.ndarray, ' lost']:
+        """Numbers of the patches that have texture but were not found."""
+        return np.flatnonzero((found.explained < LOST) & (self._known > 0.5))
+
+    def _follow(self, found: Match, picture: np.ndarray) -> None:
+        """Look for lost patches where their neighbours went."""
+        for _ in range(ROUNDS):
+            lost = self._lost(found)
+            if not 0 < lost.size < HOPELESS_SHARE * len(found.explained):
+                return
+            start = filled(*self._by_row(found)).reshape(-1, 2).T[:, lost]
+            found.improve(self._settled(picture, start, lost), lost)
+
+    def _search(
+        self,
+        found: Match,
+        picture: np.ndarray,
+        pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']],
+        options: DisOptions,
+    ) -> None:
+        """Start all patches from a dense search of rest image and image as well; lost ones take at least its word.
+
+        Those that are stretched are measured in an image in which the motion found was undone.
+        """
+        dense = dense_search(*pair, options, self._options.threads)
+        grid, by = self._templates.grid, np.float32(0.5**self._options.finest_scale)
+        start = by * cv2.resize(dense, (grid.cols, grid.rows), interpolation=cv2.INTER_AREA).reshape(-1, 2).T
+        lost = self._lost(found)
+        found.motion_px[:, lost], found.explained[lost] = start[:, lost], 0
+        found.improve(self._settled(picture, start))
+        straight = shrunk(undone(pair[1], dense), self._options.finest_scale)
+        left = self._templates.find(straight)
+        found.improve(Match(start + left.motion_px, left.explained), least=STRETCH_WORTH)
+
+    def _by_row(self, found: Match) -> tuple[np.ndarray, np.ndarray]:
+        """Motion and confidence as (rows, cols, 2) and (rows, cols)."""
+        shape = self._templates.grid.rows, self._templates.grid.cols
+        confidence = self._known * np.square(np.clip(found.explained, 0, 1))
+        return found.motion_px.T.reshape(*shape, 2), confidence.reshape(shape)
 
 
 def _require_possible(options: InverseCompositionalOptions) -> None:
-    least = {'rows': 1, 'cols': 1, 'finest_scale': 0, 'levels': 1, 'iterations': 1, 'threads': 1}
+    least = {'rows': 1, 'cols': 1, 'finest_scale': 0, 'iterations': 1, 'threads': 1, 'window': 0.5}
     for name, value in least.items():
         if getattr(options, name) < value:
             raise ConfigurationError(
@@ -128,10 +171,31 @@ def _require_possible(options: InverseCompositionalOptions) -> None:
 def filled(
     motion: Float32[np.ndarray, 'rows cols 2'], confidence: Float32[np.ndarray, 'rows cols']
 ) -> Float32[np.ndarray, 'rows cols 2']:
-    """Motion in which patches of little confidence take after their neighbours; nothing known anywhere near is 0."""
-    own = confidence[:, :, None]
-    around = cv2.GaussianBlur(np.dstack([motion * own, own]), (5, 5), 1.0, borderType=cv2.BORDER_REFLECT_101)
-    mean = around[:, :, :2] / (around[:, :, 2:] + np.float32(1e-3))
-    worth = np.float32(OWN_WORTH)
-    blend: np.ndarray = (own * motion + worth * mean) / (own + worth)
+    """Motion in which patches of little confidence take after their neighbours; where nothing is known near it is 0."""
+    known = np.empty((*confidence.shape, 3), np.float32)
+    known[:, :, 2] = confidence
+    np.multiply(motion, known[:, :, 2:], out=known[:, :, :2])
+    around = cv2.GaussianBlur(known, (5, 5), 1.0, borderType=cv2.BORDER_REFLECT_101)
+    around[:, :, :2] *= np.float32(OWN_WORTH) / (around[:, :, 2:] + np.float32(1e-3))
+    blend: np.ndarray = (known[:, :, :2] + around[:, :, :2]) / (known[:, :, 2:] + np.float32(OWN_WORTH))
     return blend
+
+
+def dense_search(
+    reference: UInt8[np.ndarray, 'h w'], image: UInt8[np.ndarray, 'h w'], options: DisOptions, threads: int
+) -> Float32[np.ndarray, 'h w 2']:
+    """Displacement of each pixel by dense inverse search at half size."""
+    search = DisFlow(replace(options, threads=threads))
+    search.set_reference(shrunk(reference))
+    field = search.displacement(shrunk(image)).displacement_px
+    dense: np.ndarray = cv2.resize(2 * field, image.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return dense
+
+
+def undone(image: UInt8[np.ndarray, 'h w'], motion: Float32[np.ndarray, 'h w 2']) -> UInt8[np.ndarray, 'h w']:
+    """The image with its content moved back to where it was at rest."""
+    height, width = image.shape
+    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
+    across, down = motion[:, :, 0] + x, motion[:, :, 1] + y
+    straight: np.ndarray = cv2.remap(image, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
+    return straight

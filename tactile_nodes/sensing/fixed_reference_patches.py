@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int32
-from numpy.lib.stride_tricks import as_strided
+from jaxtyping import Float32, Int, Int32
 
 SAMPLES_PX = np.linspace(-0.8, 0.8, 5)
 """Motions of the rest image, on each axis, that the polynomials are fitted to."""
@@ -43,6 +42,14 @@ class Match:
     motion_px: Float32[np.ndarray, '2 patches']
     explained: Float32[np.ndarray, ' patches']
 
+    def improve(self, other: Match, numbers: Int[np.ndarray, ' some'] | None = None, *, least: float = 0.0) -> None:
+        """Take over from another match, of all patches or those numbered, what it explains better by `least`."""
+        mine = self.explained if numbers is None else self.explained[numbers]
+        better = np.flatnonzero(other.explained > mine + least)
+        mended = better if numbers is None else numbers[better]
+        self.motion_px[:, mended] = other.motion_px[:, better]
+        self.explained[mended] = other.explained[better]
+
 
 class PatchGrid:
     """Where patches lie: rows x cols centres evenly over an image, a square window about each, all within the image."""
@@ -56,13 +63,11 @@ class PatchGrid:
         corner = np.round(centre - self.window_px / 2).astype(np.int32)
         self.corner: Int32[np.ndarray, '2 patches'] = np.clip(corner, 0, self.furthest)
 
-    def windows(
-        self, image: np.ndarray, corner: Int32[np.ndarray, '2 patches']
-    ) -> Float32[np.ndarray, 'patches pixels']:
-        """The pixels of windows, by their upper left corners, which must lie in the image."""
+    def windows(self, image: np.ndarray, corner: Int32[np.ndarray, '2 some']) -> Float32[np.ndarray, 'some pixels']:
+        """The pixels of windows of an image without gaps, by their upper left corners, which must lie in it."""
         side, (height, width) = self.window_px, image.shape
         places = (height - side + 1, width - side + 1, side, side)
-        every = as_strided(image, places, image.strides * 2, writeable=False)
+        every: np.ndarray = np.ndarray(places, image.dtype, image, strides=image.strides * 2)
         found: np.ndarray = every[corner[1], corner[0]].reshape(corner.shape[1], -1).astype(np.float32)
         return found
 
@@ -110,44 +115,52 @@ class Templates:
         return np.ascontiguousarray(np.linalg.solve(normal, miss).transpose(2, 1, 0), np.float32)
 
     def _linear(
-        self, pixels: Float32[np.ndarray, 'patches pixels'], which: np.ndarray | slice
-    ) -> tuple[Float32[np.ndarray, '2 patches'], Float32[np.ndarray, ' patches']]:
+        self, pixels: Float32[np.ndarray, 'some pixels'], which: np.ndarray | slice
+    ) -> tuple[Float32[np.ndarray, '2 some'], Float32[np.ndarray, ' some']]:
         """The linear model's answer, and the share of each patch's contrast that it explains."""
-        part = np.matmul(self._basis[which], pixels[:, :, None])[:, :, 0].T
+        part = np.matmul(self._basis[which], pixels[:, :, None])[:, :, 0].T.copy()
         total = np.einsum('pn->p', pixels)
         contrast = np.einsum('pn,pn->p', pixels, pixels) - total * total / np.float32(pixels.shape[1])
         explained = np.einsum('kp,kp->p', part, part) / np.maximum(contrast, 1)
-        unmix = self._unmix[:, which]
-        v = unmix[5] * part[2]
-        u = unmix[3] * part[1] + unmix[4] * part[2]
-        gain = unmix[0] * part[0] + unmix[1] * part[1] + unmix[2] * part[2]
-        answer = np.stack([u, v]) / np.maximum(gain, LEAST_GAIN)
-        return np.clip(answer, -LARGEST_ANSWER_PX, LARGEST_ANSWER_PX), explained
+        unmixed = np.einsum('jkp,kp->jp', self._unmix[:, :, which], part)
+        answer = unmixed[1:] / np.maximum(unmixed[0], LEAST_GAIN)
+        return np.clip(answer, -LARGEST_ANSWER_PX, LARGEST_ANSWER_PX, out=answer), explained
 
     def find(
-        self, image: np.ndarray, start_px: Float32[np.ndarray, '2 patches'], which: np.ndarray | slice = slice(None)
+        self,
+        image: np.ndarray,
+        start_px: Float32[np.ndarray, '2 some'] | None = None,
+        numbers: Int[np.ndarray, ' some'] | None = None,
     ) -> Match:
-        """Find patches (all, or those numbered) in an image, each looked for where `start_px` expects it."""
+        """Find patches (all, or those numbered) in an image: at home, or where `start_px` expects them."""
+        which = slice(None) if numbers is None else numbers
         home = self.grid.corner[:, which]
-        corner = np.clip(home + np.rint(start_px).astype(np.int32), 0, self.grid.furthest)
-        answer, explained = self._linear(self.grid.windows(image, corner), which)
-        mended = answer + np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*answer))
-        return Match(mended + (corner - home).astype(np.float32), explained)
+        corner = home if start_px is None else home + np.rint(start_px).astype(np.int32)
+        corner = corner if start_px is None else np.clip(corner, 0, self.grid.furthest)
+        motion, explained = self._linear(self.grid.windows(image, corner), which)
+        motion += np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*motion))
+        if start_px is not None:
+            motion += corner - home
+        return Match(motion, explained)
 
 
-def _inverse(triangle: np.ndarray, least: float) -> Float32[np.ndarray, '6 patches']:
-    """Upper triangles inverted, row by row, with diagonals of at least `least`."""
+def _inverse(triangle: np.ndarray, least: float) -> Float32[np.ndarray, '3 3 patches']:
+    """Upper triangles inverted, with diagonals of at least `least`."""
     safe = triangle.copy()
     diagonal = np.einsum('pkk->pk', safe)
     diagonal[:] = np.where(np.abs(diagonal) < least, least, diagonal)
-    row, column = np.triu_indices(3)
-    return np.ascontiguousarray(np.linalg.inv(safe)[:, row, column].T, np.float32)
+    return np.ascontiguousarray(np.linalg.inv(safe).transpose(1, 2, 0), np.float32)
 
 
 def _terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Products of two numbers up to the third degree, but no constant: what does not move needs no mending."""
-    xx, xy, yy = x * x, x * y, y * y
-    return np.stack([x, y, xx, xy, yy, x * xx, y * xx, x * yy, y * yy])
+    terms = np.empty((9, *x.shape), x.dtype)
+    terms[0], terms[1] = x, y
+    np.multiply(terms[:2], x, out=terms[2:4])
+    np.multiply(y, y, out=terms[4])
+    np.multiply(terms[2:5], x, out=terms[5:8])
+    np.multiply(terms[4], y, out=terms[8])
+    return terms
 
 
 def moved_image(image: Float32[np.ndarray, 'h w'], dx_px: float, dy_px: float) -> Float32[np.ndarray, 'h w']:

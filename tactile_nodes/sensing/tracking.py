@@ -94,13 +94,15 @@ class FeatureTracker:
 
 def overlay(
     image: UInt8[np.ndarray, 'h w'],
-    field_px: Float32[np.ndarray, 'h w 2'],
+    field_px: Float32[np.ndarray, 'rows cols 2'],
     *,
     spacing_px: int = 11,
     gain: float = 4.0,
     least_px: float = 0.25,
 ) -> UInt8[np.ndarray, 'h w 3']:
     """The image with an arrow wherever it moved by `least_px` or more, `gain` times as long as the motion (BGR)."""
+    if field_px.shape[:2] != image.shape:
+        field_px = cv2.resize(field_px, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     half = spacing_px // 2
     for y in range(half, image.shape[0], spacing_px):

@@ -34,7 +34,9 @@ def middle_of(flow: FlowMethod, image: np.ndarray) -> np.ndarray:
     return flow.displacement(image).displacement_px[rows // 5 : -rows // 5, cols // 5 : -cols // 5]
 
 
-@pytest.mark.parametrize('shift', [(0.02, -0.01), (0.1, 0.0), (0.5, 0.5), (1.5, -0.8), (-6.3, 4.4), (5.0, -7.5)])
+@pytest.mark.parametrize(
+    'shift', [(0.02, -0.01), (0.1, 0.0), (0.5, 0.5), (1.5, -0.8), (-6.3, 4.4), (5.0, -7.5), (21.0, -24.5)]
+)
 @pytest.mark.parametrize('options', [{}, SMALL])
 def test_every_patch_reads_a_shift_of_any_size_with_its_signs(speckle: np.ndarray, shift, options):
     found = middle_of(flow_of(speckle, **options), shifted(speckle, *shift))
@@ -130,7 +132,7 @@ def test_flow_without_a_rest_image_says_what_is_missing(speckle: np.ndarray):
 
 
 @pytest.mark.parametrize(
-    'options', [{'rows': 0}, {'levels': 0}, {'window': 'wide'}, {'speed': 1}, {'finest_scale': -1}]
+    'options', [{'rows': 0}, {'iterations': 0}, {'window': 'wide'}, {'speed': 1}, {'finest_scale': -1}]
 )
 def test_wrong_options_are_refused(options: dict[str, object]):
     with pytest.raises(ConfigurationError):
@@ -138,11 +140,11 @@ def test_wrong_options_are_refused(options: dict[str, object]):
 
 
 @pytest.mark.shared_data
-@pytest.mark.parametrize(('frame', 'shift'), [('04', 0.4), ('08', 0.8), ('10', 1.0)])
+@pytest.mark.parametrize(('frame', 'shift'), [('04', 0.4), ('08', 0.8), ('10', 1.0), ('25', 25.0)])
 def test_somebody_elses_speckle_moves_as_commanded(shared_data: Path, frame: str, shift: float):
     rest, image = (
         cv2.imread(str(shared_data / 'dic_rigid_shift' / f'rigid_cam0_frame{each}.tiff'), cv2.IMREAD_GRAYSCALE)
         for each in ('00', frame)
     )
     found = middle_of(flow_of(rest, **SMALL), image)
-    np.testing.assert_allclose(np.median(found, axis=(0, 1)), [shift, -shift], atol=0.01)
+    np.testing.assert_allclose(np.median(found, axis=(0, 1)), [shift, -shift], atol=0.01 if shift < 2 else 0.05)
