@@ -26,8 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='also disturb the input (other gel, knocked camera, covered lens, ...), N presses each (200)',
     )  # fmt: skip
     parser.add_argument(
-        '--put-aside', action='store_true', help='score what the training put aside of its simulated grid of presses'
-    )
+        '--put-aside', nargs='?', const='', metavar='MODEL',
+        help='score what the training (of MODEL, for all) put aside of its simulated grid of presses',
+    )  # fmt: skip
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='score recorded presses instead of simulated ones')
     parser.add_argument(
         '--split', choices=('sample', 'position'), help='which test set of FILE (default: what the training put aside)'
@@ -57,11 +58,11 @@ def _check(arguments: argparse.Namespace) -> None:
 
     if arguments.presses < 1 or arguments.unlike < 0:
         raise ConfigurationError('--presses must be at least 1, and --unlike no less than 0')
-    if arguments.dataset and arguments.put_aside:
+    if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
     if arguments.split and not arguments.dataset:
         raise ConfigurationError('--split says which part of recorded presses to score; give them with --dataset FILE')
-    if arguments.unlike and (arguments.dataset or arguments.put_aside):
+    if arguments.unlike and (arguments.dataset or arguments.put_aside is not None):
         raise ConfigurationError('--unlike disturbs simulated random presses; leave out --dataset and --put-aside')
 
 
@@ -73,8 +74,9 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     model, progress = find_model(name), TerminalProgress()
     if arguments.dataset:
         return evaluate_recorded(model, arguments.dataset, split=arguments.split)
-    if arguments.put_aside:
-        return evaluate_put_aside(model, progress=progress)
+    if arguments.put_aside is not None:
+        of = find_model(arguments.put_aside) if arguments.put_aside else None
+        return evaluate_put_aside(model, of=of, progress=progress)
     return evaluate(model, presses=arguments.presses, seed=arguments.seed, unlike=arguments.unlike, progress=progress)
 
 

@@ -26,7 +26,7 @@ from tactile_nodes.learning.evaluation_scores import (
 from tactile_nodes.learning.evaluation_uncertainty import Uncertainty, force_uncertainty, position_uncertainty
 from tactile_nodes.learning.evaluation_unlike import UnlikeScores, score_unlike
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.source import evaluation_samples, simulated_test
+from tactile_nodes.learning.source import evaluation_samples, simulated_split, simulated_test
 from tactile_nodes.model_file import LoadedModel, load_model
 from tactile_nodes.simulation.gel import Gel
 
@@ -93,15 +93,46 @@ def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | 
     return score(loaded, samples, f'{file}: {words}', name_of(model_file))
 
 
-def evaluate_put_aside(model_file: Path | str, *, progress: Progress | None = None) -> Evaluation:
-    """Scores of a model on what its training put aside of its simulated grid: the paper's question.
+def evaluate_put_aside(
+    model_file: Path | str, *, of: Path | str | None = None, progress: Progress | None = None
+) -> Evaluation:
+    """Scores of a model on what the training of a model (itself unless told) put aside of its simulated grid.
+
+    On a grid position that was trained at other depths this is the paper's question.
 
     Raises:
-        ModelError: the file cannot be used, or nothing was put aside.
+        ModelError: a file cannot be used, nothing was put aside, or the model may have learned from these presses.
     """
-    loaded = load_model(model_file)
-    samples, words = simulated_test(loaded, progress or Progress())
+    loaded, progress = load_model(model_file), progress or Progress()
+    other = load_model(of) if of is not None else loaded
+    if other.model_id == loaded.model_id:
+        samples, words = simulated_test(loaded, progress)
+    else:
+        samples, words = _put_aside_of(other, loaded, progress)
     return score(loaded, samples, words, name_of(model_file))
+
+
+def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
+    """What another model's training put aside, with the flow and the features of this one."""
+    theirs, ours = other.card['data'], loaded.card['data']
+    if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
+        raise ModelError(f'the training of model {other.model_id} put no simulated presses aside; name another model')
+    if ours.get('plan') == theirs['plan'] and ours.get('split_id') != theirs['split_id']:
+        raise ModelError(
+            f'model {loaded.model_id} was trained on another part of the {theirs["plan"]} plan than model '
+            f'{other.model_id}, so it may have seen what that put aside; train it with the same split'
+        )
+    known = {each.name for each in dataclasses.fields(DataConfig)}
+    data = DataConfig(**{name: value for name, value in theirs.items() if name in known})
+    dataset = simulate(dataclasses.replace(config_of(loaded), data=data), progress)
+    split = simulated_split(dataset, data, theirs['validation'])
+    if split.split_id != theirs['split_id']:
+        raise ModelError(
+            f'what the training of model {other.model_id} put aside comes out differently here (another release of '
+            'numpy or tactile_nodes); train it again'
+        )
+    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan of model {other.model_id}'
+    return dataset.take(split.test), words
 
 
 def score(loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '') -> Evaluation:
@@ -145,9 +176,15 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
         presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,
         without_contact=0.2, crop=card['crop_px'],
     )  # fmt: skip
-    gel = Gel.from_mapping({name: value for name, value in card['gel'].items() if name != 'id'}, 'the model card')
-    flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
-    return TrainConfig(data=data, flow=flow, encoding=encoding, gel=gel)
+    return dataclasses.replace(config_of(loaded), data=data)
+
+
+def config_of(loaded: LoadedModel) -> TrainConfig:
+    """What simulated presses need to know of a model: its gel, flow and features."""
+    gel = {name: value for name, value in loaded.card['gel'].items() if name != 'id'}
+    return TrainConfig(
+        flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=Gel.from_mapping(gel, 'the model card')
+    )
 
 
 def light_config(config: TrainConfig, touches: int) -> TrainConfig:

@@ -24,7 +24,7 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     Raises:
         ConfigurationError: matplotlib is not installed or does not know the ending, or the file cannot be written.
     """
-    figure, axes = _figure(2, 3)
+    figure, axes = subplots(2, 3)
     presses = found[found.touched]
     force, place = force_uncertainty(found), position_uncertainty(found)
     _map(axes[0, 0], presses, presses.away_mm, 'median error of the place', 'mm')
@@ -52,7 +52,12 @@ def save(figure: Any, file: Path) -> None:
         raise ConfigurationError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
 
 
-def _figure(rows: int, cols: int) -> tuple[Any, Any]:
+def subplots(rows: int, cols: int) -> tuple[Any, Any]:
+    """A figure and its axes, (rows, cols).
+
+    Raises:
+        ConfigurationError: matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
