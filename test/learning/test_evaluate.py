@@ -1,0 +1,164 @@
+"""Evaluation of small models made by hand, on presses that are rendered for it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.learning import evaluation_disturbed as disturbed
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.learning.evaluate import Evaluation, evaluate, evaluate_put_aside
+from tactile_nodes.learning.evaluation_picture import cell_medians, draw
+from tactile_nodes.learning.evaluation_tables import comparison, report
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.source import simulated_data
+from tactile_nodes.model_file import save_model
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.simulation.gel import Gel
+
+pytestmark = pytest.mark.usefixtures('own_cache')
+
+
+def config_for(**data: object) -> TrainConfig:
+    settings = {'presses': 20, 'seed': 3, 'frames_per_rest_image': 2, 'processes': 1, **data}
+    return TrainConfig(data=DataConfig(**settings), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))  # type: ignore[arg-type]
+
+
+def save(file: Path, config: TrainConfig, origin: dict[str, object], seed: int = 1) -> Path:
+    """A network of random weights: what it says is nonsense, but it says it."""
+    random = np.random.default_rng(seed)
+    shape = (10, 10, 2)
+    scaling = InputScaling(np.zeros(shape, np.float32), np.ones(shape, np.float32), np.ones((10, 10), np.float32))
+    network = Mlp((random.normal(0, 0.01, (81, 200)).astype(np.float32),), (np.zeros(81, np.float32),))
+    readout = NetworkReadout(scaling, network, config.bins, spread=TotalSpread(0.5, 0.1))
+    card = {
+        'flow': {'name': config.flow.name, 'options': config.make_flow().options},
+        'encoding': {'name': config.encoding.name, 'options': config.make_encoding().options},
+        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)}, 'data': origin,
+        'training': {'seconds': 2.0, 'device': 'cpu'},
+    }  # fmt: skip
+    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *shape), config.bins, readout), card)
+    return file
+
+
+def random_model(file: Path, seed: int = 1) -> Path:
+    config = config_for()
+    return save(file, config, {**config.data.simulated(), 'origin': 'simulated'}, seed)
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return random_model(tmp_path_factory.mktemp('models') / 'nonsense.safetensors')
+
+
+@pytest.fixture(scope='module')
+def scores(model: Path, own_cache: Path) -> Evaluation:
+    return evaluate(model, presses=16)
+
+
+def test_presses_rest_and_light_touches_are_scored(scores: Evaluation) -> None:
+    assert scores.rest is not None
+    assert scores.light is not None
+    assert scores.groups['all presses'].presses + scores.rest.frames == 20
+    assert scores.light.touches == 8
+    assert scores.force_uncertainty is not None
+    assert scores.position_uncertainty is None
+    assert (scores.answers.depth_mm[scores.answers.touched] >= 0.25).all()
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_the_trainings_own_seed_is_refused_for_each_set(model: Path, seed: int) -> None:
+    with pytest.raises(ModelError, match='was trained on presses of seed 3'):
+        evaluate(model, presses=16, seed=seed)
+
+
+def test_scores_as_json_say_null_of_what_is_unknown(scores: Evaluation) -> None:
+    plain = json.loads(json.dumps(scores.as_dict(), allow_nan=False))
+    assert plain['position_uncertainty'] is None
+    assert 'answers' not in plain
+    assert plain['groups']['all presses']['presses'] == scores.groups['all presses'].presses
+
+
+def test_unknown_numbers_are_dashes_in_tables(scores: Evaluation) -> None:
+    row = comparison([scores]).rows[0]
+    assert row[0] == 'nonsense'
+    assert row[-1] == '-'  # it states no uncertainty of places
+    assert row[-2].endswith('%')
+
+
+def test_several_models_stand_side_by_side(scores: Evaluation, tmp_path: Path) -> None:
+    other = evaluate(random_model(tmp_path / 'other.safetensors', seed=2), presses=16)
+    assert other.fingerprint == scores.fingerprint
+    text = report([scores, other])
+    assert text.startswith('side by side')
+    assert {'model nonsense', 'model other'} <= {line.split(' (')[0] for line in text.splitlines()}
+
+
+def test_a_gel_that_is_simulated_otherwise_now_is_told(tmp_path: Path) -> None:
+    config = config_for()
+    file = random_model(tmp_path / 'old.safetensors')
+    gel = {**asdict(config.gel), 'id': 'ofanearlier'}
+    card = {'flow': {'name': 'dis', 'options': {}}, 'encoding': dataclasses.asdict(config.encoding), 'crop_px': 440}
+    from tactile_nodes.model_file import load_model
+
+    loaded = load_model(file)
+    save_model(file, loaded.model, {**card, 'gel': gel, 'data': loaded.card['data']})
+    from tactile_nodes.learning.evaluate import evaluation_config, simulated_words
+
+    changed = load_model(file)
+    assert 'NOT the gel of the training, ofanearlier' in simulated_words(changed, evaluation_config(changed, 8, 1001))
+
+
+def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path, tmp_path: Path) -> None:
+    config = config_for(plan='paper')
+    data = simulated_data(config, Progress())
+    origin = {**data.origin, 'fingerprint': data.dataset.fingerprint}
+    grid = save(tmp_path / 'grid.safetensors', config, origin)
+    own = evaluate_put_aside(grid)
+    assert own.groups['all presses'].presses == 4  # a fifth of 20
+    assert 'put aside by sample of the paper plan' in own.data
+    np.testing.assert_allclose(evaluate_put_aside(model, of=grid).answers.place_mm, own.answers.place_mm)
+    other = save(tmp_path / 'other.safetensors', config, {**origin, 'split_id': 'another'}, seed=2)
+    with pytest.raises(ModelError, match='may have seen what that put aside'):
+        evaluate_put_aside(other, of=grid)
+    with pytest.raises(ModelError, match='put no simulated presses aside'):
+        evaluate_put_aside(grid, of=model)
+
+
+def test_a_knocked_camera_moves_the_image_by_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    knocked = disturbed.Disturbance('knocked', knock_px=1.0)
+    monkeypatch.setattr(disturbed, 'DISTURBANCES', (disturbed.UNDISTURBED, knocked))
+    config = config_for(presses=6, without_contact=0.9, seed=8)
+    samples = disturbed.disturbed_samples(config, Progress())
+    rest = samples['as trained'].presses[:, 2] < 0
+    moved = {name: each.features[rest].astype(float)[:, 3:7, 3:7].mean(axis=(0, 1, 2)) for name, each in samples.items()}
+    assert np.hypot(*moved['as trained']) < 0.02
+    assert np.hypot(*moved['knocked']) == pytest.approx(1.0, abs=0.1)
+    np.testing.assert_array_equal(samples['knocked'].presses, samples['as trained'].presses)
+
+
+def test_a_linear_gel_is_pressed_by_its_tip_alone() -> None:
+    linear = dataclasses.replace(config_for(), gel=Gel(mechanics='linear'))
+    assert {each.indenter for each in disturbed.possible(linear)} == {'tip'}
+    assert {each.indenter for each in disturbed.possible(config_for())} == {'tip', 'ball', 'punch'}
+
+
+def test_cells_of_the_error_map_hold_the_median_of_their_presses() -> None:
+    place = np.array([[-1.0, -1.0]] * 3 + [[1.0, -1.0]] * 3 + [[1.0, 1.0]] * 2)
+    medians = cell_medians(place, np.array([1.0, 2.0, 9.0, 4.0, 5.0, math.nan, 7.0, 7.0]), np.array([-2.0, 0.0, 2.0]))
+    assert medians[0, 0] == 2.0  # rows along +y, columns along +x
+    assert np.isnan([medians[0, 1], medians[1, 1], medians[1, 0]]).all()  # fewer than three
+
+
+def test_a_picture_is_drawn(scores: Evaluation, tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    draw(scores.answers, 'nonsense', tmp_path / 'errors.png')
+    assert (tmp_path / 'errors.png').read_bytes().startswith(b'\x89PNG')
