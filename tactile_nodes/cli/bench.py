@@ -7,6 +7,7 @@ import importlib
 
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
 BENCHMARKS = {
+    'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
