@@ -52,6 +52,7 @@ class PressSettings:
     steady_n_s: float = parameter(0.1, 'greatest |dF/dt| that is steady, beyond what noise makes of it', minimum=0.001)
     steady_grey: float = parameter(0.5, 'greatest image change that is steady, beyond noise [grey levels]', minimum=0.0)
     settle_s: float = parameter(5.0, 'a press that is not steady by then is rejected', minimum=0.1)
+    shows_n: float = parameter(0.3, 'such a force must show in the images; 0.0: none must [N]', minimum=0.0)
     frames: int = parameter(5, 'images to record', minimum=1)
     rest_frames: int = parameter(1, 'images of the untouched gel to record before each press', minimum=0)
     window_s: float = parameter(0.1, 'force is recorded for so long at least', minimum=0.01)
@@ -106,7 +107,7 @@ class MountingSettings:
 class SyncSettings:
     """How the digital line is switched apart from presses, so that other recorders' clocks can be fitted."""
 
-    pulses: int = parameter(5, 'pulses of the irregular pattern at start and end of a run; 0: none', minimum=0)
+    pulses: int = parameter(6, 'pulses of the irregular pattern at start and end of a run; 0: none', minimum=0)
     every: int = parameter(200, 'presses after which it is switched again; 0: at start and end alone', minimum=0)
 
 

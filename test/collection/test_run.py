@@ -44,8 +44,8 @@ def test_line_is_high_during_each_window_only(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.campaign.run()
     edges = run.world.line_edges()
-    assert len(edges) == 10 + 24 + 10  # a pattern before the first press, and one after the last
-    edges = edges[10:-10]
+    assert len(edges) == 12 + 24 + 12  # a pattern before the first press, and one after the last
+    edges = edges[12:-12]
     for record, rise, fall in zip(run.told, edges[::2], edges[1::2], strict=True):
         assert rise.level and not fall.level
         assert rise.stamp_ns <= record.start_ns < record.end_ns <= fall.stamp_ns

@@ -48,7 +48,7 @@ def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:
 
 
 def test_a_pattern_takes_one_and_a_half_seconds_an_edge() -> None:
-    assert pattern_s(SETTINGS) == pytest.approx(10 * 1.45)
+    assert pattern_s(SETTINGS) == pytest.approx(12 * 1.45)
 
 
 def alike_presses(presses: int, with_pattern: bool) -> np.ndarray:
