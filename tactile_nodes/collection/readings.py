@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -36,16 +37,7 @@ class Frame:
         Raises:
             ImageError: the image is smaller than a block.
         """
-        image = self.image
-        rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
-        if not rows or not columns:
-            raise ImageError(
-                f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones'
-            )
-        cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
-        sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
-        sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
-        return (sums / BLOCK_PX**2).astype(np.float32)
+        return _block_means(self.image)
 
 
 def frame_of(stamp_ns: int, image: Picture) -> Frame:
@@ -68,6 +60,30 @@ def change(a: Frame, b: Frame) -> float:
     if a.blocks.shape != b.blocks.shape:
         raise ImageError('the images have changed their size; leave the camera settings alone during a run')
     return float(np.abs(a.blocks - b.blocks).max())
+
+
+def _block_means(image: npt.NDArray[np.unsignedinteger]) -> npt.NDArray[np.float32]:
+    rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
+    if not rows or not columns:
+        raise ImageError(f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones')
+    cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
+    sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
+    sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
+    return (sums / BLOCK_PX**2).astype(np.float32)
+
+
+def pattern_change(a: Frame, b: Frame) -> float:
+    """The greatest root mean square, over a block, of the change of its pixels: it sees markers that move in a block.
+
+    Noise of 3 grey levels in both gives a little more than 4.2; a tip that is 0.8 mm deep in the paper's gel, 16.
+
+    Raises:
+        ImageError: they differ in size.
+    """
+    if a.image.shape != b.image.shape:
+        raise ImageError('the images have changed their size; leave the camera settings alone during a run')
+    square = np.square(a.image.astype(np.int32) - b.image).astype(np.uint32)
+    return math.sqrt(float(_block_means(square).max()))
 
 
 class Readings:

@@ -2,7 +2,7 @@
 
 At each corner the tip goes down in steps, each followed by a look at the force, until the force is five sigma and a
 minimum above the tare; backs off; and repeats that with smaller steps. After a touch it goes a few steps on, and the
-loading line F^(2/3) over depth (a sphere on an elastic body, Hertz) is drawn back to F = 0.
+loading line F^(2/3) over depth (a sphere on an elastic body, Hertz), or F of a flat punch, is drawn back to F = 0.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare, pressing_n, tare_of, wrenches
 from tactile_nodes.errors import DeviceFaultError
 
-HERTZ = 2 / 3
+HERTZ, FLAT = 2 / 3, 1.0  # powers of the force that are linear in the depth
 BACK_OFF_STEPS = 6
 FEWEST = 3
 CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
@@ -123,7 +123,7 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         if loading or force > 5 * noise + surface.least_n:
             loading.append((seen.place_mm[2], force))
         if len(loading) > surface.beyond:
-            return touch_mm(loading)
+            return touch_mm(loading, FLAT if 'flat' in settings.press.indenter.lower() else HERTZ)
     raise DeviceFaultError(
         f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
         'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
@@ -139,8 +139,8 @@ def _felt(dwell_s: float) -> Procedure[Seen]:
     return seen
 
 
-def touch_mm(loading: Sequence[tuple[float, float]]) -> float:
-    """The height at which the line through F^(2/3) over height meets 0.
+def touch_mm(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> float:
+    """The height at which the line through F^power over height meets 0.
 
     A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0.
 
@@ -148,7 +148,7 @@ def touch_mm(loading: Sequence[tuple[float, float]]) -> float:
         DeviceFaultError: the force does not grow with depth.
     """
     heights = np.array([z for z, _ in loading])
-    roots = np.array([max(force, 0.0) ** HERTZ for _, force in loading])
+    roots = np.array([max(force, 0.0) ** power for _, force in loading])
     slope, offset = np.polyfit(heights, roots, 1)
     if slope >= 0:
         raise DeviceFaultError('the force does not grow where the tip goes down; does it move at all?')

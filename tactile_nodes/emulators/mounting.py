@@ -30,7 +30,10 @@ class Mounted:
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """In the sensor's axes, in N and N·m."""
-        fx, fy, fz, tx, ty, tz = self.world.wrench_at(time_ns)
+        wrench = self.world.wrench_at(time_ns)
+        if not any(wrench):  # most of the time
+            return self.unloaded
+        fx, fy, fz, tx, ty, tz = wrench
         force, torque = self._turned(fx, fy, fz), self._turned(tx, ty, tz)
         zero = self.unloaded
         return (

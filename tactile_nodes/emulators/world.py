@@ -26,6 +26,7 @@ from tactile_nodes.simulation.optics import Press
 
 Wrench = tuple[float, float, float, float, float, float]
 
+NOTHING: Wrench = (0.0,) * 6
 STIFF_N_PER_MM = 100.0  # the stiff layer under the gel, which a crash runs into
 
 
@@ -169,7 +170,9 @@ class World:
     def tip_at(self, time_ns: int) -> Vector:
         """The lowest point of the tip in machine coordinates, were nothing in its way to bend it."""
         with self._lock:
-            epoch = next(each for each in reversed(self._epochs) if each.start_ns <= time_ns or each is self._epochs[0])
+            epoch = self._epochs[-1]
+            if epoch.start_ns > time_ns and len(self._epochs) > 1:
+                epoch = next((each for each in reversed(self._epochs) if each.start_ns <= time_ns), self._epochs[0])
             return epoch.tip(self._motor.position(time_ns))
 
     def press_at(self, time_ns: int) -> Press:
@@ -193,6 +196,8 @@ class World:
     def wrench_at(self, time_ns: int) -> Wrench:
         """As `WrenchSource.wrench_at`: the tip does not go sideways, so the force is along the surface's normal."""
         force, (nx, ny, nz) = self.force_at(time_ns), self._slope
+        if force == 0:
+            return NOTHING
         arm_m = self.settings.tool_mm / 1000
         return force * nx, force * ny, force * nz, arm_m * force * ny, -arm_m * force * nx, 0.0
 

@@ -25,6 +25,10 @@ def sample(at_ms: int, fz: float) -> Sample:
     return Sample((0.0, 0.0, fz, 0.0, 0.0, 0.0), at_ms * MS, at_ms * MS, 0, at_ms, 0, 0, 0, ())
 
 
+def test_flat_punch_is_drawn_back_along_a_straight_line() -> None:
+    assert touch_mm([(-0.1, 0.2), (-0.2, 0.4)], power=1.0) == pytest.approx(0.0)
+
+
 def test_force_on_the_gel_is_the_reverse_of_what_the_sensor_feels_about_the_middle_of_the_surface() -> None:
     read = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
     (found,) = on_gel(read, ZERO, MountingSettings(), (10.0, 0.0, -1.0))

@@ -11,7 +11,11 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.drivers.camera import CameraSettings, KnowsTruth, SceneSettings
 from tactile_nodes.drivers.camera_opening import open_camera
 from tactile_nodes.drivers.camera_simulated import build_scene
+from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation import worlds
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.scene import WorldScene
 
 
 def test_frames_are_stamped_at_the_instants_of_the_rate(jumping: SteppedClock) -> None:
@@ -95,3 +99,15 @@ def test_a_gel_file_with_an_unknown_property_is_refused(tmp_path: Path) -> None:
 def test_a_rate_of_zero_is_refused(jumping: SteppedClock) -> None:
     with pytest.raises(ConfigurationError, match='set fps'):
         open_camera(CameraSettings(fps=0.0), jumping)
+
+
+def test_a_camera_of_a_shared_world_shows_the_gel_of_that_world_as_soon_as_it_is_there(jumping: SteppedClock) -> None:
+    camera = open_camera(CameraSettings(scene=SceneSettings(world='of this test')), jumping)
+    before = camera.read(1.0).image
+    world = World(WorldSettings(start_mm=(-60.0, -60.0, -31.0)), Gel(seed=5))
+    worlds.share('of this test', world)
+    frame = camera.read(1.0)
+    assert (frame.image == WorldScene(world).render(frame.stamp_ns)).all()
+    assert np.mean(before != frame.image) > 0.3
+    assert isinstance(camera, KnowsTruth)
+    assert camera.truth(frame.stamp_ns).total_n == pytest.approx(world.force_at(frame.stamp_ns))

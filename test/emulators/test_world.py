@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tactile_nodes.emulators.motion import Braking, Timeline, Trapezoid, line
 from tactile_nodes.emulators.world import STIFF_N_PER_MM, Edge, World, WorldSettings
+from tactile_nodes.simulation.gel import Gel
 
 S = 1_000_000_000
 ACCELERATION = (100.0, 100.0, 100.0)
@@ -134,3 +135,57 @@ def test_moves_queue_up_and_a_brake_forgets_those_to_come() -> None:
     assert machine.motor_at(end_ns)[0] == pytest.approx(-20.0)
     machine.brake(S // 2, 200.0)
     assert -10.0 < machine.motor_at(end_ns)[0] < 0.0
+
+
+SETTLING = Gel(settling_share=0.2, settling_s=0.4)
+
+
+def held(depth_mm: float = 1.0) -> tuple[World, int]:
+    """A world whose gel settles, pressed at 10 mm/s; and when the tip came to rest."""
+    machine = World(WorldSettings(start_mm=(-60.0, -60.0, -29.0)), SETTLING, coarse_table())
+    return machine, machine.go((-60.0, -60.0, -30.0 - depth_mm), 10.0, S)
+
+
+def test_a_held_press_settles_to_the_force_of_the_table() -> None:
+    """What a standard linear solid has beyond its settled force falls by e in each 0.4 s."""
+    machine, rest_ns = held()
+    settled = coarse_table().force_at(1.0)
+    beyond = [machine.force_at(rest_ns + round(t * S)) - settled for t in (0.0, 0.4, 3.2)]
+    assert beyond[0] > 0.1 * settled
+    assert beyond[1] / beyond[0] == pytest.approx(math.exp(-1), rel=0.01)
+    assert beyond[2] < 0.001 * settled
+
+
+def test_a_sensor_that_asks_for_the_past_of_a_settling_gel_hears_what_was_felt_then() -> None:
+    times = [S + round(step * S / 37) for step in range(80)]
+    forwards, _ = held()
+    backwards, _ = held()
+    felt = [forwards.force_at(each) for each in times]
+    assert [backwards.force_at(each) for each in reversed(times)] == felt[::-1]
+
+
+def test_a_tip_that_leaves_a_settling_gel_leaves_a_dent_that_the_camera_sees() -> None:
+    machine, rest_ns = held()
+    up_ns = machine.go((-60.0, -60.0, -29.0), 50.0, rest_ns + 2 * S)
+    (dent,) = machine.presses_at(up_ns)
+    assert machine.force_at(up_ns) == 0
+    assert 0.1 < dent.depth_mm < 0.5
+    assert machine.presses_at(up_ns + 10 * S) == ()
+
+
+def test_steps_of_a_motor_make_no_new_place_in_a_settling_gel() -> None:
+    machine, rest_ns = held()
+    machine.go((-60.0 + 1e-4, -60.0, -31.0), 10.0, rest_ns)
+    assert len(machine.presses_at(rest_ns + S)) == 1
+
+
+def test_the_world_presses_with_the_indenter_that_it_was_told() -> None:
+    ball = World(WorldSettings(start_mm=(-60.0, -60.0, -30.5), indenter='ball'))
+    (press,) = ball.presses_at(0)
+    assert (press.indenter, ball.indenter_name) == ('ball', 'sphere 6 mm')
+    # Hertz: at the same depth the force goes with the root of the radius, sqrt(3 / 0.6) = 2.2, and more in a layer.
+    assert ball.force_at(0) > 2.2 * World(WorldSettings(start_mm=(-60.0, -60.0, -30.5))).force_at(0)
+
+
+def test_a_gel_is_named_by_the_settings() -> None:
+    assert World(WorldSettings(gel='lifelike'), table=coarse_table()).gel.exposure_s == 0.008
