@@ -11,6 +11,7 @@ BENCHMARKS = {
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
+    'collection': 'a whole collection in simulated time, into a real bag',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 
