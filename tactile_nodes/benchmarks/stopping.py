@@ -36,7 +36,7 @@ from tactile_nodes.errors import DeviceFaultError
 LIMIT_N = 0.4
 SAFE_Z_MM, ABOVE_MM, DEEP_MM = -26.0, 0.3, 2.5
 TRAVEL_MM_MIN = 1200.0
-TARE_S = 0.2
+TARE_S, FEWEST = 0.2, 50
 WORST = ('p50', 'p99', 'worst')
 
 
@@ -67,7 +67,7 @@ def measure(feed_mm_min: float, stops: int, divider: int = 7) -> list[Seen]:
         DeviceError: a device failed, or the limit did not act.
     """
     with tempfile.TemporaryDirectory() as folder, _rig(Path(folder), divider) as (pipe, cnc, force_torque):
-        limits = LimitSettings(force_n=LIMIT_N, force_rate_n_s=1e6, force_silence_ms=500.0)
+        limits = LimitSettings(force_n=LIMIT_N, force_rate_n_s=1e6, force_silence_ms=2000.0)
         settings = CollectionSettings(limits=limits)
         station = Station(settings, cnc, force_torque, WorldSettings(), SystemClock(), *(lambda _: None,) * 3)
         try:
@@ -155,7 +155,10 @@ def _ready(settings: CollectionSettings) -> Procedure[None]:
     s = settings.surface
     yield Go(s.gel_x_mm, s.gel_y_mm, feed_mm_min=TRAVEL_MM_MIN)
     yield Go(z=WorldSettings().gel_z_mm + ABOVE_MM, feed_mm_min=TRAVEL_MM_MIN)
-    yield SetTare(tare_of((yield Look(TARE_S)).samples))
+    seen = yield Look(TARE_S)
+    while len(seen.samples) < FEWEST:  # a busy machine may be late
+        seen = yield Look(TARE_S)
+    yield SetTare(tare_of(seen.samples))
 
 
 def _down(feed_mm_min: float) -> Procedure[None]:

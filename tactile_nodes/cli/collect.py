@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ examples:
   tactile launch collect plan:=paper                   does it
 """
 HEIGHT_MM = 4.0
+SHOWN = 150  # presses whose way is drawn: more cannot be told apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,12 +72,18 @@ def _draw(order: Sequence[Point], file: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ConfigurationError('drawing needs matplotlib; install it with: pip install matplotlib') from error
-    figure = Figure(figsize=(7, 7))
-    axes = figure.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=f'{len(order)} presses')
-    xs, ys = [point.x_mm for point in order], [point.y_mm for point in order]
-    axes.plot(xs, ys, linewidth=0.3, color='0.6')
-    drawn = axes.scatter(xs, ys, c=range(len(order)), s=8, zorder=2)
-    figure.colorbar(drawn, label='order', shrink=0.8)
+    figure = Figure(figsize=(7.5, 6.5), layout='constrained')
+    shown = order[:SHOWN]
+    title = f'{len(order)} presses; the way of the first {len(shown)}'
+    axes = figure.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=title)
+    visits = Counter(point[1:3] for point in order)
+    first = {place: number for number, place in reversed(list(enumerate((point[1:3] for point in order), start=1)))}
+    axes.plot([point.x_mm for point in shown], [point.y_mm for point in shown], linewidth=0.6, color='0.6', zorder=1)
+    sizes = [8 * visits[place] ** 0.5 for place in first]
+    drawn = axes.scatter([x for x, _ in first], [y for _, y in first], c=list(first.values()), s=sizes, zorder=2)
+    axes.plot(*order[0][1:3], marker='x', color='red', zorder=3)
+    axes.annotate(' start', order[0][1:3], color='red')
+    figure.colorbar(drawn, label='number of the first press at this place', shrink=0.8)
     try:
         figure.savefig(file)
     except (OSError, ValueError) as error:

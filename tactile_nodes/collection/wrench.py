@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from tactile_nodes.collection.settings import MountingSettings
 from tactile_nodes.drivers.force_torque import Sample, Wrench
+from tactile_nodes.errors import DeviceTimeoutError
 
 Array = npt.NDArray[np.float64]
 NS_PER_S = 1e9
@@ -43,7 +44,13 @@ class Tare:
 
 
 def tare_of(samples: Sequence[Sample]) -> Tare:
-    """The mean of at least one sample; an axis that is not measured stays NaN."""
+    """The mean; an axis that is not measured stays NaN.
+
+    Raises:
+        DeviceTimeoutError: there is no sample.
+    """
+    if not samples:
+        raise DeviceTimeoutError('no force sample came to take a zero from; look at the force/torque sensor')
     table = wrenches(samples)
     return Tare(as_wrench(table.mean(axis=0)), as_wrench(table.std(axis=0)), len(samples), samples[-1].stamp_ns)
 
