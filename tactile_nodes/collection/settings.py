@@ -53,6 +53,7 @@ class PressSettings:
     steady_grey: float = parameter(0.5, 'greatest image change that is steady, beyond noise [grey levels]', minimum=0.0)
     settle_s: float = parameter(5.0, 'a press that is not steady by then is rejected', minimum=0.1)
     shows_n: float = parameter(0.3, 'such a force must show in the images; 0.0: none must [N]', minimum=0.0)
+    shows_n: float = parameter(0.3, 'such a force must show in the images; 0.0: none must [N]', minimum=0.0)
     frames: int = parameter(5, 'images to record', minimum=1)
     rest_frames: int = parameter(1, 'images of the untouched gel to record before each press', minimum=0)
     window_s: float = parameter(0.1, 'force is recorded for so long at least', minimum=0.01)
