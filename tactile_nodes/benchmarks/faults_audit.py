@@ -19,7 +19,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.audit import bags_below
-from tactile_nodes.collection.readings import change, frame_of
+from tactile_nodes.collection.readings import frame_of, pattern_change
 from tactile_nodes.errors import BagError
 from tactile_nodes.messages import stamp_ns, types
 
@@ -199,7 +199,7 @@ def _pressed(press: types.Press, images: list[tuple[int, Any]]) -> _Pressed:
     before = [(at_ns, image) for at_ns, image in images if at_ns < start_ns]
     contrast = 0.0
     if inside and before:
-        contrast = change(frame_of(*before[-1]), frame_of(*inside[-1]))
+        contrast = pattern_change(frame_of(*before[-1]), frame_of(*inside[-1]))
     recorded = press.status == types.Press.STATUS_RECORDED and press.frames > 0
     is_whole = bool(recorded and len({at_ns for at_ns, _ in inside}) >= press.frames)
     return _Pressed((press.press, press.attempt), press.status, start_ns, end_ns, is_whole, contrast)

@@ -27,6 +27,7 @@ RIG = '/emulated_rig'
 SAFE_MM, GEL_MM, ROOM_MM = -4.0, (-20.0, -20.0, -8.0), (40.0, 40.0, 12.0)
 START_MM = (-12.0, -14.0, -2.0)
 LIMITS = 'force_silence_ms: 200.0, camera_silence_ms: 1000.0'  # as config/rigs/emulated.yaml has them
+ROOM_BYTES = 20_000
 TRIGGER_MM = 0.2  # deep, and on its way down
 PLAN = 'kind: grid\ncolumns: {columns}\nrows: {rows}\npitch_mm: 5.0\ndepths_mm: [0.8]\n'
 DEVICES = """\
@@ -134,8 +135,11 @@ class Launch:
         os.kill(self._pid(process), number)
 
     def fill_disk(self, process: str) -> None:
-        """From now on no file of a process may grow."""
-        resource.prlimit(self._pid(process), resource.RLIMIT_FSIZE, (1, 1))
+        """From now on no file of a process may grow by more than `ROOM_BYTES`."""
+        pid = self._pid(process)
+        files = (Path(each.path) for each in os.scandir(f'/proc/{pid}/fd'))
+        largest = max((file.stat().st_size for file in files if file.is_file()), default=0)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (largest + ROOM_BYTES,) * 2)
 
     def told_since(self, at_ns: int) -> list[str]:
         """What a person reads from then on, without progress and chatter."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare, Switch
 from tactile_nodes.collection.plan import Point
-from tactile_nodes.collection.readings import Frame
+from tactile_nodes.collection.readings import Frame, pattern_change
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.steady import Settling
 from tactile_nodes.collection.surface import Surface
@@ -21,6 +21,7 @@ from tactile_nodes.errors import DeviceFaultError
 LOOK_S = 0.02
 UNLOADED_S = 0.1
 FREE_PATIENCE_S = 2.0
+SHOWN = 1.5  # times the change by noise alone
 WINDOW_PATIENCE_S = 2.0
 SLOWEST_FPS = 5.0
 NS_PER_S = 1e9
@@ -207,6 +208,17 @@ def _measure(record: Record, samples: Sequence[Sample], ground: Ground, settings
         raise RejectedError(
             f'the force is {float(force.mean()):.3f} N at {point.depth_mm:g} mm, as if nothing were touched'
         )
+    _check_images(record, float(force.mean()), settings)
+
+
+def _check_images(record: Record, force_n: float, settings: CollectionSettings) -> None:
+    """Images that come too late, or again and again, show the gel as it was: untouched."""
+    least_n = settings.press.shows_n
+    if not 0 < least_n <= force_n or not record.rest or len(record.frames) < 2:
+        return
+    noise = pattern_change(record.frames[0], record.frames[-1])
+    if not pattern_change(record.rest[-1], record.frames[-1]) > SHOWN * noise:
+        raise RejectedError(f'the images show nothing of the {force_n:.2f} N: do they come too late?')
 
 
 def _machine_place(point: Point, settings: CollectionSettings) -> tuple[float, float]:
