@@ -73,9 +73,9 @@ def evaluate(
     loaded, progress = load_model(model_file), progress or Progress()
     config = evaluation_config(loaded, presses, seed)
     dataset = simulate(config, progress)
-    light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress))
+    light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress), progress)
     return dataclasses.replace(
-        score(loaded, dataset, simulated_words(loaded, config), name_of(model_file)),
+        score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress),
         light=score_light(light),
         unlike=score_disturbed(loaded, config, unlike, progress) if unlike else {},
     )
@@ -109,7 +109,7 @@ def evaluate_put_aside(
         samples, words = simulated_test(loaded, progress)
     else:
         samples, words = _put_aside_of(other, loaded, progress)
-    return score(loaded, samples, words, name_of(model_file))
+    return score(loaded, samples, words, name_of(model_file), progress)
 
 
 def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
@@ -135,9 +135,11 @@ def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -
     return dataset.take(split.test), words
 
 
-def score(loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '') -> Evaluation:
+def score(
+    loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '', progress: Progress | None = None
+) -> Evaluation:
     """Scores of a model on samples; `data` says which they are."""
-    answers = predictions_of(loaded, dataset)
+    answers = predictions_of(loaded, dataset, progress)
     return Evaluation(
         name=name or loaded.model_id,
         model_id=loaded.model_id,

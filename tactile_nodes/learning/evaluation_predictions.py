@@ -9,12 +9,11 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import ForceEstimator, ForceMap
-
-UNKNOWN = float('nan')
 
 
 @dataclass(frozen=True)
@@ -88,19 +87,21 @@ class Predictions:
         return self.unlikeness > 1
 
 
-def predict(loaded: LoadedModel, dataset: Dataset) -> list[ForceMap]:
+def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> list[ForceMap]:
     """The model's answers, one sample at a time as the live node asks."""
     estimator = ForceEstimator(loaded.model)
     name = loaded.model.layout.encoding
-    return [
-        estimator.predict(Features(name, values.astype(np.float32), dataset.confidence[rest]))
-        for values, rest in zip(dataset.features, dataset.rest, strict=True)
-    ]
+    answers = []
+    with (progress or Progress()).bar('reading forces', len(dataset.presses)) as bar:
+        for values, rest in zip(dataset.features, dataset.rest, strict=True):
+            answers.append(estimator.predict(Features(name, values.astype(np.float32), dataset.confidence[rest])))
+            bar.advance()
+    return answers
 
 
-def predictions_of(loaded: LoadedModel, dataset: Dataset) -> Predictions:
+def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
     """Truth and answers for all samples of a data set."""
-    found = predict(loaded, dataset)
+    found = predict(loaded, dataset, progress)
     bins = loaded.model.bins
     return Predictions(
         place_mm=np.asarray(dataset.presses[:, :2], np.float64),
@@ -109,16 +110,12 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset) -> Predictions:
         found_n=np.stack([each.normal_force_n.reshape(-1) for each in found]),
         found_mm=np.array([each.contact_mm for each in found], np.float64),
         total_n=np.array([each.total_n for each in found], np.float64),
-        total_sigma_n=_told(found, 'total_sigma_n'),
-        position_sigma_mm=_told(found, 'position_sigma_mm'),
-        unlikeness=_told(found, 'unlikeness'),
+        total_sigma_n=np.array([each.total_sigma_n for each in found], np.float64),
+        position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
+        unlikeness=np.array([each.unlikeness for each in found], np.float64),
         bins=bins,
         contact_threshold_n=loaded.model.contact_threshold_n,
     )
-
-
-def _told(found: list[ForceMap], name: str) -> Float[np.ndarray, ' samples']:
-    return np.array([getattr(each, name, UNKNOWN) for each in found], np.float64)
 
 
 def name_of(file: Path | str) -> str:

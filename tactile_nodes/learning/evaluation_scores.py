@@ -47,7 +47,10 @@ class PressScores:
 
 @dataclass(frozen=True)
 class RestScores:
-    """What a model says while nothing touches: the total force it invents, and how often it sees a contact in it."""
+    """What a model says while nothing touches: the total force it invents, and how often it sees a contact in it.
+
+    `force_coverage` is the share of frames whose stated 90 % interval of the total holds zero.
+    """
 
     frames: int
     total_mean_n: float
@@ -55,6 +58,7 @@ class RestScores:
     total_largest_n: float
     largest_bin_n: float
     false_contacts: float
+    force_coverage: float
 
 
 @dataclass(frozen=True)
@@ -73,13 +77,16 @@ class LightBand:
 class LightScores:
     """Touches too light for the paper's data: `detected` is the share of those of at least `TOUCH_N`.
 
-    The place counts for touches that are detected. `threshold_n` is the model's threshold of contact.
+    The place counts for touches that are detected. `threshold_n` is the model's threshold of contact, the coverages
+    are those of its 90 % intervals.
     """
 
     touches: int
     of_20_mn: int
     detected: float
     threshold_n: float
+    force_coverage: float
+    place_coverage: float
     bands: tuple[LightBand, ...]
 
 
@@ -156,21 +163,25 @@ def score_rest(found: Predictions) -> RestScores | None:
         total_largest_n=float(np.abs(rest.total_n).max()),
         largest_bin_n=float(np.abs(rest.found_n).max()),
         false_contacts=float(rest.detected.mean()),
+        force_coverage=metrics.coverage(rest.total_n, rest.total_sigma_n),
     )
 
 
 def score_light(found: Predictions) -> LightScores:
     """Scores over light touches."""
     firm = found.touched & (found.force_n >= TOUCH_N)
+    touches, seen = found[found.touched], found[found.touched & found.detected]
     bands = (
         _band(found[found.touched & (found.force_n >= low) & (found.force_n < high)], low, high)
         for low, high in itertools.pairwise(LIGHT_N)
     )
     return LightScores(
-        touches=int(found.touched.sum()),
+        touches=len(touches),
         of_20_mn=int(firm.sum()),
         detected=share(found.detected[firm]),
         threshold_n=found.contact_threshold_n,
+        force_coverage=metrics.coverage(touches.force_error_n, touches.total_sigma_n),
+        place_coverage=metrics.coverage(seen.place_error_mm, np.column_stack([seen.position_sigma_mm] * 2)),
         bands=tuple(band for band in bands if band.touches),
     )
 

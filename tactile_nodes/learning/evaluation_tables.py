@@ -101,13 +101,22 @@ def groups_table(evaluations: Sequence[Evaluation]) -> Table:
 
 def rest_table(evaluations: Sequence[Evaluation]) -> Table:
     """What models say while nothing touches."""
-    heads = ('at rest', 'frames', 'mean N', 'RMS N', 'largest N', 'largest bin N', 'false contacts')
+    heads = (
+        'at rest',
+        'frames',
+        'mean N',
+        'RMS N',
+        'largest N',
+        'largest bin N',
+        'false contacts',
+        '90 % interval holds',
+    )
     return Table('', heads, tuple((each.name, *_rest_cells(each.rest)) for each in evaluations))
 
 
 def _rest_cells(rest: RestScores | None) -> tuple[str, ...]:
     if rest is None:
-        return ('0', '-', '-', '-', '-', '-')
+        return ('0', *['-'] * 6)
     return tuple(_cells(asdict(rest), RestScores.__dataclass_fields__))
 
 
@@ -138,6 +147,9 @@ def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
     stated = [part for each in evaluations for part in (each.force_uncertainty, each.position_uncertainty)]
     names = dict.fromkeys(name for part in stated if part for name in part.coverage)
     rows = [(name, *(percent(_covered(part, name)) for part in stated)) for name in names]
+    if any(each.light for each in evaluations):
+        light = [value for each in evaluations for value in _light_coverage(each.light)]
+        rows.insert(1, ('light touches, detected for the place', *map(percent, light)))
     ranks = [number(part.rank_correlation, 2) if part else '-' for part in stated]
     return Table('', tuple(heads), (*rows, ('rank correlation with the error', *ranks)))
 
@@ -171,6 +183,10 @@ def unlike_table(unlike: Mapping[str, UnlikeScores]) -> Table:
     """What a model says of each disturbance."""
     rows = tuple((name, *_cells(asdict(scores), UNLIKE)) for name, scores in unlike.items())
     return Table('', ('unlike inputs', *UNLIKE.values()), rows)
+
+
+def _light_coverage(light: LightScores | None) -> tuple[float, float]:
+    return (light.force_coverage, light.place_coverage) if light else (math.nan, math.nan)
 
 
 def _covered(stated: Uncertainty | None, group: str) -> float:

@@ -139,7 +139,9 @@ def test_a_knocked_camera_moves_the_image_by_what_is_said(monkeypatch: pytest.Mo
     config = config_for(presses=6, without_contact=0.9, seed=8)
     samples = disturbed.disturbed_samples(config, Progress())
     rest = samples['as trained'].presses[:, 2] < 0
-    moved = {name: each.features[rest].astype(float)[:, 3:7, 3:7].mean(axis=(0, 1, 2)) for name, each in samples.items()}
+    moved = {
+        name: each.features[rest].astype(float)[:, 3:7, 3:7].mean(axis=(0, 1, 2)) for name, each in samples.items()
+    }
     assert np.hypot(*moved['as trained']) < 0.02
     assert np.hypot(*moved['knocked']) == pytest.approx(1.0, abs=0.1)
     np.testing.assert_array_equal(samples['knocked'].presses, samples['as trained'].presses)

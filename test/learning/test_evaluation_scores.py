@@ -82,8 +82,9 @@ def test_groups_follow_border_region_and_depth() -> None:
 
 
 def test_rest_counts_the_contacts_that_are_none() -> None:
-    rest = scores.score_rest(answers([(0, 0)] * 4, [0.0] * 4, [0.03, -0.01, 0.0, 0.0]))
+    rest = scores.score_rest(answers([(0, 0)] * 4, [0.0] * 4, [0.03, -0.01, 0.0, 0.0], sigma_n=0.01))
     assert rest is not None
+    assert rest.force_coverage == 0.75  # 1.645 times 0.01 is less than 0.03
     assert (rest.frames, rest.false_contacts) == (4, 0.25)
     assert rest.total_largest_n == pytest.approx(0.03)
     assert scores.score_rest(answers([(0, 0)], [0.1], [0.1])) is None
@@ -93,6 +94,7 @@ def test_light_touches_count_from_twenty_millinewtons_on() -> None:
     light = scores.score_light(answers([(0, 0)] * 4, [0.004, 0.021, 0.025, 0.04], [0.0, 0.02, 0.01, 0.05]))
     assert (light.touches, light.of_20_mn) == (4, 3)
     assert light.detected == pytest.approx(2 / 3)
+    assert math.isnan(light.force_coverage)
     bands = {band.low_n: (band.touches, band.detected) for band in light.bands}
     assert bands == {0.0: (1, 0.0), 0.02: (2, 0.5), 0.03: (1, 1.0)}
 
@@ -134,3 +136,11 @@ def test_a_model_that_knows_no_unlikeness_is_taken_at_its_word() -> None:
     scored = score_unlike(answers([(0, 0)], [0.5], [0.9]))
     assert math.isnan(scored.flagged)
     assert scored.unflagged_rmse_n == scored.rmse_n == pytest.approx(0.4, rel=1e-5)
+
+
+def test_places_of_light_touches_count_where_they_are_detected() -> None:
+    found = answers([(0, 0)] * 3, [0.03] * 3, [0.03, 0.03, 0.001], off_mm=[(0.1, 0.0), (2.0, 0.0), (9.0, 9.0)],
+                    sigma_n=0.01, sigma_mm=0.5)  # fmt: skip
+    light = scores.score_light(found)
+    assert light.place_coverage == 0.75  # of four coordinates one is 2 mm off, and 1.645 times 0.5 are stated
+    assert light.force_coverage == pytest.approx(2 / 3)

@@ -1,0 +1,122 @@
+"""The bench of accuracy: what it writes, and the shares that its aims are told in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.benchmarks import accuracy, accuracy_page
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import save_model
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
+
+SHAPE = (10, 10, 2)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
+        yield
+
+
+def save(file: Path, seconds: float, hidden: int) -> Path:
+    """A network of random weights that claims a training time."""
+    config = TrainConfig(data=DataConfig(seed=3), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))
+    random = np.random.default_rng(hidden)
+    weights = [random.normal(0, 0.01, shape).astype(np.float32) for shape in ((hidden, 200), (81, hidden))]
+    biases = np.zeros(hidden, np.float32), np.zeros(81, np.float32)
+    ones = np.ones(SHAPE, np.float32)
+    scaling = InputScaling(0 * ones, ones, ones[..., 0])
+    readout = NetworkReadout(scaling, Mlp(tuple(weights), biases), config.bins)
+    card = {
+        'flow': {'name': 'dis', 'options': config.make_flow().options},
+        'encoding': {'name': 'cartesian_mean', 'options': config.make_encoding().options},
+        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)},
+        'data': {**config.data.simulated(), 'origin': 'simulated'}, 'training': {'seconds': seconds, 'device': 'cpu'},
+    }  # fmt: skip
+    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *SHAPE), config.bins, readout), card)
+    return file
+
+
+@pytest.fixture(scope='module')
+def models(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp('models')
+    return [save(folder / 'paper.safetensors', 400.0, 16), save(folder / 'fast.safetensors', 4.0, 4)]
+
+
+@pytest.fixture(scope='module')
+def results(models: list[Path]) -> accuracy.Results:
+    return accuracy.measure(models, models[:1], accuracy.QUICK, Progress())
+
+
+def test_every_model_is_measured_and_timed(results: accuracy.Results) -> None:
+    plain = json.loads(json.dumps(results.plain, allow_nan=False))
+    assert list(plain['models']) == list(plain['times_ms']) == ['paper', 'fast']
+    assert plain['models']['fast']['parameters'] == 200 * 4 + 4 + 4 * 81 + 81
+    assert plain['times_ms']['paper']['predict_ratio'] == {'median': 1.0, 'low': 1.0, 'high': 1.0}
+    assert plain['times_ms']['fast']['flow']['median'] > 0
+    assert {'machine', 'versions', 'commit', 'command'} <= plain.keys()
+
+
+def test_the_page_says_what_is_simulation_and_what_the_paper_has(results: accuracy.Results) -> None:
+    text = accuracy_page.page(results)
+    assert 'All of it is simulation' in text
+    assert '| the paper, real gel |  0.0090 |    0.107 |    0.0650 |' in text
+    shares = {
+        line.split(',')[0].strip('| '): line.split('|')[-2].strip()
+        for line in text.splitlines()
+        if 'share of paper' in line
+    }
+    assert shares['training time'] == '0.010'
+    assert shares['parameters'] == f'{(200 * 4 + 4 + 4 * 81 + 81) / (200 * 16 + 16 + 16 * 81 + 81):.3f}'
+
+
+def test_the_curve_tells_presses_by_plan(results: accuracy.Results) -> None:
+    assert '| network, random |   19000 |' in accuracy_page.page(results)  # 20000, of which 5 % touch nothing
+
+
+@pytest.mark.parametrize(('plan', 'presses'), [('paper', 10952), ('jittered', 10952)])
+def test_a_grid_has_the_papers_presses(plan: str, presses: int) -> None:
+    assert accuracy.collected({'plan': plan, 'presses': 20000, 'without_contact': 0.05}) == presses
+
+
+def test_the_command_writes_page_numbers_and_pictures(
+    models: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip('matplotlib')
+    assert main(['bench', 'accuracy', str(models[1]), '--quick', '-o', str(tmp_path)]) == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ['accuracy.json', 'accuracy.md', 'accuracy_fast.png']
+    assert (tmp_path / 'accuracy.md').read_text(encoding='utf-8').strip() in capsys.readouterr().out
+
+
+def test_models_of_one_name_are_refused(models: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = save(tmp_path / 'fast.safetensors', 1.0, 2)
+    assert main(['bench', 'accuracy', str(models[1]), str(other), '--quick']) == 1
+    assert 'the same file name' in capsys.readouterr().err
+
+
+def test_options_of_evaluate_that_contradict_are_one_sentence(
+    models: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (['--put-aside', '--unlike'], ['--put-aside', '--dataset', 'x.npz'], ['--presses', '0']):
+        assert main(['evaluate', str(models[0]), *words]) == 1
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_evaluate_compares_models_and_keeps_scores(
+    models: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = tmp_path / 'scores.json'
+    words = ['evaluate', *map(str, models), '--presses', '24', '--json', str(kept)]
+    assert main(words) == 0
+    assert capsys.readouterr().out.count('all presses') >= 3  # side by side, and each alone
+    assert [each['name'] for each in json.loads(kept.read_text(encoding='utf-8'))] == ['paper', 'fast']
