@@ -23,6 +23,7 @@ from tactile_nodes.benchmarks.stopping_rig import NEVER, Seen, serve
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import TrippedError
+from tactile_nodes.collection.safety import FORCE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.speed import stopping_mm
 from tactile_nodes.collection.station import Station
@@ -37,6 +38,7 @@ LIMIT_N = 0.4
 SAFE_Z_MM, ABOVE_MM, DEEP_MM = -26.0, 0.3, 2.5
 TRAVEL_MM_MIN = 1200.0
 TARE_S, FEWEST = 0.2, 50
+PATIENCE = 5
 WORST = ('p50', 'p99', 'worst')
 
 
@@ -135,19 +137,28 @@ def _rig(folder: Path, divider: int) -> Iterator[tuple[Connection, CncSettings, 
 
 
 def _one(station: Station, settings: CollectionSettings, pipe: Connection, feed_mm_min: float) -> Seen:
-    hands = station.hands
-    hands.run(_ready(settings))
-    pipe.send('arm')
-    try:
-        hands.run(_down(feed_mm_min))
-    except TrippedError:
-        hands.retreat()
-        station.safety.reset(hands.clock.now_ns())
+    """One stop; a stop for another reason than the force, as a busy machine brings it about, is not counted."""
+    for _ in range(PATIENCE):
+        station.hands.run(_ready(settings))
+        pipe.send('arm')
+        kind = _stopped_by(station, feed_mm_min)
         pipe.send('tell')
         seen: Seen = pipe.recv()
-        if NEVER in {seen.sample_ns, seen.stop_ns, seen.rest_ns}:
-            raise DeviceFaultError(f'the emulated rig saw no stop: {seen}') from None
-        return seen
+        if kind == FORCE:
+            if NEVER in {seen.sample_ns, seen.stop_ns, seen.rest_ns}:
+                raise DeviceFaultError(f'the emulated rig saw no stop: {seen}')
+            return seen
+    raise DeviceFaultError(f'the force limit did not stop the tip in {PATIENCE} attempts; is this machine too busy?')
+
+
+def _stopped_by(station: Station, feed_mm_min: float) -> str:
+    hands = station.hands
+    try:
+        hands.run(_down(feed_mm_min))
+    except TrippedError as tripped:
+        hands.retreat()
+        station.safety.reset(hands.clock.now_ns())
+        return tripped.trip.kind
     raise DeviceFaultError('the force limit did not stop the tip')
 
 
