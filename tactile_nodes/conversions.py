@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
+from tactile_nodes.sensing.reading import Contact
 
 _CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
-_NOWHERE = (math.nan, math.nan)
 
 
 def header(stamp_ns: int, frame_id: str) -> types.Header:
@@ -85,11 +86,16 @@ def feature_fields(features: Features) -> dict[str, Any]:
 
 
 def force_fields(
-    forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid, contact_mm: tuple[float, float] | None
+    forces_n: Float32[np.ndarray, 'rows cols'],
+    bins: BinGrid,
+    contacts: Sequence[Contact] = (),
+    *,
+    total_sigma_n: float = math.nan,
+    unlikeness: float = math.nan,
 ) -> dict[str, Any]:
     """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
     width_mm, height_mm = bins.bin_size_mm
-    x_mm, y_mm = contact_mm or _NOWHERE
+    told = [_contact_message(each) for each in contacts]
     return {
         'rows': bins.rows,
         'cols': bins.cols,
@@ -99,9 +105,21 @@ def force_fields(
         'normal_force': np.ascontiguousarray(forces_n, np.float32).reshape(-1).copy(),
         'total': float(forces_n.sum(dtype=np.float64)),
         'peak': float(forces_n.max()),
-        'in_contact': contact_mm is not None,
-        'contact': types.Point(x=x_mm * 1e-3, y=y_mm * 1e-3, z=0.0 if contact_mm else math.nan),
+        'total_sigma': total_sigma_n,
+        'in_contact': bool(told),
+        'contact': told[0].position if told else types.Point(x=math.nan, y=math.nan, z=math.nan),
+        'contacts': told,
+        'unlikeness': unlikeness,
     }
+
+
+def _contact_message(contact: Contact) -> types.Contact:
+    return types.Contact(
+        position=types.Point(x=contact.x_mm * 1e-3, y=contact.y_mm * 1e-3, z=0.0),
+        position_sigma=contact.sigma_mm * 1e-3,
+        force=contact.force_n,
+        force_sigma=contact.sigma_n,
+    )
 
 
 def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:

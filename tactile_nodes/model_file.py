@@ -14,17 +14,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import safetensors.numpy
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel, InputScaling, Mlp
+from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 NO_CHECKSUM = '0' * 64
 
 
@@ -79,14 +79,15 @@ def find_model(name: str) -> Path:
 
 
 def save_model(path: Path, model: ForceModel, card: Mapping[str, Any]) -> str:
-    """Write a model with its card and return its id; weights are stored as 16 bit floats.
+    """Write a model with its card and return its id; large tables are stored as 16 bit floats.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
     """
-    described = {**card, **_description(model)}
+    tensors, readout = readout_arrays(model.readout)
+    described = {**card, **_description(model, readout)}
     # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
-    blank = safetensors.numpy.save(_tensors(model), metadata)
+    blank = safetensors.numpy.save(tensors, metadata)
     checksum = hashlib.sha256(blank).hexdigest()
     draft = path.with_name(f'.{path.name}.part')
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -114,26 +115,16 @@ def load_model(path: Path | str) -> LoadedModel:
     return LoadedModel(_model(path, data, card, checksum[:12]), card)
 
 
-def _description(model: ForceModel) -> dict[str, Any]:
+def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
     return {
         'format_version': FORMAT_VERSION,
         'layout': asdict(model.layout),
         'bins': asdict(model.bins),
-        'network': {'sizes': list(model.network.sizes), 'hidden': 'logistic', 'output': 'identity'},
-        'confidence_floor': model.scaling.confidence_floor,
-        'output_scale_n': model.output_scale_n,
+        'readout': readout,
+        'parameters': model.readout.parameter_count,
         'contact_threshold_n': model.contact_threshold_n,
         'units': {'normal_force': 'N, positive into the gel', 'position': 'mm, surface frame', 'flow': 'px'},
     }
-
-
-def _tensors(model: ForceModel) -> dict[str, np.ndarray]:
-    scaling, network = model.scaling, model.network
-    tensors = {'input.mean': scaling.mean, 'input.gain': scaling.gain, 'input.trusted': scaling.trusted}
-    for i, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        tensors[f'layer{i}.weight'] = weight.astype(np.float16)
-        tensors[f'layer{i}.bias'] = bias
-    return {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
 
 
 def _read(path: Path) -> bytes:
@@ -171,19 +162,11 @@ def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
 
 def _model(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> ForceModel:
     try:
-        tensors = safetensors.numpy.load(data)
-        layers = range(len(card['network']['sizes']) - 1)
+        bins = BinGrid(**card['bins'])
         return ForceModel(
             layout=FeatureLayout(**card['layout']),
-            bins=BinGrid(**card['bins']),
-            scaling=InputScaling(
-                tensors['input.mean'], tensors['input.gain'], tensors['input.trusted'], card['confidence_floor']
-            ),
-            network=Mlp(
-                tuple(tensors[f'layer{i}.weight'].astype(np.float32) for i in layers),
-                tuple(tensors[f'layer{i}.bias'] for i in layers),
-            ),
-            output_scale_n=card['output_scale_n'],
+            bins=bins,
+            readout=readout_from(safetensors.numpy.load(data), card['readout'], bins),
             contact_threshold_n=card['contact_threshold_n'],
             model_id=model_id,
         )

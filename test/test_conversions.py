@@ -11,6 +11,7 @@ from tactile_nodes import conversions, messages
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.reading import Contact
 
 HEAD = types.Header(stamp=types.Time(sec=5, nanosec=6), frame_id='camera')
 
@@ -65,16 +66,18 @@ def test_features_of_the_wrong_length_are_refused() -> None:
 def test_force_fields_are_in_metres_and_newtons() -> None:
     forces = np.zeros((9, 9), np.float32)
     forces[0, 1] = 0.25
-    fields = conversions.force_fields(forces, BinGrid(), (-14.2, 3.0))
+    fields = conversions.force_fields(forces, BinGrid(), [Contact(-14.2, 3.0, 0.25, 0.05, 0.003)])
     assert fields['bin_width'] == pytest.approx(0.032 / 9)
     assert (fields['origin'].x, fields['origin'].y) == (-0.016, -0.016)
     assert (fields['total'], fields['peak']) == (0.25, 0.25)
     assert fields['normal_force'][1] == np.float32(0.25)
     assert fields['contact'].x == pytest.approx(-0.0142)
+    assert fields['contacts'][0].position_sigma == pytest.approx(5e-5)
+    assert (fields['contacts'][0].force, fields['contacts'][0].force_sigma) == (0.25, 0.003)
 
 
 def test_without_contact_the_position_is_nan() -> None:
-    fields = conversions.force_fields(np.zeros((9, 9), np.float32), BinGrid(), None)
+    fields = conversions.force_fields(np.zeros((9, 9), np.float32), BinGrid())
     assert not fields['in_contact']
     assert all(math.isnan(value) for value in (fields['contact'].x, fields['contact'].y, fields['contact'].z))
 
@@ -82,7 +85,7 @@ def test_without_contact_the_position_is_nan() -> None:
 def test_wrench_pushes_against_z_and_turns_about_the_middle() -> None:
     forces = np.zeros((9, 9), np.float32)
     forces[4, 8] = 2.0  # row 4: y = 0; column 8: x = 14.222 mm
-    force = types.ForceDistribution(header=HEAD, **conversions.force_fields(forces, BinGrid(), (14.2, 0.0)))
+    force = types.ForceDistribution(header=HEAD, **conversions.force_fields(forces, BinGrid(), [Contact(14.2, 0.0, 2.0)]))
     wrench = conversions.wrench_message(force).wrench
     assert wrench.force.z == -2.0
     assert wrench.torque.x == pytest.approx(0.0, abs=1e-12)

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import json
+import math
 import pickle
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +17,11 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel, InputScaling, Mlp
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
+from tactile_nodes.sensing.splines import SplineAxis
 
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},
@@ -36,7 +43,25 @@ def small_model() -> ForceModel:
         random.normal(size=shape).astype(np.float32), np.full(shape, 2, np.float32), np.ones((2, 2), np.float32), 0.4
     )
     layout = FeatureLayout('cartesian_mean', 2, 2, 2)
-    return ForceModel(layout, BinGrid(3, 3, 30.0, 30.0), scaling, Mlp(weights, biases), 0.1, 0.02)
+    bins = BinGrid(3, 3, 30.0, 30.0)
+    directions = np.ascontiguousarray(np.linalg.qr(random.normal(size=(8, 3)))[0].T, np.float32)
+    likeness = Likeness(np.ones(8, np.float32), directions, 0.5, 0.25)
+    network = Mlp(weights, biases, 'relu')
+    return ForceModel(layout, bins, NetworkReadout(scaling, network, bins, 0.1, TotalSpread(0.01, 0.2), likeness), 0.02)
+
+
+def small_response() -> ForceModel:
+    """Three components that follow x, y and s; made of numbers that mean nothing, but work."""
+    random = np.random.default_rng(2)
+    bins, made = BinGrid(3, 3, 30.0, 30.0), small_model().readout
+    axes = SplineAxis(-10.0, 10.0, 3), SplineAxis(-10.0, 10.0, 3), SplineAxis(0.0, 1.0, 2)
+    table = random.normal(size=(6, 6, 5, 3)).astype(np.float32)
+    response = Response(*axes, table, np.array([0.1, 0.2, 0.3], np.float32), 0.6)
+    readout = ResponseReadout(
+        made.scaling, made.likeness, np.eye(3, dtype=np.float32), response, bins,
+        Calibration(0.1, 2.0, 0.01, 0.02, 3.0, 4.0), 2,
+    )  # fmt: skip
+    return ForceModel(FeatureLayout('cartesian_mean', 2, 2, 2), bins, readout, 0.03)
 
 
 @pytest.fixture
@@ -53,20 +78,34 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def test_a_model_comes_back_with_the_same_predictions(file: Path):
+@pytest.mark.parametrize('make', [small_model, small_response])
+def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
+    file = tmp_path / 'model.safetensors'
+    save_model(file, make(), CARD)
     random = np.random.default_rng(1)
     features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
-    before = ForceEstimator(small_model()).predict(features)
+    before = ForceEstimator(make()).predict(features)
     after = ForceEstimator(load_model(file).model).predict(features)
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
-    assert after.contact_mm == before.contact_mm
+    assert after.contacts == before.contacts
+    assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
+
+
+def test_a_network_that_knows_no_uncertainty_comes_back_not_knowing(tmp_path: Path):
+    model = small_model()
+    bare = replace(model, readout=replace(model.readout, spread=TotalSpread(), likeness=None))
+    save_model(tmp_path / 'bare.safetensors', bare, CARD)
+    features = Features('cartesian_mean', np.zeros((2, 2, 2), np.float32), np.ones((2, 2), np.float32))
+    found = ForceEstimator(load_model(tmp_path / 'bare.safetensors').model).predict(features)
+    assert math.isnan(found.total_sigma_n)
+    assert math.isnan(found.unlikeness)
 
 
 def test_a_model_comes_back_with_all_that_its_numbers_mean(file: Path):
     loaded, made = load_model(file), small_model()
     assert (loaded.model.layout, loaded.model.bins) == (made.layout, made.bins)
-    assert loaded.model.scaling.confidence_floor == 0.4
-    assert (loaded.model.output_scale_n, loaded.model.contact_threshold_n) == (0.1, 0.02)
+    assert loaded.model.readout.scaling.confidence_floor == 0.4
+    assert (loaded.model.readout.output_scale_n, loaded.model.contact_threshold_n) == (0.1, 0.02)
     assert loaded.flow == ('dis', {'preset': 'ultrafast'})
     assert loaded.encoding == ('cartesian_mean', {'rows': 2, 'cols': 2})
     assert loaded.card['units']['normal_force'].startswith('N')
@@ -143,10 +182,10 @@ def test_a_pickle_is_refused_without_being_run(tmp_path: Path):
 
 
 def test_a_newer_format_says_to_update(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr('tactile_nodes.model_file.FORMAT_VERSION', 2)
+    monkeypatch.setattr('tactile_nodes.model_file.FORMAT_VERSION', 3)
     save_model(tmp_path / 'new.safetensors', small_model(), CARD)
     monkeypatch.undo()
-    with pytest.raises(ModelError, match='format version 2, and this release reads version 1; update'):
+    with pytest.raises(ModelError, match='format version 3, and this release reads version 2; update'):
         load_model(tmp_path / 'new.safetensors')
 
 

@@ -108,10 +108,10 @@ class ResponseConfig:
 
     components: int = parameter(48, 'principal components of the features', minimum=3)
     spacing_mm: float = parameter(2.0, 'distance between the knots along x and y', minimum=0.25)
-    levels: int = parameter(5, 'intervals between the knots along the force', minimum=1)
-    power: float = parameter(2 / 3, 'depth grows as the force to this power (Hertz)', minimum=0.1, maximum=2.0)
+    levels: int = parameter(6, 'intervals between the knots along the force', minimum=1)
+    power: float = parameter(1.0, 'the response is smooth in the force to this power; motion begins linear', minimum=0.1, maximum=2.0)
     smoothing: tuple[float, ...] = parameter(
-        (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
+        (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
     )
     confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
@@ -163,7 +163,7 @@ class TrainConfig:
         """The run as `load_train_config` reads it, every default filled in; no two keys mean the same."""
         blocks = {name: asdict(getattr(self, name)) for name in ('data', 'gel', 'network', 'response', 'training')}
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
-        named = {block: {'name': made.name, 'options': made.options} for block, made in methods.items()}
+        named = {block: {'name': made.name, 'options': _stated(made.options)} for block, made in methods.items()}
         plain: dict[str, Any] = json.loads(json.dumps({'readout': self.readout, **named, **blocks}))
         return {'output': str(self.output), **plain}
 
@@ -172,6 +172,11 @@ class TrainConfig:
 
     def make_encoding(self) -> FeatureEncoding:
         return make_encoding(self.encoding.name, self.encoding.options)
+
+
+def _stated(options: Mapping[str, object]) -> dict[str, object]:
+    """Parameter files know no null, which means the same as leaving an option out."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def load_train_config(path: Path | str) -> TrainConfig:

@@ -786,6 +786,13 @@ class Trigger_Response(Message):
     message: str
     def __init__(self, success: bool = ..., message: str = ...) -> None: ...
 
+class Contact(Message):
+    position: Point
+    position_sigma: float
+    force: float
+    force_sigma: float
+    def __init__(self, position: Point = ..., position_sigma: float = ..., force: float = ..., force_sigma: float = ...) -> None: ...
+
 class FlowFeatures(Message):
     header: Header
     rows: int
@@ -815,6 +822,7 @@ class ForceDistribution(Message):
     REASON_NOT_FINITE: ClassVar[int]
     REASON_STALE: ClassVar[int]
     REASON_OTHER_IMAGE: ClassVar[int]
+    REASON_UNLIKE_TRAINING: ClassVar[int]
     header: Header
     rows: int
     cols: int
@@ -824,14 +832,17 @@ class ForceDistribution(Message):
     normal_force: NDArray[Any]
     confidence: NDArray[Any]
     total: float
+    total_sigma: float
     peak: float
     in_contact: bool
     contact: Point
+    contacts: list[Contact]
+    unlikeness: float
     status: int
     reasons: int
     provenance: Provenance
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
 
 class Press(Message):
     STATUS_RECORDED: ClassVar[int]

@@ -23,6 +23,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.quality import ContactDetector
+from tactile_nodes.sensing.reading import Contact
 
 _INVALID = (
     types.ForceDistribution.REASON_DARK_IMAGE
@@ -90,14 +91,26 @@ class ForceEstimatorNode(Node):
                 predict=predict_s,
                 transport=stages.transport + max(0.0, since_s - predict_s),
             ),
-            **conversions.force_fields(found.normal_force_n, bins, found.contact_mm if touching else None),
+            **conversions.force_fields(
+                found.normal_force_n,
+                bins,
+                self._touching(found) if touching else (),
+                total_sigma_n=found.total_sigma_n,
+                unlikeness=found.unlikeness,
+            ),
         )
+
+    def _touching(self, found: ForceMap) -> tuple[Contact, ...]:
+        """The strongest contact, and the others that are above the threshold."""
+        least_n = self._contact.threshold_n
+        return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
     def _reasons(self, features: types.FlowFeatures, found: ForceMap) -> int:
         kind = types.ForceDistribution
         faults = {
             kind.REASON_NOT_FINITE: not math.isfinite(found.total_n),
             kind.REASON_LOW_CONFIDENCE: found.confidence < self.params.least_confidence,
+            kind.REASON_UNLIKE_TRAINING: found.unlikeness > 1,
             kind.REASON_OTHER_IMAGE: (features.image_width, features.image_height) != self._image_size,
         }
         return sum(bit for bit, present in faults.items() if present)

@@ -11,13 +11,6 @@ from tactile_nodes.errors import ConfigurationError
 
 CHOICES = {'mechanics': ('linear', 'finite_strain'), 'contact': ('sticking', 'smooth')}
 
-YOUNGER = {
-    'mechanics', 'contact', 'settling_share', 'settling_s', 'exposure_s', 'jpeg_quality',
-    'camera_shift_mm', 'camera_tilt_deg', 'camera_roll_deg', 'light_slope', 'light_gain',
-}  # fmt: skip
-"""Properties that gels did not always have: at their defaults they do not count in `gel_id`, so that models which
-were trained before still find their gel."""
-
 
 @dataclass(frozen=True)
 class Gel:
@@ -39,7 +32,7 @@ class Gel:
     size_mm: float = 32.0
     soft_mm: float = 4.5
     skin_mm: float = 1.5
-    shear_modulus_mpa: float = 0.155
+    shear_modulus_mpa: float = 0.111
     poisson_ratio: float = 0.5
     marker_count: int = 10_000
     marker_diameter_mm: tuple[float, float] = (0.150, 0.180)
@@ -54,7 +47,7 @@ class Gel:
     vignetting: float = 0.35
     read_noise_grey: float = 1.2
     shot_noise_grey: float = 0.05
-    mechanics: str = 'linear'
+    mechanics: str = 'finite_strain'
     contact: str = 'sticking'
     settling_share: float = 0.0
     settling_s: float = 0.5
@@ -86,10 +79,7 @@ class Gel:
     @property
     def gel_id(self) -> str:
         """Twelve hexadecimal digits that change with any property of the gel."""
-        younger = {
-            each.name for each in fields(self) if each.name in YOUNGER and getattr(self, each.name) == each.default
-        }
-        text = json.dumps({name: value for name, value in asdict(self).items() if name not in younger}, sort_keys=True)
+        text = json.dumps(asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     @classmethod

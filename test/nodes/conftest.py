@@ -16,7 +16,8 @@ from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel, InputScaling, Mlp
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 
 @pytest.fixture
@@ -62,5 +63,5 @@ def small_model(tmp_path: Path) -> Path:
         'crop_px': 160,
         'gel': {'id': 'gel of the test'},
     }
-    model_file.save_model(file, ForceModel(layout, bins, scaling, network), card)
+    model_file.save_model(file, ForceModel(layout, bins, NetworkReadout(scaling, network, bins)), card)
     return file

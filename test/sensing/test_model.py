@@ -11,12 +11,12 @@ import pytest
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import (
-    FeatureLayout,
-    ForceEstimator,
-    ForceModel,
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.network import (
     InputScaling,
     Mlp,
+    NetworkReadout,
+    TotalSpread,
     contact_position_mm,
     logistic,
 )
@@ -31,7 +31,8 @@ def one_layer(output_scale_n: float = 1.0) -> ForceModel:
     """Four features that pass straight to four bins of 10 mm."""
     network = Mlp((np.eye(4, dtype=np.float32),), (np.zeros(4, np.float32),))
     layout = FeatureLayout('cartesian_mean', 2, 2, 1)
-    return ForceModel(layout, BinGrid(2, 2, 20.0, 20.0), scaling(), network, output_scale_n)
+    bins = BinGrid(2, 2, 20.0, 20.0)
+    return ForceModel(layout, bins, NetworkReadout(scaling(), network, bins, output_scale_n, TotalSpread(0.03, 0.04)))
 
 
 def features(*values: float, confidence: float = 1.0) -> Features:
@@ -96,10 +97,26 @@ def test_regions_without_markers_do_not_reach_the_network():
 def test_confidence_is_the_share_of_learned_regions_that_hold_markers():
     model = one_layer()
     trusted = np.array([[1, 1], [0, 0]], np.float32)
-    model = dataclasses.replace(model, scaling=dataclasses.replace(model.scaling, trusted=trusted))
+    inputs = dataclasses.replace(model.readout.scaling, trusted=trusted)
+    model = dataclasses.replace(model, readout=dataclasses.replace(model.readout, scaling=inputs))
     seen = features(1, 1, 1, 1)
     seen.confidence[0, 0] = 0
     assert ForceEstimator(model).predict(seen).confidence == 0.5
+
+
+def test_hidden_units_may_be_rectified():
+    network = Mlp(
+        (np.array([[1.0], [-1.0]], np.float32), np.array([[2.0, 3.0]], np.float32)),
+        (np.zeros(2, np.float32), np.array([1.0], np.float32)),
+        'relu',
+    )
+    assert network(np.array([5.0], np.float32)).tolist() == [11.0]
+    assert network(np.array([-5.0], np.float32)).tolist() == [16.0]
+
+
+def test_the_spread_of_the_total_grows_with_it():
+    # hypot(0.03, 0.04 * 1) = 0.05
+    assert ForceEstimator(one_layer()).predict(features(0, 0, 1, 0)).total_sigma_n == pytest.approx(0.05)
 
 
 def test_inputs_are_centred_and_scaled():
@@ -123,13 +140,13 @@ def test_features_of_another_encoding_are_refused():
 
 
 def test_a_network_that_does_not_fit_its_bins_is_refused():
-    with pytest.raises(ModelError, match='describes 4 features and 9 bins'):
+    with pytest.raises(ModelError, match='4 inputs and 4 outputs does not fit 4 features and 9 bins'):
         dataclasses.replace(one_layer(), bins=BinGrid(3, 3))
 
 
 PROGRAM = """
 import numpy as np, hashlib
-from tactile_nodes.sensing.model import Mlp
+from tactile_nodes.sensing.network import Mlp
 random = np.random.default_rng(0)
 sizes = (3200, 800, 400, 400, 81)
 weights = tuple(random.normal(0, 0.03, pair).astype(np.float32) for pair in zip(sizes[1:], sizes[:-1]))

@@ -1,0 +1,230 @@
+"""Measure a gel's response: from presses to the splines that `tactile_nodes.sensing.response` inverts.
+
+All of it is linear algebra: principal components of the features, one regression on cubic splines (P-splines: Eilers
+and Marx, Statistical Science 11, 1996), and the covariance of what is left over. So it takes seconds, and the same
+presses give the same readout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+from jaxtyping import Float, Float32
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.response_calibration import calibrated
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.response import Response, ResponseReadout
+from tactile_nodes.sensing.splines import SplineAxis
+
+LEAST_UNTOUCHED = 20
+UNTOUCHED_WEIGHT = 10.0
+CALIBRATION_SHARE = 0.15
+
+
+def fit_response(
+    dataset: Dataset, held_out: np.ndarray, config: ResponseConfig, bins: BinGrid, progress: Progress
+) -> ResponseReadout:
+    """The readout of a data set.
+
+    Smoothing and stated uncertainty are judged by presses at positions that the fit did not see; the final fit then
+    sees them all, but for `held_out` (a boolean for each sample), which it never sees.
+
+    Raises:
+        DatasetError: too few presses, or too few images of the untouched gel.
+    """
+    used = np.flatnonzero(~held_out)
+    subspace = _Subspace.of(dataset, used, config)
+    inner = _inner_held_out(dataset, used, config.seed)
+    first, rest = used[~inner], used[inner]
+    steps = len(config.smoothing) + 2
+    with progress.bar('measuring the response', steps) as bar:
+        normal = subspace.normal(first)
+        tried = []
+        for smoothing in config.smoothing:
+            coefficients = normal.solve(smoothing)
+            tried.append((subspace.misfit(rest, coefficients), smoothing, coefficients))
+            bar.advance(1, f'smoothing {smoothing:g}: misfit {tried[-1][0]:.4g}')
+        _, smoothing, coefficients = min(tried, key=lambda each: each[:2])
+        calibration, likeness = calibrated(subspace.readout(first, coefficients, bins), dataset, rest)
+        bar.advance(1, f'smoothing {smoothing:g}; uncertainty judged by {len(rest)} samples')
+        final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
+        bar.advance(1)
+    return replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
+
+
+def _inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
+    """Which of the used samples judge: whole positions, so that interpolation between positions is judged too.
+
+    Images of the untouched gel have no position and count each for itself.
+    """
+    keys = np.column_stack([dataset.presses[used, :2], np.zeros(len(used))])
+    still = dataset.presses[used, 2] <= 0
+    keys[still] = np.column_stack([np.zeros((still.sum(), 2)), np.arange(1, still.sum() + 1)])
+    _, position = np.unique(keys, axis=0, return_inverse=True)
+    position = position.reshape(-1)
+    numbers = np.random.default_rng(seed).permutation(position.max() + 1)
+    chosen: np.ndarray = numbers[position] < max(1, round(CALIBRATION_SHARE * len(numbers)))
+    return chosen
+
+
+@dataclass(frozen=True)
+class _Subspace:
+    """Scaled features as principal components, and the places that they belong to."""
+
+    scaling: InputScaling
+    directions: Float32[np.ndarray, 'components inputs']
+    components: Float[np.ndarray, 'samples components']
+    places: Float[np.ndarray, 'samples 3']
+    touched: np.ndarray
+    axes: tuple[SplineAxis, SplineAxis, SplineAxis]
+    power: float
+
+    @classmethod
+    def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> _Subspace:
+        touched = dataset.presses[:, 2] > 0
+        untouched = used[~touched[used]]
+        if len(untouched) < LEAST_UNTOUCHED or touched[used].sum() < config.components:
+            raise DatasetError(
+                f'a response needs at least {LEAST_UNTOUCHED} images of the untouched gel and {config.components} '
+                f'presses; there are {len(untouched)} and {int(touched[used].sum())}'
+            )
+        scaling = noise_scaling(dataset, untouched, config.confidence_floor)
+        inputs = scaled(dataset, scaling)
+        square = inputs[used].T @ inputs[used]
+        first = square.shape[0] - config.components
+        _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
+        directions = np.ascontiguousarray(vectors[:, ::-1].T, np.float32)
+        force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
+        places = np.column_stack([dataset.presses[:, :2].astype(float), force**config.power])
+        places[~touched, 2] = 0.0
+        axes = _axes(places[used][touched[used]], config)
+        return cls(scaling, directions, (inputs @ directions.T).astype(float), places, touched, axes, config.power)
+
+    def normal(self, chosen: np.ndarray) -> _Normal:
+        """The regression of some samples, before it is smoothed."""
+        chosen = chosen[self.touched[chosen]]
+        design = sparse_cubes(self.axes, self.places[chosen])
+        still = sparse_cubes(self.axes, _floor_of(self.axes))
+        square = (design.T @ design + UNTOUCHED_WEIGHT * (still.T @ still)).toarray()
+        return _Normal(square, design.T @ self.components[chosen], _curvature(self.axes))
+
+    def misfit(self, chosen: np.ndarray, coefficients: np.ndarray) -> float:
+        """Root mean square of what coefficients leave over."""
+        return float(np.sqrt(np.mean(self._left(chosen, coefficients) ** 2)))
+
+    def readout(self, chosen: np.ndarray, coefficients: np.ndarray, bins: BinGrid) -> ResponseReadout:
+        """The readout of some samples, with uncertainties as the fit states them."""
+        whitening, growth = self._whitening(chosen, coefficients)
+        shape = (*(axis.count for axis in self.axes), len(whitening))
+        table = np.asarray((coefficients @ whitening.T).reshape(shape), np.float32)
+        response = Response(*self.axes, table, growth, self.power)
+        inputs = self.directions.shape[1]
+        likeness = Likeness(np.zeros(inputs, np.float32), self.directions, 1.0, 1.0)
+        return ResponseReadout(self.scaling, likeness, whitening, response, bins)
+
+    def _left(self, chosen: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        chosen = chosen[self.touched[chosen]]
+        left: np.ndarray = self.components[chosen] - sparse_cubes(self.axes, self.places[chosen]) @ coefficients
+        return left
+
+    def _whitening(self, chosen: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Components in which the noise at rest is 1 and what the splines miss is independent, growing with s²."""
+        noise = np.cov(self.components[chosen[~self.touched[chosen]]].T)
+        values, vectors = np.linalg.eigh(noise)
+        rough = (vectors / np.sqrt(np.maximum(values, 1e-3 * np.median(values)))).T
+        left = self._left(chosen, coefficients) @ rough.T
+        height = (self.places[chosen[self.touched[chosen]], 2] / self.axes[2].high) ** 2
+        missed = (left.T @ left - len(left) * np.eye(len(rough))) / height.sum()
+        growth, turned = np.linalg.eigh(missed)
+        return np.asarray(turned.T @ rough, np.float32), np.asarray(np.maximum(growth, 0.0), np.float32)
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of the splines' coefficients, and what smoothness adds to them."""
+
+    square: Float[np.ndarray, 'n n']
+    right: Float[np.ndarray, 'n components']
+    curvature: Float[np.ndarray, 'n n']
+
+    def solve(self, smoothing: float) -> Float[np.ndarray, 'n components']:
+        """Coefficients: least squares, smooth, and zero where the force is."""
+        whole = self.square + smoothing * self.curvature
+        whole[np.diag_indices_from(whole)] += 1e-9 * np.trace(whole) / len(whole)
+        solved: np.ndarray = scipy.linalg.solve(whole, self.right, assume_a='pos', overwrite_a=True)
+        return solved
+
+
+def noise_scaling(dataset: Dataset, untouched: np.ndarray, confidence_floor: float) -> InputScaling:
+    """Features about their mean over the untouched gel, in units of their noise there; quiet ones count as the median.
+
+    Regions without markers are silenced.
+    """
+    trusted = np.asarray((dataset.confidence >= confidence_floor).all(axis=0), np.float32)
+    values = dataset.features[untouched].astype(np.float32)
+    noise = values.std(axis=0)
+    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
+    gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
+    return InputScaling(values.mean(axis=0), gain, trusted, confidence_floor)
+
+
+def scaled(dataset: Dataset, scaling: InputScaling) -> Float32[np.ndarray, 'samples inputs']:
+    """All samples as the readout scales them."""
+    inputs = np.empty((len(dataset.features), dataset.features[0].size), np.float32)
+    for number, confidence in enumerate(dataset.confidence):
+        mine = np.flatnonzero(dataset.rest == number)
+        values = scaling(dataset.features[mine].astype(np.float32), confidence)
+        inputs[mine] = values.reshape(len(mine), inputs.shape[1])
+    return inputs
+
+
+def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:
+    """As `tactile_nodes.sensing.splines.cubes`, of which 64 a row are not zero."""
+    parts = [scipy.sparse.csr_array(axis.design(places[:, i])) for i, axis in enumerate(axes)]
+    product = parts[0]
+    for part in parts[1:]:
+        product = _row_products(product, part)
+    return product
+
+
+def _row_products(left: scipy.sparse.csr_array, right: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    """Row by row the products of all entries, those of `left` slowest."""
+    many, width = right.shape
+    a, b = left.tocoo(), right
+    starts, lengths = b.indptr[:-1][a.row], np.diff(b.indptr)[a.row]
+    inner = np.repeat(starts - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths) + np.arange(lengths.sum())
+    rows, values = np.repeat(a.row, lengths), np.repeat(a.data, lengths) * b.data[inner]
+    columns = np.repeat(a.col, lengths) * width + b.indices[inner]
+    return scipy.sparse.csr_array((values, (rows, columns)), shape=(many, left.shape[1] * width))
+
+
+def _axes(touched: Float[np.ndarray, 'n 3'], config: ResponseConfig) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
+    reach = np.abs(touched[:, :2]).max(axis=0)
+    x, y = (SplineAxis(-far, far, max(1, round(2 * far / config.spacing_mm))) for far in reach.tolist())
+    return x, y, SplineAxis(0.0, float(touched[:, 2].max()), config.levels)
+
+
+def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
+    """Places without force, closely all over the surface."""
+    x, y = (np.linspace(axis.low, axis.high, 2 * axis.intervals + 1) for axis in axes[:2])
+    return np.stack(np.meshgrid(x, y, [0.0], indexing='ij'), axis=-1).reshape(-1, 3)
+
+
+def _curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
+    """Sum of the squared second differences of the coefficients along each axis, as a quadratic form."""
+    total = 0.0
+    for i in range(3):
+        parts = [np.eye(axis.count) for axis in axes]
+        difference = np.diff(parts[i], n=2, axis=0)
+        parts[i] = difference.T @ difference
+        total = total + np.kron(np.kron(parts[0], parts[1]), parts[2])
+    return np.asarray(total)

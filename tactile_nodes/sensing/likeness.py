@@ -1,0 +1,36 @@
+"""How unlike the training data a frame's features are: what the directions that presses take cannot explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """Principal directions of the training's inputs, and how much is usually left over.
+
+    `directions` (components, inputs) are orthonormal. What is left of an input beside its mean and these directions
+    has, over presses held out in training, a root mean square of at most `floor` plus `share` times that of the input
+    in all but one of a thousand; their quotient is the unlikeness.
+    """
+
+    mean: Float32[np.ndarray, ' inputs']
+    directions: Float32[np.ndarray, 'components inputs']
+    floor: float
+    share: float
+
+    def unlikeness(self, inputs: Float32[np.ndarray, ' inputs']) -> float:
+        """1 at the limit of what training held; not finite for inputs that are not."""
+        left, size = self.left_over(inputs)
+        return left / (self.floor + self.share * size)
+
+    def left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> tuple[float, float]:
+        """Root mean square of what the directions leave over, and of the whole, both about the mean."""
+        centred = inputs - self.mean
+        whole = float(centred @ centred)
+        known = self.directions @ centred
+        left = max(whole - float(known @ known), 0.0)
+        return float(np.sqrt(left / len(centred))), float(np.sqrt(whole / len(centred)))

@@ -1,0 +1,145 @@
+"""The paper's readout: features through fully connected layers to one force a bin, in numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading
+
+
+def logistic(values: Float32[np.ndarray, '*shape']) -> Float32[np.ndarray, '*shape']:
+    """1 / (1 + exp(-x)), written with tanh because that cannot overflow: 0.5 at 0, 0.7311 at 1."""
+    half = np.float32(0.5)
+    activation: np.ndarray = half * np.tanh(half * values) + half
+    return activation
+
+
+def rectified(values: Float32[np.ndarray, '*shape']) -> Float32[np.ndarray, '*shape']:
+    """The larger of x and 0."""
+    activation: np.ndarray = np.maximum(values, np.float32(0))
+    return activation
+
+
+ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {'logistic': logistic, 'relu': rectified}
+
+
+@dataclass(frozen=True)
+class Mlp:
+    """Fully connected layers; hidden units logistic (the paper's) or rectified, outputs plain.
+
+    `weights[i]` is (outputs, inputs), as torch stores it. The result for one input vector depends on nothing
+    but that vector and the weights: each output is one dot product, whatever the number of threads.
+    """
+
+    weights: tuple[Float32[np.ndarray, '_ _'], ...]
+    biases: tuple[Float32[np.ndarray, ' _'], ...]
+    hidden: str = 'logistic'
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Units per layer, inputs first: (3200, 800, 400, 400, 81) for the paper's."""
+        return (self.weights[0].shape[1], *(len(bias) for bias in self.biases))
+
+    def __call__(self, inputs: Float32[np.ndarray, ' inputs']) -> Float32[np.ndarray, ' outputs']:
+        activation = ACTIVATIONS[self.hidden]
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            inputs = activation(weight @ inputs + bias)
+        outputs: np.ndarray = self.weights[-1] @ inputs + self.biases[-1]
+        return outputs
+
+
+@dataclass(frozen=True)
+class InputScaling:
+    """How features become network inputs: subtract, multiply, and silence the regions without markers.
+
+    A region counts where it held markers in training (`trusted`) and holds them in the present rest image
+    (its confidence reaches `confidence_floor`); elsewhere flow is noise of whole pixels, and the input is 0.
+    """
+
+    mean: Float32[np.ndarray, 'rows cols channels']
+    gain: Float32[np.ndarray, 'rows cols channels']
+    trusted: Float32[np.ndarray, 'rows cols']
+    confidence_floor: float = 0.5
+
+    def __call__(
+        self, values: Float32[np.ndarray, '*batch rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Float32[np.ndarray, '*batch rows cols channels']:
+        used = self.trusted * (confidence >= self.confidence_floor)
+        scaled: np.ndarray = (values - self.mean) * self.gain * used[..., None]
+        return scaled
+
+
+@dataclass(frozen=True)
+class TotalSpread:
+    """How far the total force may be off: the standard deviation for a total of F is hypot(floor, share F)."""
+
+    floor_n: float = UNKNOWN
+    share: float = UNKNOWN
+
+    def sigma_n(self, total_n: float) -> float:
+        return float(np.hypot(self.floor_n, self.share * total_n))
+
+
+@dataclass(frozen=True)
+class NetworkReadout:
+    """Scaled features through a network to forces in units of `output_scale_n`, one a bin, row-major.
+
+    Its one contact is the force-weighted mean of the strongest bin and its neighbours. With the paper's labels (all
+    force in the bin of the indentation's centre) it says in which bin the contact lies and hints at the side of it:
+    expect an error of about a millimetre, which it does not know (`sigma_mm` is NaN).
+    """
+
+    scaling: InputScaling
+    network: Mlp
+    bins: BinGrid
+    output_scale_n: float = 1.0
+    spread: TotalSpread = TotalSpread()
+    likeness: Likeness | None = None
+
+    kind = 'network'
+
+    @property
+    def parameter_count(self) -> int:
+        """Weights and biases: 3 074 081 of the paper's network."""
+        return sum(each.size for each in (*self.network.weights, *self.network.biases))
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        sizes = self.network.sizes
+        if sizes[0] != features or sizes[-1] != bins.count:
+            raise ModelError(
+                f'a network of {sizes[0]} inputs and {sizes[-1]} outputs does not fit {features} features and '
+                f'{bins.count} bins; train it again or use another model file'
+            )
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        inputs = self.scaling(values, confidence).reshape(-1)
+        forces = (self.network(inputs) * np.float32(self.output_scale_n)).reshape(self.bins.rows, self.bins.cols)
+        total_n = float(forces.sum(dtype=np.float64))
+        sigma_n = self.spread.sigma_n(total_n)
+        contact = Contact(*contact_position_mm(forces, self.bins.centres_mm), total_n, UNKNOWN, sigma_n)
+        unlike = self.likeness.unlikeness(inputs) if self.likeness is not None else UNKNOWN
+        return Reading(forces, (contact,), sigma_n, unlike)
+
+
+def contact_position_mm(forces_n: Float32[np.ndarray, 'rows cols'], centres_mm: np.ndarray) -> tuple[float, float]:
+    """Force-weighted mean of the centres of the strongest bin and its (up to eight) neighbours.
+
+    Negative forces count as none. Equal forces in two neighbouring bins give the middle of their border;
+    a map without any positive force gives the centre of its strongest bin.
+    """
+    row, col = np.unravel_index(int(forces_n.argmax()), forces_n.shape)
+    window = np.s_[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2]
+    weights = np.maximum(forces_n[window], 0).astype(np.float64)
+    if not weights.sum() > 0:
+        return float(centres_mm[row, col, 0]), float(centres_mm[row, col, 1])
+    x, y = (weights[..., None] * centres_mm[window]).sum(axis=(0, 1)) / weights.sum()
+    return float(x), float(y)

@@ -1,0 +1,90 @@
+"""What a readout finds in the features of one frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.sensing.geometry import BinGrid
+
+UNKNOWN = float('nan')
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One place of contact: surface frame, force positive into the gel.
+
+    `sigma_mm` (along each axis) and `sigma_n` are standard deviations, scaled on presses held out in training such that
+    1.645 of them to either side cover 90 %; NaN where a readout does not know.
+    """
+
+    x_mm: float
+    y_mm: float
+    force_n: float
+    sigma_mm: float = UNKNOWN
+    sigma_n: float = UNKNOWN
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The normal force on each bin, the contacts that it stands for (strongest first), and how sure that is.
+
+    `unlikeness` is 1 at the limit of what presses held out in training showed; above it the frame is unlike anything
+    that the readout knows. NaN where a readout does not know.
+    """
+
+    normal_force_n: Float32[np.ndarray, 'rows cols']
+    contacts: tuple[Contact, ...]
+    total_sigma_n: float = UNKNOWN
+    unlikeness: float = UNKNOWN
+
+
+@runtime_checkable
+class Readout(Protocol):
+    """Turns features into forces; the result depends on nothing but the features and the readout's numbers."""
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def parameter_count(self) -> int:
+        """Numbers that were learned."""
+        ...
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        """Refuse features or bins that the readout was not made for.
+
+        Raises:
+            ModelError: says both.
+        """
+        ...
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading: ...
+
+
+def spread_over_bins(contacts: tuple[Contact, ...], bins: BinGrid) -> Float32[np.ndarray, 'rows cols']:
+    """The expected force on each bin if all of a contact's force belongs to the bin of its centre.
+
+    The centre is known to `sigma_mm` only, so near a border the bins on both sides get their share: on the border
+    itself half of the force each. What lies off the surface counts to its outermost bins; the sum is kept.
+    """
+    forces = np.zeros((bins.rows, bins.cols))
+    for each in contacts:
+        along_x = _shares(each.x_mm, each.sigma_mm, bins.cols, bins.width_mm)
+        along_y = _shares(each.y_mm, each.sigma_mm, bins.rows, bins.height_mm)
+        forces += each.force_n * np.outer(along_y, along_x)
+    return forces.astype(np.float32)
+
+
+def _shares(at_mm: float, sigma_mm: float, count: int, size_mm: float) -> np.ndarray:
+    """How probable it is that a place with a normal error lies in each of `count` equal intervals."""
+    scale = max(sigma_mm if math.isfinite(sigma_mm) else 0.0, 1e-6) * math.sqrt(2)
+    borders = (size_mm * (i / count - 0.5) for i in range(1, count))
+    below = [0.0, *(0.5 * (1 + math.erf((border - at_mm) / scale)) for border in borders), 1.0]
+    return np.diff(below)

@@ -1,0 +1,121 @@
+"""Readouts as named arrays and plain numbers, which is how a model file keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
+from tactile_nodes.sensing.splines import SplineAxis
+
+Arrays = dict[str, np.ndarray]
+
+
+def readout_arrays(readout: NetworkReadout | ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays by name, and the numbers beside them; both stand in a model file."""
+    made = _network_arrays(readout) if isinstance(readout, NetworkReadout) else _response_arrays(readout)
+    return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
+
+
+def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout | ResponseReadout:
+    """What `readout_arrays` took apart.
+
+    Raises:
+        KeyError, TypeError: a part is missing.
+    """
+    return (_network if said['kind'] == NetworkReadout.kind else _response)(arrays, said, bins)
+
+
+def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
+    arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
+    for i, (weight, bias) in enumerate(zip(readout.network.weights, readout.network.biases, strict=True)):
+        arrays[f'layer{i}.weight'] = weight.astype(np.float16)
+        arrays[f'layer{i}.bias'] = bias
+    return arrays, {
+        **_said(readout.kind, readout.scaling, readout.likeness),
+        'sizes': list(readout.network.sizes),
+        'hidden': readout.network.hidden,
+        'output': 'identity',
+        'output_scale_n': readout.output_scale_n,
+        'spread': _finite(asdict(readout.spread)),
+    }
+
+
+def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
+    layers = range(len(said['sizes']) - 1)
+    network = Mlp(
+        tuple(arrays[f'layer{i}.weight'].astype(np.float32) for i in layers),
+        tuple(arrays[f'layer{i}.bias'] for i in layers),
+        said['hidden'],
+    )
+    spread = TotalSpread(**{name: value for name, value in said['spread'].items() if value is not None})
+    return NetworkReadout(
+        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, _likeness(arrays, said['likeness'])
+    )
+
+
+def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
+    response = readout.response
+    arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
+    arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
+    return arrays, {
+        **_said(readout.kind, readout.scaling, readout.likeness),
+        'axes': [asdict(axis) for axis in response.axes],
+        'power': response.power,
+        'calibration': asdict(readout.calibration),
+        'most_contacts': readout.most_contacts,
+    }
+
+
+def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
+    axes = (SplineAxis(**axis) for axis in said['axes'])
+    likeness = _likeness(arrays, said['likeness'])
+    if likeness is None:
+        raise KeyError('likeness.directions')
+    return ResponseReadout(
+        _scaling(arrays, said),
+        likeness,
+        arrays['whitening'],
+        Response(*axes, arrays['coefficients'], arrays['growth'], said['power']),
+        bins,
+        Calibration(**said['calibration']),
+        said['most_contacts'],
+    )
+
+
+def _said(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:
+    limits = None if likeness is None else {'floor': likeness.floor, 'share': likeness.share}
+    return {'kind': kind, 'confidence_floor': scaling.confidence_floor, 'likeness': limits}
+
+
+def _scaling_arrays(scaling: InputScaling) -> Arrays:
+    return {'input.mean': scaling.mean, 'input.gain': scaling.gain, 'input.trusted': scaling.trusted}
+
+
+def _scaling(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any]) -> InputScaling:
+    return InputScaling(
+        arrays['input.mean'], arrays['input.gain'], arrays['input.trusted'], float(said['confidence_floor'])
+    )
+
+
+def _likeness_arrays(likeness: Likeness | None) -> Arrays:
+    if likeness is None:
+        return {}
+    return {'likeness.mean': likeness.mean, 'likeness.directions': likeness.directions}
+
+
+def _likeness(arrays: Mapping[str, np.ndarray], limits: Mapping[str, float] | None) -> Likeness | None:
+    if limits is None:
+        return None
+    return Likeness(arrays['likeness.mean'], arrays['likeness.directions'], limits['floor'], limits['share'])
+
+
+def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
+    """JSON knows no NaN."""
+    return {name: value if np.isfinite(value) else None for name, value in numbers.items()}

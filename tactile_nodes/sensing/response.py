@@ -1,0 +1,239 @@
+"""A readout that knows how the gel responds: which place and force explain what the camera sees?
+
+The motion that a tip causes is a smooth function of where it presses (x, y) and how hard. In training that function is
+measured (cubic splines over x, y and s = F^p, of the features' principal components); a frame is answered by the
+contact whose motion comes closest, found by Gauss-Newton steps from the best entry of a coarse table. So position and
+force come out continuously, with their covariance, and what no contact explains is left over and told. Motions of
+several contacts add up (superposition), as they nearly do in a soft layer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, spread_over_bins
+from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
+
+MOST_STEPS = 12
+LARGEST_STEP_MM = 1.5
+CONVERGED_MM = 2e-3
+DAMPING = (1e-2, 1e-2, 1e-3)
+"""Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
+START_SPACING_MM = 1.5
+START_LEVELS = 6
+NOWHERE_MM = 9.2
+"""Standard deviation of a place of which nothing is known but that it is on 32 mm of surface: 32 / sqrt(12)."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the gel does when pressed: components of the motion over x, y (mm) and s = F^power.
+
+    `coefficients` (nx, ny, ns, components) belong to cubic splines; the components are scaled such that each has a
+    noise of 1 while nothing touches. What the splines miss grows with s: the variance of a component is
+    1 + growth (s / high)².
+    """
+
+    x: SplineAxis
+    y: SplineAxis
+    s: SplineAxis
+    coefficients: Float32[np.ndarray, 'nx ny ns components']
+    growth: Float32[np.ndarray, ' components']
+    power: float = 1.0
+
+    @property
+    def axes(self) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
+        return self.x, self.y, self.s
+
+    def force_n(self, s: float) -> float:
+        """The force that s stands for."""
+        return float(max(s, 0.0) ** (1 / self.power))
+
+    def force_slope(self, s: float) -> float:
+        """dF/ds."""
+        return float(max(s, 1e-9) ** (1 / self.power - 1) / self.power)
+
+    def certainty(self, s: float) -> Float[np.ndarray, ' components']:
+        """One over the variance of each component."""
+        weights: np.ndarray = 1 / (1 + self.growth * (s / self.s.high) ** 2)
+        return weights
+
+    @cached_property
+    def starts(self) -> Float[np.ndarray, 'starts 3']:
+        """Contacts to begin with: all over the surface, at several forces."""
+        x, y = (np.arange(axis.low, axis.high + 1e-9, START_SPACING_MM) for axis in (self.x, self.y))
+        s = np.linspace(0.1, 0.95, START_LEVELS) * self.s.high
+        return np.stack(np.meshgrid(x, y, s, indexing='ij'), axis=-1).reshape(-1, 3)
+
+    @cached_property
+    def start_components(self) -> Float32[np.ndarray, 'starts components']:
+        flat = self.coefficients.reshape(-1, self.coefficients.shape[-1])
+        return np.asarray(cubes(*self.axes, self.starts) @ flat, np.float32)
+
+    @cached_property
+    def _start_norms(self) -> Float32[np.ndarray, ' starts']:
+        return np.asarray((self.start_components**2).sum(axis=1), np.float32)
+
+    @cached_property
+    def _lightest(self) -> np.ndarray:
+        return np.asarray(self.starts[:, 2] == self.starts[:, 2].min())
+
+    def start(self, components: Float32[np.ndarray, ' components']) -> Float[np.ndarray, ' 3']:
+        """The entry of the table that comes closest; of the lightest contacts any share, since motion begins linear."""
+        along = self.start_components @ components
+        share = np.where(self._lightest, np.clip(along / np.maximum(self._start_norms, 1e-9), 0.0, 1.0), 1.0)
+        best = int((share * (share * self._start_norms - 2 * along)).argmin())
+        x, y, s = self.starts[best].tolist()
+        return np.array([x, y, s * float(share[best]) ** self.power])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Contacts (x, y, s), the inverse of their covariance, and the mean squared misfit in units of its variance."""
+
+    contacts: Float[np.ndarray, 'contacts 3']
+    information: Float[np.ndarray, 'n n']
+    misfit: float
+
+
+def locate(
+    response: Response, components: Float32[np.ndarray, ' components'], begin: Float[np.ndarray, 'contacts 3']
+) -> Fit:
+    """Gauss-Newton from `begin` to the contacts that explain the components best."""
+    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
+    low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
+    damping = np.diag(np.tile(DAMPING, len(begin)))
+    here, best = begin.copy(), None
+    for _ in range(MOST_STEPS):
+        fit, slope = _compare(response, components, here)
+        if best is None or fit.misfit < best.misfit:
+            best = fit
+        step = np.linalg.solve(fit.information + damping, slope).reshape(-1, 3)
+        moved = np.minimum(np.maximum(here + np.minimum(np.maximum(step, -largest), largest), low), high)
+        if np.abs(moved - here).max() < CONVERGED_MM:
+            break
+        here = moved
+    assert best is not None
+    return best
+
+
+def _compare(
+    response: Response, components: np.ndarray, contacts: Float[np.ndarray, 'contacts 3']
+) -> tuple[Fit, Float[np.ndarray, ' n']]:
+    """How well contacts explain the components, and the way down."""
+    made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
+    left = components - sum(each[0] for each in made)
+    slopes = np.concatenate([each[1:] for each in made])
+    certainty = response.certainty(float(contacts[:, 2].max()))
+    weighted = slopes * certainty
+    fit = Fit(contacts, weighted @ slopes.T, float((left * left * certainty).mean()))
+    return fit, weighted @ left
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How stated uncertainties follow from the fit's: measured on presses that were held out in training.
+
+    The standard deviation along x or y is hypot(place_floor_mm, place_factor times the fit's); that of a force F
+    hypot(force_floor_n, force_share F, force_factor times the fit's). `misfit_limit` is the root of the misfit that
+    one of a thousand exceeds.
+    """
+
+    place_floor_mm: float = 0.0
+    place_factor: float = 1.0
+    force_floor_n: float = 0.0
+    force_share: float = 0.0
+    force_factor: float = 1.0
+    misfit_limit: float = 1.0
+
+
+@dataclass(frozen=True)
+class ResponseReadout:
+    """Features to components (`directions`, `whitening`), components to contacts, contacts to bins."""
+
+    scaling: InputScaling
+    likeness: Likeness
+    whitening: Float32[np.ndarray, 'components components']
+    response: Response
+    bins: BinGrid
+    calibration: Calibration = Calibration()
+    most_contacts: int = 1
+
+    kind = 'response'
+
+    @property
+    def parameter_count(self) -> int:
+        """Coefficients of the splines, principal directions, and the scaling of the components."""
+        numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
+        return sum(each.size for each in numbers)
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        if self.likeness.directions.shape[1] != features or bins != self.bins:
+            raise ModelError(
+                f'a response to {self.likeness.directions.shape[1]} features on {self.bins} does not fit {features} '
+                f'features and {bins}; train it again or use another model file'
+            )
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        inputs = self.scaling(values, confidence).reshape(-1)
+        if not np.isfinite(inputs).all():
+            return self._nothing()
+        return self.reading(self.fit(self.components(inputs)), inputs)
+
+    def components(self, inputs: Float32[np.ndarray, ' inputs']) -> Float32[np.ndarray, ' components']:
+        """Scaled features in components with a noise of 1."""
+        found: np.ndarray = self.whitening @ (self.likeness.directions @ inputs)
+        return found
+
+    def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
+        """As few contacts as explain the components, `most_contacts` at most."""
+        fit = locate(self.response, components, self.response.start(components)[None])
+        limit = self.calibration.misfit_limit**2
+        while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
+            more = locate(self.response, components, self._one_more(components, fit.contacts))
+            if more.misfit > 0.5 * fit.misfit:
+                break
+            fit = more
+        return fit
+
+    def _one_more(self, components: np.ndarray, contacts: np.ndarray) -> Float[np.ndarray, 'contacts 3']:
+        made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
+        return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
+
+    def reading(self, fit: Fit, inputs: Float32[np.ndarray, ' inputs']) -> Reading:
+        """Forces on bins, contacts and their uncertainty."""
+        contacts = self.contacts(fit)
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, self.likeness.unlikeness(inputs))
+        return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def contacts(self, fit: Fit) -> tuple[Contact, ...]:
+        """The contacts of a fit with their uncertainties, strongest first."""
+        certain = np.diag(np.tile(DAMPING, len(fit.contacts)))
+        variances = np.diag(np.linalg.inv(fit.information + certain)).reshape(-1, 3)
+        found = [self._contact(*each) for each in zip(fit.contacts.tolist(), variances.tolist(), strict=True)]
+        return tuple(sorted(found, key=lambda contact: -contact.force_n))
+
+    def _contact(self, place: list[float], variance: list[float]) -> Contact:
+        (x, y, s), c = place, self.calibration
+        place_sigma = math.hypot(c.place_floor_mm, c.place_factor * math.sqrt((variance[0] + variance[1]) / 2))
+        force_n = self.response.force_n(s)
+        fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
+        sigma_n = math.hypot(c.force_floor_n, c.force_share * force_n, c.force_factor * fitted_n)
+        return Contact(x, y, force_n, min(place_sigma, NOWHERE_MM), sigma_n)
+
+    def _nothing(self) -> Reading:
+        """What is said of features that are no numbers."""
+        forces = np.full((self.bins.rows, self.bins.cols), UNKNOWN, np.float32)
+        return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))

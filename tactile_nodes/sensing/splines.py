@@ -1,0 +1,76 @@
+"""Uniform cubic B-splines: smooth functions of three numbers from a table of coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+_CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
+"""Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
+_SLOPE = np.array([[-3, 6, -3, 0], [0, -12, 9, 0], [3, 6, -9, 0], [0, 0, 3, 0]]) / 6
+_BOTH = np.stack([_CUBIC, _SLOPE])
+_VALUE_X_Y_S = [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]
+"""Of which axis the slope is taken in the value and in the slopes along x, y and s."""
+
+
+@dataclass(frozen=True)
+class SplineAxis:
+    """`intervals` equal intervals from `low` to `high`; `intervals` + 3 splines. Values beyond an end count as at it."""
+
+    low: float
+    high: float
+    intervals: int
+
+    @property
+    def count(self) -> int:
+        return self.intervals + 3
+
+    def place(self, value: float) -> tuple[int, float]:
+        """Number of the first spline that is not zero here, and the share of the interval that lies below."""
+        along = (min(max(value, self.low), self.high) - self.low) * self.intervals / (self.high - self.low)
+        first = min(int(along), self.intervals - 1)
+        return first, along - first
+
+    def weights(self, value: float) -> tuple[int, Float[np.ndarray, '2 4']]:
+        """Number of the first of four splines, and their values and slopes (per unit of the axis) here.
+
+        In the middle between two knots the values are 1/48, 23/48, 23/48 and 1/48.
+        """
+        first, t = self.place(value)
+        pair = _BOTH @ np.array([1.0, t, t * t, t * t * t])
+        pair[1] *= self.intervals / (self.high - self.low)
+        return first, pair
+
+    def design(self, values: Float[np.ndarray, ' n']) -> Float[np.ndarray, 'n count']:
+        """All splines' values at many places."""
+        along = (np.clip(values, self.low, self.high) - self.low) * self.intervals / (self.high - self.low)
+        first = np.minimum(along.astype(int), self.intervals - 1)
+        t = along - first
+        rows = np.zeros((len(values), self.count))
+        np.put_along_axis(rows, first[:, None] + np.arange(4), np.stack([t**0, t, t**2, t**3], 1) @ _CUBIC.T, axis=1)
+        return rows
+
+
+def cubes(
+    x: SplineAxis, y: SplineAxis, s: SplineAxis, places: Float[np.ndarray, 'n 3']
+) -> Float[np.ndarray, 'n coefficients']:
+    """Products of the three axes' splines at many places, x slowest: a row each, to be fitted or applied."""
+    parts = [axis.design(places[:, i]) for i, axis in enumerate((x, y, s))]
+    return np.einsum('ni,nj,nk->nijk', *parts, optimize=True).reshape(len(places), -1)
+
+
+def value_and_slopes(
+    axes: tuple[SplineAxis, SplineAxis, SplineAxis],
+    coefficients: Float32[np.ndarray, 'nx ny ns outputs'],
+    at: Sequence[float],
+) -> Float[np.ndarray, '4 outputs']:
+    """The function at one place, and its slopes along x, y and s."""
+    (i, x), (j, y), (k, s) = (axis.weights(value) for axis, value in zip(axes, at, strict=True))
+    block = coefficients[i : i + 4, j : j + 4, k : k + 4].reshape(64, -1)
+    of_x, of_y, of_s = _VALUE_X_Y_S
+    weights = (x[of_x][:, :, None, None] * y[of_y][:, None, :, None] * s[of_s][:, None, None, :]).reshape(4, 64)
+    result: np.ndarray = weights.astype(np.float32) @ block
+    return result
