@@ -71,7 +71,7 @@ def prepare(dataset: Dataset, scaling: InputScaling) -> Float32[np.ndarray, 'sam
     for number, confidence in enumerate(dataset.confidence):
         mine = np.flatnonzero(dataset.rest == number)
         values = dataset.features[mine].astype(np.float32)
-        inputs[mine] = scaling(values, confidence).reshape(len(mine), -1)
+        inputs[mine] = scaling(values, confidence).reshape(len(mine), inputs.shape[1])
     return inputs
 
 

@@ -16,7 +16,10 @@ SILENT_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Validation:
-    """Figures of merit on samples that the network does not learn from."""
+    """Figures of merit on samples that the network does not learn from.
+
+    `peak_share` is the mean predicted peak over the mean true one, `of_zero` the aRMSE over that of predicting nothing.
+    """
 
     armse_n: float
     rmse_mc_n: float
@@ -24,11 +27,12 @@ class Validation:
     total_rmse_n: float
     right_bin: float
     peak_share: float
+    of_zero: float
 
     @property
     def silent(self) -> bool:
-        """Whether the network still gives the all-zero answer that sparse labels reward."""
-        return self.peak_share < SILENT_SHARE
+        """Whether the network still gives the all-zero answer that sparse labels reward, or a worse one."""
+        return self.peak_share < SILENT_SHARE or self.of_zero >= 1.0
 
     @classmethod
     def of(
@@ -42,13 +46,15 @@ class Validation:
         chosen = touched if touched.any() else ~touched
         true, predicted = true_n[chosen], predicted_n[chosen]
         peak_n = max(float(true.max(axis=1).mean()), 1e-12)
+        armse_n, zero_n = metrics.armse(true_n, predicted_n), metrics.armse(true_n, np.zeros_like(true_n))
         return cls(
-            armse_n=metrics.armse(true_n, predicted_n),
+            armse_n=armse_n,
             rmse_mc_n=metrics.peak_rmse_n(true, predicted),
             d_loc_mm=metrics.location_error_mm(true, predicted, bins),
             total_rmse_n=float(np.sqrt(np.mean(metrics.total_errors_n(true_n, predicted_n) ** 2))),
             right_bin=metrics.right_bin_share(true, predicted),
             peak_share=float(predicted.max(axis=1).mean()) / peak_n,
+            of_zero=armse_n / max(zero_n, 1e-12),
         )
 
     def __str__(self) -> str:

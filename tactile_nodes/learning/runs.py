@@ -22,6 +22,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -41,6 +42,12 @@ WITHOUT_EFFECT = {'processes', 'checkpoint_s', 'epochs'}
 class Run:
     """Keeps nothing: for tests, and for use as a library."""
 
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Let go of it."""
+
     def resume(self) -> Snapshot | None:
         """Where an earlier start of this run stopped."""
         return None
@@ -54,12 +61,12 @@ class Run:
     def note(self, text: str) -> None:
         """A sentence of what happened."""
 
-    def close(self, result: Mapping[str, Any]) -> None:
+    def finish(self, result: Mapping[str, Any]) -> None:
         """The run is over, with this card."""
 
 
 class RunFolder(Run):
-    """A run in a folder of its own.
+    """A run in a folder of its own, which no other process may train until it is let go of (``with``).
 
     Raises:
         ConfigurationError: another process trains it at this moment, or the folder cannot be written.
@@ -97,6 +104,9 @@ class RunFolder(Run):
     def _checkpoint(self) -> Path:
         return self.path / 'checkpoint.safetensors'
 
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._held.close()
+
     def resume(self) -> Snapshot | None:
         found = checkpoint.read(self._checkpoint)
         epoch = found.counters.epoch if found else 0
@@ -119,9 +129,8 @@ class RunFolder(Run):
         with (self.path / 'log.txt').open('a', encoding='utf-8') as file:
             file.write(f'{text}\n')
 
-    def close(self, result: Mapping[str, Any]) -> None:
+    def finish(self, result: Mapping[str, Any]) -> None:
         (self.path / 'result.json').write_text(json.dumps(result, indent=1, sort_keys=True), encoding='utf-8')
-        self._held.close()
 
 
 def run_id(config: TrainConfig, fingerprint: str) -> str:

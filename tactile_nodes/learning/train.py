@@ -49,16 +49,17 @@ def train(
     progress = progress or Progress()
     data = training_data(config, progress)
     run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
-    readout, report = fit(data, progress, run)
-    model = ForceModel(
-        layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
-        bins=data.config.bins,
-        readout=readout,
-    )
-    scores = validation_of(readout, data)
-    card = card_of(data, report, scores, command)
-    model_id = save_model(config.output, model, card)
-    run.close({'model_id': model_id, 'parameters': readout.parameter_count, **card})
+    with run:
+        readout, report = fit(data, progress, run)
+        model = ForceModel(
+            layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
+            bins=data.config.bins,
+            readout=readout,
+        )
+        scores = validation_of(readout, data)
+        card = card_of(data, report, scores, command)
+        model_id = save_model(config.output, model, card)
+        run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     return config.output
 

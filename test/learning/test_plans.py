@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactile_nodes.learning.config import DataConfig
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.plans import grid_plan, planned_presses, press_count, press_numbers
+from tactile_nodes.learning.source import simulated_split
+from tactile_nodes.sensing.geometry import BinGrid
+
+
+def paper(**options: object) -> DataConfig:
+    return DataConfig(**{'plan': 'paper', 'without_contact': 0.0, **options})  # type: ignore[arg-type]
+
+
+def as_samples(plan: np.ndarray) -> Dataset:
+    presses = np.column_stack([plan, np.maximum(plan[:, 2], 0)]).astype(np.float32)
+    return Dataset(
+        np.zeros((len(plan), 1, 1, 2), np.float16), presses, np.zeros(len(plan), int), np.ones((1, 1, 1)), ''
+    )
+
+
+def test_the_papers_plan_has_its_presses():
+    plan = grid_plan(paper())
+    assert len(plan) == press_count(paper()) == 10952
+    assert len(np.unique(plan, axis=0)) == 10952
+    assert np.unique(plan[:, 0]).tolist() == np.unique(plan[:, 1]).tolist()
+    np.testing.assert_allclose(np.unique(plan[:, 0]), np.arange(-13.5, 13.51, 0.75))
+    np.testing.assert_allclose(np.unique(plan[:, 2]), np.arange(1, 9) / 4)
+
+
+def test_the_papers_plan_is_split_into_the_papers_numbers():
+    split = simulated_split(as_samples(grid_plan(paper())), paper(), 0.1)
+    assert (len(split.train), len(split.validation), len(split.test)) == (7884, 877, 2191)
+
+
+def test_frames_without_contact_do_not_change_how_presses_are_split():
+    plan = grid_plan(paper(without_contact=0.05))
+    split = simulated_split(as_samples(plan), paper(without_contact=0.05), 0.1)
+    touched = plan[:, 2] > 0
+    assert (~touched).sum() == 576  # a twentieth of 11528
+    assert [int(touched[part].sum()) for part in (split.train, split.validation, split.test)] == [7884, 877, 2191]
+
+
+def test_a_jittered_plan_stays_within_each_cell_and_step():
+    """Same seed, same order: every press lies within half a pitch and half a step of the paper's nearest one."""
+    moved = grid_plan(paper(plan='jittered'))
+    away = np.abs(moved - np.round((moved + 13.5) / 0.75) * 0.75 + 13.5)[:, :2]
+    assert away.max() <= 0.375
+    depth = np.round(moved[:, 2] / 0.25)
+    assert np.abs(moved[:, 2] - 0.25 * depth).max() <= 0.125 + 1e-12
+    cells = np.column_stack([np.round((moved[:, :2] + 13.5) / 0.75), np.clip(depth, 1, 8)])
+    assert len(np.unique(cells, axis=0)) > 10900  # a press exactly between two steps may round to either
+    assert len(np.unique(moved[:, 0])) == 10952
+
+
+def test_the_first_part_of_a_grid_covers_the_gel():
+    part = grid_plan(paper(presses=500))
+    assert len(part) == 500
+    assert len({BinGrid().bin_of(*place) for place in part[:, :2].tolist()}) > 75  # of 81 bins
+
+
+def test_blocks_of_a_grid_follow_each_other():
+    data = paper(presses=10)
+    plan = grid_plan(data)
+    presses = [*planned_presses(data, 0, 0, 6), *planned_presses(data, 1, 6, 4)]
+    assert [(each.x_mm, each.y_mm, each.depth_mm) for each in presses] == [tuple(each) for each in plan.tolist()]
+
+
+def test_a_frame_without_contact_belongs_to_the_press_after_it():
+    assert press_numbers(np.array([1.0, -1.0, 0.5, -1.0, -1.0, 2.0])).tolist() == [0, 1, 1, 2, 2, 2]
+
+
+def test_by_position_no_place_of_the_test_is_trained():
+    data = paper(split='position')
+    plan = grid_plan(data)
+    split = simulated_split(as_samples(plan), data, 0.1)
+    places = [{tuple(each) for each in plan[part, :2].tolist()} for part in (split.train, split.validation, split.test)]
+    assert [len(each) for each in places] == [985, 110, 274]
+    assert not places[0] & places[2]
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_random_presses_lie_within_the_limits(seed: int):
+    presses = planned_presses(DataConfig(seed=seed, reach_mm=3.0, deepest_mm=1.0), 4, 0, 200)
+    depths = np.array([each.depth_mm for each in presses])
+    assert max(abs(each.x_mm) for each in presses) <= 3.0
+    assert set(depths[depths < 0]) == {-1.0}
+    assert depths.max() <= 1.0

@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+from tiny_training import tiny_config
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.config import load_train_config
+from tactile_nodes.learning.runs import RunFolder, read_run, run_id
+from tactile_nodes.learning.runs_comparison import draw, table
+
+SCORES = {'armse_n': 0.02, 'rmse_mc_n': 0.1, 'd_loc_mm': 0.5, 'total_rmse_n': 0.05, 'right_bin': 0.9}
+
+
+def some_run(parent: Path, *, epochs: int = 3, **training: object) -> Path:
+    with RunFolder(parent, tiny_config(**training), 'data') as run:
+        run.resume()
+        for epoch in range(1, epochs + 1):
+            run.record(epoch, {**SCORES, 'armse_n': 0.1 / epoch, 'loss': 1.0, 'seconds': 2.0 * epoch})
+        return run.path
+
+
+def test_the_same_run_on_the_same_data_has_the_same_folder(tmp_path: Path):
+    config = tiny_config()
+    assert run_id(config, 'data') == run_id(dataclasses.replace(config, output=Path('other')), 'data')
+    assert run_id(config, 'data') != run_id(config, 'other data')
+    assert run_id(config, 'data') != run_id(tiny_config(seed=2), 'data')
+    assert run_id(config, 'data') == run_id(tiny_config(epochs=77, checkpoint_s=5.0), 'data')
+
+
+def test_a_run_in_training_is_not_trained_twice(tmp_path: Path):
+    with (
+        RunFolder(tmp_path, tiny_config(), 'data'),
+        pytest.raises(ConfigurationError, match='another process is training'),
+    ):
+        RunFolder(tmp_path, tiny_config(), 'data')
+    with RunFolder(tmp_path, tiny_config(), 'data'):
+        pass
+
+
+def test_epochs_after_the_checkpoint_are_forgotten(tmp_path: Path):
+    """There is no checkpoint yet, so all that was measured, and half a line of it, will be measured again."""
+    path = some_run(tmp_path)
+    with (path / 'metrics.jsonl').open('a') as file:
+        file.write('{"epoch": 4, "lo')
+    with RunFolder(tmp_path, tiny_config(), 'data') as run:
+        assert run.resume() is None
+    assert read_run(path).epochs == []
+
+
+def test_fresh_forgets_what_was_reached(tmp_path: Path):
+    path = some_run(tmp_path)
+    with RunFolder(tmp_path, tiny_config(), 'data', fresh=True):
+        assert [file.name for file in sorted(path.iterdir())] == ['.lock', 'run.yaml']
+
+
+def test_the_settings_of_a_run_can_be_run(tmp_path: Path):
+    path = some_run(tmp_path, loss='mse')
+    again = load_train_config(path / 'run.yaml')
+    assert again.resolved() == tiny_config(loss='mse').resolved()
+
+
+def test_runs_are_compared_by_what_differs(tmp_path: Path):
+    runs = [read_run(some_run(tmp_path, seed=seed)) for seed in (1, 2)]
+    lines = table(runs).splitlines()
+    assert lines[1].split() == ['training.seed', '1', '2']
+    assert not any('learning_rate' in line for line in lines)
+    assert '0.0333' in next(line for line in lines if 'armse_n' in line)
+
+
+def test_a_finished_run_tells_its_model(tmp_path: Path):
+    path = some_run(tmp_path)
+    result = {'model_id': 'abc', 'parameters': 7, 'training': {'epochs_run': 3, 'seconds': 6.0}, 'validation': SCORES}
+    (path / 'result.json').write_text(json.dumps(result))
+    text = table([read_run(path)])
+    assert 'abc' in text
+    assert '0.0200' in text
+
+
+def test_curves_are_drawn(tmp_path: Path):
+    pytest.importorskip('matplotlib')
+    draw([read_run(some_run(tmp_path, seed=seed)) for seed in (1, 2)], tmp_path / 'new' / 'curves.png')
+    assert (tmp_path / 'new' / 'curves.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path):
+    with pytest.raises(ConfigurationError, match='holds no training run'):
+        read_run(tmp_path)
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path):
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(ConfigurationError, match='choose another place with --runs'):
+        RunFolder(tmp_path / 'file', tiny_config(), 'data')
+
+
+def test_tensorboard_gets_the_same_curves(tmp_path: Path):
+    pytest.importorskip('tensorboard')
+    path = some_run(tmp_path)
+    assert list((path / 'tensorboard').glob('events.out.tfevents.*'))
