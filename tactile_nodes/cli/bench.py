@@ -10,8 +10,10 @@ BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
-    'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
     'collection': 'a whole collection in simulated time, into a real bag',
+    'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
+    'stopping': 'how soon and how far a force above its limit stops the tip',
+    'flow': 'motion by each flow method against known motion, and its time',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 
