@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         for case in CASES:
             if arguments.only is None or case.name in arguments.only:
                 outcome = try_fault(case, folder / case.name, arguments.limits)
-                rows[case.name] = {**asdict(outcome), 'load': round(os.getloadavg()[0], 2)}
+                rows[case.name] = {**asdict(outcome), 'load': round(os.getloadavg()[0], 2), 'commit': result['commit']}
                 print(told(outcome), flush=True)
                 write_json(folder / RESULT, {**result, 'faults': rows})
     (folder / TABLE).write_text(markdown(rows) + '\n', encoding='utf-8')
