@@ -5,8 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 
+from tactile_nodes.bag.writer import BagTotals
+from tactile_nodes.clock import NS_PER_S, wall_ns
 from tactile_nodes.errors import ConfigurationError
+
+MB = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -60,3 +66,49 @@ class GapCounter:
         before = self._newest.get((topic, publisher), sequence - 1)
         self._newest[topic, publisher] = max(before, sequence)
         return max(0, sequence - before - 1)
+
+
+class Tally:
+    """What came in to a recording and what did not, in words."""
+
+    def __init__(self) -> None:
+        self.missed = self.malformed = 0
+        self._gaps = GapCounter()
+        self._bytes_before = 0
+
+    def note(self, topic: str, publisher: str, sequence: int) -> None:
+        """A message came in; those that are missing before it are counted."""
+        self.missed += self._gaps.note(topic, publisher, sequence)
+
+    def rate_mb_s(self, totals: BagTotals, period_s: float) -> float:
+        """Payload since the last call, a period ago."""
+        rate = (totals.bytes - self._bytes_before) / period_s / MB
+        self._bytes_before = totals.bytes
+        return rate
+
+    def complaint(self, totals: BagTotals) -> str:
+        """What is wrong with the recording; empty when nothing is."""
+        if totals.dropped:
+            return 'the disk is too slow: messages are dropped'
+        return 'messages were lost on their way to the recorder' if self.missed else ''
+
+    def losses(self, totals: BagTotals) -> str:
+        """'; 3 lost on the way, 1 malformed', or nothing."""
+        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.malformed}
+        told = ', '.join(f'{count} {why}' for why, count in lost.items() if count)
+        return f'; {told}' if told else ''
+
+
+def describe(totals: BagTotals) -> str:
+    """'600 messages (58.3 MB, 3.2 s)'"""
+    return f'{totals.messages} messages ({totals.bytes / MB:.1f} MB, {totals.seconds:.1f} s)'
+
+
+def dated_name() -> Path:
+    """The name that ``ros2 bag record`` gives: 'rosbag2_2030_01_31-13_59_59'."""
+    return Path(datetime.fromtimestamp(wall_ns() / NS_PER_S).strftime('rosbag2_%Y_%m_%d-%H_%M_%S'))
+
+
+def folder_of(bag: str) -> Path:
+    """The folder to write: as given; a dated one in it where it ends in a slash or is empty."""
+    return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)

@@ -38,7 +38,7 @@ LIMIT_N = 0.4
 SAFE_Z_MM, ABOVE_MM, DEEP_MM = -26.0, 0.3, 2.5
 TRAVEL_MM_MIN = 1200.0
 TARE_S, FEWEST = 0.2, 50
-PATIENCE = 5
+PATIENCE = 20
 WORST = ('p50', 'p99', 'worst')
 
 
@@ -138,28 +138,27 @@ def _rig(folder: Path, divider: int) -> Iterator[tuple[Connection, CncSettings, 
 
 def _one(station: Station, settings: CollectionSettings, pipe: Connection, feed_mm_min: float) -> Seen:
     """One stop; a stop for another reason than the force, as a busy machine brings it about, is not counted."""
+    reason = ''
     for _ in range(PATIENCE):
-        station.hands.run(_ready(settings))
-        pipe.send('arm')
-        kind = _stopped_by(station, feed_mm_min)
-        pipe.send('tell')
-        seen: Seen = pipe.recv()
-        if kind == FORCE:
-            if NEVER in {seen.sample_ns, seen.stop_ns, seen.rest_ns}:
-                raise DeviceFaultError(f'the emulated rig saw no stop: {seen}')
-            return seen
-    raise DeviceFaultError(f'the force limit did not stop the tip in {PATIENCE} attempts; is this machine too busy?')
+        try:
+            station.hands.run(_ready(settings))
+            pipe.send('arm')
+            station.hands.run(_down(feed_mm_min))
+        except TrippedError as tripped:
+            station.hands.retreat()
+            station.safety.reset(station.hands.clock.now_ns())
+            reason = tripped.trip.reason
+            if tripped.trip.kind == FORCE:
+                return _seen(pipe)
+    raise DeviceFaultError(f'the force limit did not stop the tip in {PATIENCE} attempts; {reason}')
 
 
-def _stopped_by(station: Station, feed_mm_min: float) -> str:
-    hands = station.hands
-    try:
-        hands.run(_down(feed_mm_min))
-    except TrippedError as tripped:
-        hands.retreat()
-        station.safety.reset(hands.clock.now_ns())
-        return tripped.trip.kind
-    raise DeviceFaultError('the force limit did not stop the tip')
+def _seen(pipe: Connection) -> Seen:
+    pipe.send('tell')
+    seen: Seen = pipe.recv()
+    if NEVER in {seen.sample_ns, seen.stop_ns, seen.rest_ns}:
+        raise DeviceFaultError(f'the emulated rig saw no stop: {seen}')
+    return seen
 
 
 def _ready(settings: CollectionSettings) -> Procedure[None]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
+from tactile_nodes.bag.recording import describe
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.protocol import Bus
@@ -21,7 +22,7 @@ from tactile_nodes.bus.runtime import open_bus, run_until
 from tactile_nodes.clock import NS_PER_S, monotonic_s
 from tactile_nodes.errors import BagError
 from tactile_nodes.nodes.player import PlayerNode
-from tactile_nodes.nodes.recorder import RecorderNode, describe
+from tactile_nodes.nodes.recorder import RecorderNode
 from tactile_nodes.params import Located, NodeParameters, Value
 
 _LOOK_EVERY_S = 0.2
@@ -95,7 +96,7 @@ def _recording_line(node: RecorderNode) -> str:
     if node.writer is None:
         return ''
     totals = node.writer.totals
-    lost = totals.dropped + node.missed
+    lost = totals.dropped + node.tally.missed
     return f'{node.writer.folder}: {describe(totals)}' + (f', {lost} lost' if lost else '')
 
 

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from datetime import datetime
-from pathlib import Path
 
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.recording import GapCounter, TopicFilter
-from tactile_nodes.bag.writer import BagLimits, BagTotals, BagWriter
+from tactile_nodes.bag.recording import MB, Tally, TopicFilter, describe, folder_of
+from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.diagnostics import Level
@@ -21,14 +19,13 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Endpoint, Qos, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.clock import NS_PER_S, Clock, wall_ns
+from tactile_nodes.clock import Clock
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.params import parameter
 
 LOOK_EVERY_S = 0.1
 HEALTH_PERIOD_S = 0.5
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
-_MB = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -56,12 +53,10 @@ class RecorderNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self.writer: BagWriter | None = None
-        self.missed = self.malformed = 0
-        self._gaps = GapCounter()
+        self.tally = Tally()
         self._subscriptions: dict[str, Subscription] = {}
         self._since_ns: dict[str, int] = {}
         self._woken = False
-        self._bytes_before = 0
         if self.params.autostart:
             self.start_recording()
         self.create_trigger('~/start', self.start_recording)
@@ -76,9 +71,9 @@ class RecorderNode(Node):
         params = self.params
         names = frozenset(self.names.resolve(name) for name in params.topics)
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
-        limits = BagLimits(params.queue_mb * _MB, params.max_file_bytes, params.max_file_s)
-        self.writer = BagWriter(_folder(params.bag), compression=params.compression, limits=limits)
-        self.failure, self.missed, self.malformed, self._bytes_before = None, 0, 0, 0
+        limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
+        self.writer = BagWriter(folder_of(params.bag), compression=params.compression, limits=limits)
+        self.failure, self.tally = None, Tally()
         self._look()
         return f'recording into {self.writer.folder}'
 
@@ -91,7 +86,7 @@ class RecorderNode(Node):
             raise self.failure or BagError('nothing was recorded')
         writer = self._let_go()
         totals = writer.close()
-        return f'wrote {describe(totals)} into {writer.folder}' + self._losses(totals)
+        return f'wrote {describe(totals)} into {writer.folder}' + self.tally.losses(totals)
 
     def on_close(self) -> None:
         if self.writer is not None:
@@ -147,12 +142,12 @@ class RecorderNode(Node):
                 self._take_in(name, received, self.writer)
 
     def _take_in(self, name: str, received: Received, writer: BagWriter) -> None:
-        self.missed += self._gaps.note(name, received.publisher, received.sequence)
+        self.tally.note(name, received.publisher, received.sequence)
         try:
             log_ns = max(received.received_ns, self._since_ns[name])
             writer.write(name, received.data, log_ns, received.source_ns, received.sequence)
         except MessageError:
-            self.malformed += 1
+            self.tally.malformed += 1
         except BagError as error:
             self._fail(error)
 
@@ -167,38 +162,13 @@ class RecorderNode(Node):
             if self.failure is None:
                 self.report('bag', Level.OK, 'nothing is being recorded')
             return
-        totals = self.writer.totals
-        rate = (totals.bytes - self._bytes_before) / HEALTH_PERIOD_S / _MB
-        self._bytes_before = totals.bytes
-        level, text = Level.OK, f'recording into {self.writer.folder}'
-        if totals.dropped:
-            level, text = Level.WARN, 'the disk is too slow: messages are dropped'
-        elif self.missed:
-            level, text = Level.WARN, 'messages were lost on their way to the recorder'
+        totals, tally = self.writer.totals, self.tally
+        complaint = tally.complaint(totals)
+        level, text = Level.WARN if complaint else Level.OK, complaint or f'recording into {self.writer.folder}'
         self.report(
-            'bag', level, text, messages=totals.messages, seconds=totals.seconds, mb_per_s=rate,
-            dropped=totals.dropped, missed=self.missed, malformed=self.malformed,
+            'bag', level, text, messages=totals.messages, seconds=totals.seconds, missed=tally.missed,
+            mb_per_s=tally.rate_mb_s(totals, HEALTH_PERIOD_S), dropped=totals.dropped, malformed=tally.malformed,
         )  # fmt: skip
-
-    def _losses(self, totals: BagTotals) -> str:
-        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.malformed}
-        told = ', '.join(f'{count} {why}' for why, count in lost.items() if count)
-        return f'; {told}' if told else ''
-
-
-def describe(totals: BagTotals) -> str:
-    """'600 messages (58.3 MB, 3.2 s)'"""
-    return f'{totals.messages} messages ({totals.bytes / _MB:.1f} MB, {totals.seconds:.1f} s)'
-
-
-def dated_name() -> Path:
-    """The name that ``ros2 bag record`` gives: 'rosbag2_2030_01_31-13_59_59'."""
-    return Path(datetime.fromtimestamp(wall_ns() / NS_PER_S).strftime('rosbag2_%Y_%m_%d-%H_%M_%S'))
-
-
-def _folder(bag: str) -> Path:
-    """What the parameter `bag` means."""
-    return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)
 
 
 def _in_table(topic: str) -> bool:

@@ -159,7 +159,7 @@ def test_messages_that_were_lost_on_the_way_are_counted_and_said(bus, clock, sta
     clock.advance(0.6)
     node.spin_once()
     status = {entry.name: entry for entry in node.diagnostics.message(0).status}['recorder: bag']
-    assert node.missed == 3
+    assert node.tally.missed == 3
     assert (status.level, status.message) == (Level.WARN, 'messages were lost on their way to the recorder')
     assert {entry.key: entry.value for entry in status.values}['missed'] == '3'
 
