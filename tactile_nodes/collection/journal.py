@@ -105,7 +105,7 @@ class Journal:
         return self._attempts.get(press, 0) + 1
 
     def rejects(self, press: int) -> int:
-        """How often a press was rejected."""
+        """How often a press was rejected since the journal was opened: who starts again has mended what was wrong."""
         return self._rejects.get(press, 0)
 
     def last(self, press: int) -> Entry | None:
@@ -154,6 +154,7 @@ class Journal:
         self._check_head(self._parsed(lines[0], 1))
         for number, line in enumerate(lines[1:], start=2):
             self._take(self._entry(line, number))
+        self._rejects.clear()
 
     def _check_head(self, head: Any) -> None:
         if head.get('plan') != self._plan.plan_id:

@@ -39,12 +39,15 @@ def test_press_that_was_only_started_is_done_again_under_another_number(file: Pa
         assert journal.next_attempt(3) == 2
 
 
-def test_press_is_given_up_after_so_many_rejections(file: Path) -> None:
+def test_press_is_given_up_after_so_many_rejections_until_the_next_run(file: Path) -> None:
     with Journal(file, PLAN) as journal:
         for attempt in (1, 2, 3):
             journal.note(4, attempt, STARTED, 10)
             journal.note(4, attempt, REJECTED, 20, 'not steady')
         assert numbers(journal) == [1, 2, 3, 5]
+    with Journal(file, PLAN) as journal:  # who starts again has set right what was wrong
+        assert numbers(journal) == [1, 2, 3, 4, 5]
+        assert journal.next_attempt(4) == 4
 
 
 def test_journal_that_was_cut_at_any_byte_of_its_last_line_reads_as_without_it(file: Path) -> None:
