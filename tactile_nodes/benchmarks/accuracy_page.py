@@ -18,6 +18,8 @@ from tactile_nodes.learning.evaluation_tables import Table, number, percent
 
 PAPER = {'armse_n': 0.009, 'd_loc_mm': 0.107, 'rmse_mc_n': 0.065}
 """Table II of the paper, measured on a real gel."""
+PAPER_PARAMETERS = 3200 * 800 + 800 + 800 * 400 + 400 + 400 * 400 + 400 + 400 * 81 + 81
+"""Weights and biases of its network."""
 INTRODUCTION = """\
 All of it is simulation, of one gel, on the gel that the models were trained on; the paper's figures were measured on
 a real one. Off the grid: presses at random places within 27x27 mm and depths of 0.25 to 2 mm, with a seed, rest images
@@ -36,6 +38,7 @@ def page(results: Results) -> str:
     parts = [
         '# How accurate the models are', f'```console\n$ {results.plain["command"]}\n```', INTRODUCTION,
         _surroundings(results.plain), '## Beside the paper', _beside_the_paper(results), _aims(results),
+        '## Models', _models(results.plain['models']),
         '## Off the grid', _shown(tables.groups_table(results.off_grid)),
         '## Light touches and rest', *_light(results.off_grid),
         '## Uncertainty', *_uncertainty(results.off_grid),
@@ -57,11 +60,13 @@ def curve_picture(results: Results, file: Path) -> None:
         ConfigurationError: matplotlib is not installed, or the file cannot be written.
     """
     figure, axes = subplots(1, 2)
-    for axis, field, unit in ((axes[0, 0], 'position_median_mm', 'mm'), (axes[0, 1], 'total_rmse_n', 'N')):
+    for axis, field, name in (
+        (axes[0, 0], 'position_median_mm', 'place, median [mm]'), (axes[0, 1], 'total_rmse_n', 'force, RMSE [N]')
+    ):  # fmt: skip
         for plan, points in _by_plan(results).items():
             values = [getattr(scores, field) for _, scores in points]
             axis.loglog([presses for presses, _ in points], values, 'o-', label=plan)
-        axis.set(xlabel='presses', ylabel=f'{field.rpartition("_")[0].replace("_", " ")} [{unit}]')
+        axis.set(xlabel='presses', ylabel=name)
         axis.grid(which='both', linewidth=0.3)
         axis.legend()
     figure.suptitle('error off the grid against the number of presses to learn from')
@@ -83,13 +88,22 @@ def _surroundings(plain: dict[str, Any]) -> str:
     )
 
 
+def _models(models: dict[str, Any]) -> str:
+    heads = ('model', 'id', 'readout', 'flow', 'features', 'trained on', 'with')
+    rows = [
+        (name, about['model_id'], about['readout'], about['flow'], about['features'], about['device'] or '-',
+         f'`{about["command"]}`' if about['command'] else '-')
+        for name, about in models.items()
+    ]  # fmt: skip
+    return report.table(heads, rows)
+
+
 def _beside_the_paper(results: Results) -> str:
     heads = (
-        '', 'aRMSE N', 'd_loc mm', 'RMSE_mc N', 'off the grid: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'place mm', 'RMSE N',
+        '', 'grid: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'off it: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'place mm', 'RMSE N',
         'parameters', 'training s', 'presses',
     )  # fmt: skip
-    count = f'{3200 * 800 + 800 + 800 * 400 + 400 + 400 * 400 + 400 + 400 * 81 + 81}'
-    rows = [('the paper, real gel', *_merits(PAPER), *['-'] * 5, count, '-', '10952')]
+    rows = [('the paper, real gel', *_merits(PAPER), *['-'] * 5, str(PAPER_PARAMETERS), '-', '10952, paper')]
     aside = {each.name: each.groups[ALL] for each in results.aside}
     for each in results.off_grid:
         about, off = results.plain['models'][each.name], each.groups[ALL]

@@ -157,7 +157,7 @@ def _sparsification(axis: Any, force: Uncertainty | None, place: Uncertainty | N
         ylim=(0, None),
     )
     if force or place:
-        axis.legend(loc='upper right')
+        axis.legend(loc='best')
     _tell_if_none(axis, force, place)
 
 
