@@ -29,8 +29,9 @@ from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.reference import average
 from tactile_nodes.simulation.optics import Optics, mix
 
-RECIPE = 1
+RECIPE = 2
 """Raised when the code below gives other samples for the same configuration."""
+TRUSTED_SHARE = 0.9
 PRESSES_PER_BLOCK = 250
 """So many are rendered at a time where one rest image serves all."""
 
@@ -39,8 +40,8 @@ PRESSES_PER_BLOCK = 250
 class Dataset:
     """Samples of presses: features, where and how deep the tip was, its force, and the regions' confidence.
 
-    `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` says with which
-    of the rest images, and so with which row of `confidence`, sample i was measured.
+    `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` is the row of `confidence`
+    that belongs to sample i: one for each rest image, or, of a flow that judges every frame, one for each sample.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -55,6 +56,14 @@ class Dataset:
         places = [bins.bin_of(float(x), float(y)) for x, y in self.presses[:, :2]]
         labels[np.arange(len(labels)), places] = self.presses[:, 3]
         return labels
+
+    def trusted(self, floor: float) -> Float32[np.ndarray, 'rows cols']:
+        """1 for regions that held markers in nine of ten samples, else 0.
+
+        A region may be lost for a while where the tip pulls its markers apart; one at the rim of the gel is always.
+        """
+        share = (self.confidence >= floor)[self.rest].mean(axis=0)
+        return np.asarray(share >= TRUSTED_SHARE, np.float32)
 
     def take(self, rows: Int[np.ndarray, ' chosen']) -> Dataset:
         """Some of the samples, under the fingerprint of all."""
@@ -127,13 +136,20 @@ def _load(files: list[Path]) -> Dataset:
     for file in files:
         with np.load(file) as arrays:
             blocks.append({name: arrays[name] for name in ('features', 'presses', 'confidence')})
-    arrays = {name: np.concatenate([block[name] for block in blocks]) for name in ('features', 'presses')}
-    arrays['confidence'] = np.stack([block['confidence'] for block in blocks])
-    arrays['rest'] = np.repeat(np.arange(len(blocks)), [len(block['presses']) for block in blocks])
+    names = ('features', 'presses', 'confidence')
+    arrays = {name: np.concatenate([block[name] for block in blocks]) for name in names}
+    arrays['rest'] = _confidence_rows([(len(block['presses']), len(block['confidence'])) for block in blocks])
     digest = hashlib.sha256()
     for array in arrays.values():
         digest.update(np.ascontiguousarray(array).data)
     return Dataset(**arrays, fingerprint=digest.hexdigest()[:16])
+
+
+def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples']:
+    """Which confidence belongs to each sample of blocks with so many samples and confidences (one, or as many)."""
+    first = np.cumsum([0, *(confidences for _, confidences in sizes)])
+    rows = [start + np.arange(n) % confidences for start, (n, confidences) in zip(first, sizes, strict=False)]
+    return np.concatenate(rows)
 
 
 def _render_block(block: _Block) -> int:
@@ -148,15 +164,25 @@ def _render_block(block: _Block) -> int:
     seeds = islice(seeds, frames, None)
     flow.set_reference(rest)
     encoding.set_reference(rest)
-    features, presses = [], []
+    features, presses, confidence = [], [], []
     for press in planned_presses(config.data, block.number, block.first, block.presses):
         encoded = encoding.encode(flow.displacement(_crop(config, optics.render((press,), next(seeds)))))
         features.append(encoded.values.astype(np.float16))
+        confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
     draft = block.file.with_suffix('.part.npz')
-    np.savez(draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=encoded.confidence)
+    np.savez(
+        draft,
+        features=np.stack(features),
+        presses=np.array(presses, np.float32),
+        confidence=np.stack(confidence if _differ(confidence) else confidence[:1]),
+    )
     draft.replace(block.file)
     return block.presses
+
+
+def _differ(arrays: list[np.ndarray]) -> bool:
+    return any((each != arrays[0]).any() for each in arrays)
 
 
 def _noise_seeds(seed: int, block: int) -> Iterator[int]:

@@ -31,13 +31,13 @@ def judging_samples(
 
 
 def fit_scaling(dataset: Dataset, chosen: np.ndarray, config: TrainConfig) -> InputScaling:
-    """How features enter, measured on the samples chosen, and the regions that held markers throughout.
+    """How features enter, measured on the samples chosen, and the regions that hold markers.
 
     Raises:
         ConfigurationError: not one gain for each channel.
     """
     network, floor = config.network, config.network.confidence_floor
-    trusted = np.asarray((dataset.confidence >= floor).all(axis=0), np.float32)
+    trusted = dataset.trusted(floor)
     mean, spread = _mean_and_spread(dataset.features[chosen].astype(np.float32), trusted > 0, network.input_scaling)
     gains = _channel_gains(network, config.encoding.name, mean.shape[-1])
     return InputScaling(mean, gains / np.maximum(spread, LEAST_SPREAD), trusted, floor)

@@ -169,7 +169,7 @@ def noise_scaling(dataset: Dataset, untouched: np.ndarray, confidence_floor: flo
 
     Regions without markers are silenced.
     """
-    trusted = np.asarray((dataset.confidence >= confidence_floor).all(axis=0), np.float32)
+    trusted = dataset.trusted(confidence_floor)
     values = dataset.features[untouched].astype(np.float32)
     noise = values.std(axis=0)
     least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0

@@ -13,7 +13,7 @@ from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
 from tactile_nodes.learning import dataset as datasets  # noqa: E402
 from tactile_nodes.learning import network_layers  # noqa: E402
 from tactile_nodes.learning import train as training  # noqa: E402
-from tactile_nodes.learning.config import DataConfig, NetworkConfig, TrainConfig, TrainingConfig  # noqa: E402
+from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig  # noqa: E402
 from tactile_nodes.learning.dataset import Dataset, simulate  # noqa: E402
 from tactile_nodes.learning.evaluate import evaluate  # noqa: E402
 from tactile_nodes.learning.evaluation_predictions import predict  # noqa: E402
@@ -153,3 +153,26 @@ def test_no_test_is_found_where_nothing_was_put_aside(data: Dataset, tmp_path: P
     loaded = load_model(training.train(small_config(tmp_path)))
     with pytest.raises(ModelError, match='put no simulated presses aside'):
         simulated_test(loaded, Progress())
+
+
+def test_a_flow_that_judges_each_frame_has_its_confidence_kept(tmp_path: Path):
+    """As the live node sees it: where the tip pulls markers apart a region counts less, in that frame alone."""
+    config = small_config(tmp_path)
+    options = {'rows': 10, 'cols': 10, 'finest_scale': 1}
+    config = dataclasses.replace(
+        config,
+        data=dataclasses.replace(config.data, presses=10, presses_per_rest_image=5),
+        flow=Choice('inverse_compositional', options),
+        encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}),
+    )
+    made = simulate(config, Progress())
+    assert made.confidence.shape == (10, 10, 10)
+    assert made.rest.tolist() == list(range(10))
+
+
+def test_a_region_is_trusted_that_is_seldom_lost():
+    confidence = np.ones((20, 1, 3), np.float32)
+    confidence[0, 0, 1] = confidence[:3, 0, 2] = 0.2
+    presses, features = np.zeros((20, 4), np.float32), np.zeros((20, 1, 3, 2), np.float16)
+    data = Dataset(features, presses, np.arange(20), confidence, '')
+    assert data.trusted(0.5).tolist() == [[1.0, 1.0, 0.0]]
