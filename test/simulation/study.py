@@ -1,4 +1,4 @@
-"""The numbers of docs/simulation.md: python test/simulation/study.py mesh|linear|friction|pair|shear|speed
+"""The numbers of docs/simulation.md: python test/simulation/study.py mesh|linear|friction|pair|shear|speed|surface
 
 Each takes a minute or two on one core. These are measurements, not tests; the tests check the same in small.
 """
@@ -16,6 +16,11 @@ import time
 
 import numpy as np
 
+from tactile_nodes.benchmarks.collection import CNC, SAFE_Z_MM, named
+from tactile_nodes.collection.rehearsal import Rehearsal
+from tactile_nodes.collection.rest import go_to_gel
+from tactile_nodes.collection.surface import find_surface
+from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table, solution_of
 from tactile_nodes.simulation.contact import Where
@@ -166,22 +171,26 @@ def speed() -> None:
     import cv2
 
     cv2.setNumThreads(1)
-    still, moving = (Press(2.0, 1.0, 1.0),), (Press(2.0, 1.0, 1.01),)
     optics = Optics(FINITE, contact_table(FINITE))
     jpeg = Optics(dataclasses.replace(FINITE, jpeg_quality=90), contact_table(FINITE))
-    dragged = (Press(2.0, 1.0, 1.0, shift_mm=(0.3, 0.1)),)
     settling = Scene(
         dataclasses.replace(FINITE, settling_share=0.15, exposure_s=0.008, jpeg_quality=90),
         PressSchedule(),
         table=contact_table(FINITE),
     )
+
+    def press(i: int) -> tuple[Press, ...]:
+        """Another depth each time: what stays as it was is not drawn anew."""
+        return (Press(2.0, 1.0, 1.0 + i * 1e-3),)
+
     for name, render in {
         'rest': lambda i: optics.render((), i),
-        'press': lambda i: optics.render(still, i),
-        'press, blurred': lambda i: optics.expose((still, moving), i),
-        'press, JPEG': lambda i: jpeg.render(still, i),
-        'press, dragged': lambda i: optics.render(dragged, i),
-        'two presses': lambda i: optics.render((*still, Press(-5.0, 3.0, 1.5)), i),
+        'press that stays': lambda i: optics.render(press(0), i),
+        'press': lambda i: optics.render(press(i), i),
+        'press, blurred': lambda i: optics.expose((press(i), press(i + 10)), i),
+        'press, JPEG': lambda i: jpeg.render(press(i), i),
+        'press, dragged': lambda i: optics.render((dataclasses.replace(press(i)[0], shift_mm=(0.3, 0.1)),), i),
+        'two presses': lambda i: optics.render((*press(i), Press(-5.0, 3.0, 1.5)), i),
         'live scene: settling, blur and JPEG': lambda i: settling.render(i * 16_666_667),
     }.items():
         render(0)
@@ -195,5 +204,19 @@ def speed() -> None:
         print(f'{name}: {1 / np.mean(times):.0f} frames/s, median {middle:.1f} ms, 99 % {late:.1f} ms')
 
 
+def surface() -> None:
+    """How much too high a collection finds the surface, at three heights between the steps of its search."""
+    for gel, indenter in (('', 'tip'), ('stiff', 'tip'), ('lifelike', 'tip'), ('', 'ball'), ('', 'punch')):
+        found = []
+        for height in (-30.0, -30.017, -30.033):
+            world = World(WorldSettings(gel=gel, indenter=indenter, gel_z_mm=height))
+            settings = named(world.indenter_name)
+            rig = Rehearsal(world, settings, CNC)
+            rig.cnc.home()
+            rig.hands.run(go_to_gel(settings, SAFE_Z_MM))
+            found.append(rig.hands.run(find_surface(settings, SAFE_Z_MM)).z_mm - height)
+        print(gel or 'paper', indenter, ' '.join(f'{each * 1000:+.1f}' for each in found), 'µm')
+
+
 if __name__ == '__main__':
-    {each.__name__: each for each in (mesh, linear, friction, pair, shear, speed)}[sys.argv[1]]()
+    {each.__name__: each for each in (mesh, linear, friction, pair, shear, speed, surface)}[sys.argv[1]]()
