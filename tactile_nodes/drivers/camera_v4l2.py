@@ -23,7 +23,7 @@ from tactile_nodes.drivers import jpeg, opencv, v4l2_controls
 from tactile_nodes.drivers.camera import CameraSettings, Picture, check_size
 from tactile_nodes.drivers.camera_reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.drivers.stamps import KernelStamps, missing_between
+from tactile_nodes.drivers.stamps import Cadence, KernelStamps
 from tactile_nodes.drivers.v4l2_controls import Controls, KernelControls, Readback
 from tactile_nodes.drivers.v4l2_devices import check_device, device_path
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
@@ -126,8 +126,7 @@ class _Device:
         self._readbacks: list[Readback] = []
         self._pause = threading.Event()
         self._raw = False
-        self._fps = 0.0
-        self._last_ns = 0
+        self._cadence = Cadence(0.0)
         self._good_ns = clock.now_ns()
         self._first_good_ns = 0
         self._settled = False
@@ -142,6 +141,7 @@ class _Device:
     @property
     def complaints(self) -> list[str]:
         found = [*self._format_complaints, *(readback.complaint for readback in self._readbacks)]
+        found.append(self._cadence.complaint)
         if self._stamps.complaint:
             found.append(f'stamped on arrival, because {self._stamps.complaint}')
         return [complaint for complaint in found if complaint]
@@ -153,10 +153,8 @@ class _Device:
             return
         handed_ns = round(clocks.monotonic_s() * clocks.NS_PER_S)
         stamp_ns = self._stamps.stamp(self._capture.get(opencv.load().CAP_PROP_POS_MSEC), handed_ns)
-        slot_missing = missing_between(self._last_ns, stamp_ns, self._fps)
-        self._last_ns = stamp_ns
-        if slot_missing:
-            slot.miss(slot_missing)
+        if missing := self._cadence.missing(stamp_ns):
+            slot.miss(missing)
         image = self._picture()
         if image is None:
             slot.miss()
@@ -183,16 +181,17 @@ class _Device:
         if asked.fps:
             self._capture.set(cv2.CAP_PROP_FPS, asked.fps)
         fourcc = fourcc_text(round(self._capture.get(cv2.CAP_PROP_FOURCC)))
-        self._fps = self._capture.get(cv2.CAP_PROP_FPS)
+        fps = self._capture.get(cv2.CAP_PROP_FPS)
+        self._cadence = Cadence(fps)
         self._take_raw(fourcc)
         self._format = {
             'format': f'{fourcc} (asked {asked.fourcc or "nothing"})',
-            'frames/s': f'{self._fps:g} (asked {asked.fps:g})',
+            'frames/s': f'{fps:g} (asked {asked.fps:g})',
         }
         if asked.fourcc and fourcc != asked.fourcc:
             self._format_complaints.append(f'the pixel format is {fourcc}, asked for was {asked.fourcc}')
-        if asked.fps and abs(self._fps - asked.fps) > 0.01 * asked.fps:
-            self._format_complaints.append(f'it gives {self._fps:g} frames/s, asked for were {asked.fps:g}')
+        if asked.fps and abs(fps - asked.fps) > 0.01 * asked.fps:
+            self._format_complaints.append(f'it gives {fps:g} frames/s, asked for were {asked.fps:g}')
 
     def _take_raw(self, fourcc: str) -> None:
         convert = opencv.load().CAP_PROP_CONVERT_RGB
@@ -201,7 +200,11 @@ class _Device:
             self._raw = self._capture.get(convert) == 0
 
     def _picture(self) -> Picture | None:
-        good, image = self._capture.retrieve()
+        """None: it did not arrive whole, or OpenCV cannot make a picture of what did."""
+        try:
+            good, image = self._capture.retrieve()
+        except opencv.load().error:
+            return None
         if not good or image is None:
             return None
         if self._raw:

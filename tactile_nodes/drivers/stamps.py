@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import statistics
+from collections import deque
+
 from tactile_nodes import clock
 
 OLDEST_NS = 2_000_000_000  # an always drained device hands out nothing older
 NS_PER_MS = 1_000_000
+CADENCE_FRAMES = 31
+SLOWER = 1.2
 
 
 class KernelStamps:
@@ -54,3 +59,41 @@ def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
     if fps <= 0 or last_ns == 0:
         return 0
     return max(0, round((stamp_ns - last_ns) * fps / clock.NS_PER_S) - 1)
+
+
+class Cadence:
+    """How many frames are missing from a camera that may be slower than it says.
+
+    Cameras lower their rate to expose longer, and go on announcing the old one. Where the gap between most of the last
+    frames is a longer one, that is the period, which is told, and not counted as a loss with every frame.
+
+    Args:
+        fps: as announced; 0: not announced, nothing is missing.
+    """
+
+    def __init__(self, fps: float) -> None:
+        self._fps = fps
+        self._last_ns = 0
+        self._gaps_ns: deque[int] = deque(maxlen=CADENCE_FRAMES)
+
+    @property
+    def fps(self) -> float:
+        """Frames a second: as announced, or as seen where that is clearly less."""
+        if self._fps <= 0 or len(self._gaps_ns) < CADENCE_FRAMES:
+            return self._fps
+        seen = clock.NS_PER_S / statistics.median(self._gaps_ns)
+        return seen if seen * SLOWER < self._fps else self._fps
+
+    @property
+    def complaint(self) -> str:
+        """That it is slower than announced; empty if it is not."""
+        fps = self.fps
+        return f'it sends {fps:.1f} frames/s and announces {self._fps:g}' if fps != self._fps else ''
+
+    def missing(self, stamp_ns: int) -> int:
+        """How many should have come between the last frame and this one."""
+        fps, last_ns = self.fps, self._last_ns
+        if last_ns:
+            self._gaps_ns.append(max(1, stamp_ns - last_ns))
+        self._last_ns = stamp_ns
+        return missing_between(last_ns, stamp_ns, fps)

@@ -172,6 +172,8 @@ class EmulatedDevice:
     rates: tuple[float, ...] = (100.0,)
     controls: dict[str, int] = field(default_factory=lambda: {'auto_exposure': 3, 'autogain': 1, 'gain': 29})
     stamp_offset_ms: float = -1.3
+    slower: float = 1.0
+    unreadable: bool = False  # OpenCV knows no way to make a picture of its format
     stalled: threading.Event = field(default_factory=threading.Event)
     spoil: Callable[[int, bytes], bytes] = lambda number, data: data
     opened: int = 0
@@ -254,13 +256,15 @@ class EmulatedCapture:
             if time.monotonic() > deadline:
                 return False
             time.sleep(0.01)
-        time.sleep(1 / self._rate)
+        time.sleep(self._device.slower / self._rate)
         self._number += 1
         self._stamp_ms = time.monotonic() * 1000 + self._device.stamp_offset_ms
         return True
 
     def retrieve(self) -> tuple[bool, Any]:
         width, height = self._size
+        if self._device.unreadable:
+            raise cv2.error('no conversion')
         if self._convert:
             return True, picture(self._number % 20, width, height)
         data = self._device.spoil(self._number, jpeg(self._number, width, height))

@@ -4,8 +4,11 @@ contract test runs on a real one with ``-m hardware``."""
 from __future__ import annotations
 
 import contextlib
+import errno
+import fcntl
 import itertools
 import os
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +21,7 @@ from tactile_nodes.drivers.camera import CameraSettings, Frame
 from tactile_nodes.drivers.camera_reconnecting import Reconnecting
 from tactile_nodes.drivers.camera_v4l2 import V4l2Camera, fourcc_text
 from tactile_nodes.drivers.health import Level
+from tactile_nodes.drivers.v4l2_controls import KernelControls, apply
 from tactile_nodes.drivers.v4l2_devices import check_device, device_path
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.params import from_mapping, load_parameter_file
@@ -133,6 +137,59 @@ def test_senseless_stamps_give_way_to_arrival_and_say_so(device, start, clock: S
     assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
     assert camera.description['stamps'].startswith("arrival (the driver's stamps lie 3600.0")
     assert camera.health.level == Level.WARN
+
+
+def test_a_camera_that_gives_no_stamps_is_stamped_on_arrival(device, start, clock: SystemClock) -> None:
+    device.stamp_offset_ms = -time.monotonic() * 1000 - 1e6
+    camera = start()
+    assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
+    assert camera.description['stamps'] == 'arrival (the driver gives no stamps)'
+
+
+def test_a_camera_with_another_format_only_gives_its_pictures_and_a_warning(device, start) -> None:
+    device.formats = ('YUYV',)
+    camera = start(fourcc='')
+    assert camera.read(2.0).image.shape == (480, 640, 3)
+    assert camera.description['format'] == 'YUYV (asked nothing)'
+    assert camera.health.level == Level.OK
+
+
+def test_a_camera_that_is_slower_than_it_says_is_told(device, start) -> None:
+    """An exposure longer than its period: 40 frames a second, where it announces 100."""
+    device.slower = 2.5
+    camera = start()
+    for _ in range(45):
+        camera.read(2.0)
+    assert 'frames/s and announces 100' in camera.health.message
+
+
+def test_pictures_that_opencv_cannot_convert_are_lost_and_end_in_a_sentence(device, start) -> None:
+    camera = start(stall_s=0.2)
+    camera.read(2.0)
+    device.unreadable = True
+    with pytest.raises(DeviceLostError, match='no whole picture'):
+        while True:
+            camera.read(1.0)
+
+
+@pytest.mark.parametrize('number', [errno.EACCES, errno.EBUSY, errno.EINVAL, errno.ERANGE, errno.EIO])
+def test_a_control_that_the_kernel_refuses_to_change_is_no_error(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It shows in what is read back: auto exposure stays 3 where 1 was asked for."""
+
+    def ioctl(_: int, request: int, data: bytes) -> bytes:
+        if request & 0xFF == 28:  # VIDIOC_S_CTRL
+            raise OSError(number, os.strerror(number))
+        return struct.pack('Ii', struct.unpack('Ii', data)[0], 3)
+
+    node = tmp_path / 'video9'
+    node.touch()
+    monkeypatch.setattr(fcntl, 'ioctl', ioctl)
+    with contextlib.closing(KernelControls(str(node))) as controls:
+        (exposure, *_) = apply(controls, CameraSettings(str(node)))
+    assert (exposure.name, exposure.got, exposure.asked) == ('auto_exposure', 3, 1)
+    assert exposure.complaint
 
 
 def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(start, clock: SystemClock) -> None:

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tactile_nodes import clock
-from tactile_nodes.drivers.stamps import KernelStamps, missing_between
+from tactile_nodes.drivers.stamps import Cadence, KernelStamps, missing_between
 
 NOW = 5_000_000_000_000  # ns on CLOCK_MONOTONIC
 
@@ -57,3 +57,20 @@ def test_missing_frames_are_read_off_the_gap_between_stamps(gap_ms: float, missi
 def test_nothing_is_missing_before_the_first_frame_or_without_a_rate() -> None:
     assert missing_between(0, NOW, 60.0) == 0
     assert missing_between(NOW, 2 * NOW, 0.0) == 0
+
+
+def test_the_frames_of_a_camera_that_is_slower_than_it_says_are_not_lost() -> None:
+    """A frame every 50 ms, announced 60 a second: once that is clear, only a gap of two periods tells of a loss."""
+    cadence = Cadence(60.0)
+    for number in range(40):
+        cadence.missing(1 + 50_000_000 * number)
+    assert cadence.missing(1 + 50_000_000 * 40) == 0
+    assert cadence.missing(1 + 50_000_000 * 42) == 1
+    assert cadence.complaint == 'it sends 20.0 frames/s and announces 60'
+
+
+def test_a_camera_that_keeps_its_rate_is_no_complaint_however_many_frames_are_lost_now_and_then() -> None:
+    cadence = Cadence(50.0)
+    lost = sum(cadence.missing(1 + 20_000_000 * number) for number in range(200) if number % 4)
+    assert lost == 49  # every fourth; the first of all is not known to be missing
+    assert cadence.complaint == ''
