@@ -14,9 +14,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Int, UInt8
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.fixed_reference_patches import Match, PatchGrid, Templates, moved_image, shrunk
 from tactile_nodes.sensing.flow import DisFlow, DisOptions, DisplacementField, require_grey, require_like
+
+SMALLEST_PX = 16
+"""Side of the smallest image that is measured."""
 
 AGAIN_PX = 0.6
 """A patch that turns out to lie further than this from where it was read is read again there."""
@@ -83,9 +86,14 @@ class InverseCompositionalFlow:
             by = 2**options.finest_scale
             return shrunk(moved_image(full, right_px * by, down_px * by), options.finest_scale)
 
-        height, width = shrunk(image, options.finest_scale).shape
+        height, width = (size >> options.finest_scale for size in image.shape)
+        if min(height, width) < SMALLEST_PX:
+            raise ImageError(
+                f'finest_scale {options.finest_scale} leaves {width}x{height} of {image.shape[1]}x{image.shape[0]} '
+                'pixels, too few to measure motion by; choose a smaller finest_scale'
+            )
         side = round(options.window * max(height / options.rows, width / options.cols))
-        self._templates = Templates(PatchGrid((height, width), options.rows, options.cols, side), moved)
+        self._templates = Templates(PatchGrid((height, width), options.rows, options.cols, max(3, side)), moved)
         self._reference = image.copy()
         texture = np.square(self._templates.texture_grey)
         self._known = texture / (texture + np.float32(options.texture_grey**2))

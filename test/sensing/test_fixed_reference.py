@@ -126,6 +126,15 @@ def test_an_image_of_another_size_is_refused(speckle: np.ndarray):
         flow_of(speckle, **SMALL).displacement(np.ascontiguousarray(speckle[:, :400]))
 
 
+def test_a_scale_that_leaves_nothing_of_the_image_is_refused(speckle: np.ndarray):
+    with pytest.raises(ImageError, match='finest_scale 6 leaves 6x6 of 440x440 pixels'):
+        flow_of(speckle, finest_scale=6)
+
+
+def test_patches_finer_than_pixels_are_still_measured(speckle: np.ndarray):
+    assert np.isfinite(flow_of(speckle, rows=80, cols=80, finest_scale=3).displacement(speckle).displacement_px).all()
+
+
 def test_flow_without_a_rest_image_says_what_is_missing(speckle: np.ndarray):
     with pytest.raises(ImageError, match='no rest image'):
         make_flow(NAME).displacement(speckle)
