@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -16,33 +17,54 @@ from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultErr
 ALL = list(range(1, 13))
 
 
-def test_each_press_of_a_plan_is_recorded_once(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-    assert '12 of 12 presses recorded' in run.campaign.run()
+@dataclass
+class Undisturbed:
+    """A run on a tilted gel in which nothing goes wrong, how it ended, and how far the machine would have gone on by
+    itself at any time, beyond two jogs."""
+
+    run: Run
+    ended: str
+    owed_mm: list[float]
+
+
+@pytest.fixture(scope='module')
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+    settings = dataclasses.replace(changed(), reference_every=5)
+    run = Run(tmp_path_factory.mktemp('run'), settings, world=WorldSettings(slope_x=0.01, slope_y=-0.005))
+    now_ns, jogs_ns = run.rig.clock.now_ns, 520_000_000  # two of a quarter of a second, and the time to brake
+    owed: list[float] = []
+
+    def look() -> None:
+        if run.told:
+            soon, later = (run.world.motor_at(now_ns() + wait_ns) for wait_ns in (jogs_ns, 100 * jogs_ns))
+            owed.append(math.dist(soon, later))
+
+    run.rig.clock.every(0.05, look)
+    return Undisturbed(run, run.campaign.run(), owed)
+
+
+def test_each_press_of_a_plan_is_recorded_once(undisturbed: Undisturbed) -> None:
+    run = undisturbed.run
+    assert '12 of 12 presses recorded' in undisturbed.ended
     assert sorted(run.recorded) == ALL
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
-def test_recorded_force_is_that_of_the_depth_on_a_tilted_gel(tmp_path: Path) -> None:
-    run = Run(tmp_path, world=WorldSettings(slope_x=0.01, slope_y=-0.005))
-    run.campaign.run()
-    for record in run.told:
+def test_recorded_force_is_that_of_the_depth_on_a_tilted_gel(undisturbed: Undisturbed) -> None:
+    for record in undisturbed.run.told:
         # The surface is found to about 0.02 mm, which is 0.012 N on the steepest part of the table.
         assert -record.wrench[2] == pytest.approx(TABLE.force_at(record.point.depth_mm), abs=0.015)
 
 
-def test_images_and_samples_lie_within_the_window_and_rest_images_before_it(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-    run.campaign.run()
-    for record in run.told:
+def test_images_and_samples_lie_within_the_window_and_rest_images_before_it(undisturbed: Undisturbed) -> None:
+    for record in undisturbed.run.told:
         assert len(record.frames) == 5
         assert all(record.start_ns <= frame.stamp_ns <= record.end_ns for frame in record.frames)
         assert all(frame.stamp_ns < record.start_ns for frame in record.rest) and record.rest
 
 
-def test_line_is_high_during_each_window_only(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-    run.campaign.run()
+def test_line_is_high_during_each_window_only(undisturbed: Undisturbed) -> None:
+    run = undisturbed.run
     edges = run.world.line_edges()
     assert len(edges) == 12 + 24 + 12  # a pattern before the first press, and one after the last
     edges = edges[12:-12]
@@ -156,10 +178,8 @@ def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
     assert sorted(run.recorded) == ALL
 
 
-def test_rest_image_is_renewed(tmp_path: Path) -> None:
-    run = Run(tmp_path, dataclasses.replace(changed(), reference_every=5))
-    run.campaign.run()
-    assert len(run.rests) == 3  # at the start, after 5 and after 10
+def test_rest_image_is_renewed(undisturbed: Undisturbed) -> None:
+    assert len(undisturbed.run.rests) == 3  # at the start, after 5 and after 10
 
 
 def test_recorder_that_goes_away_ends_the_run(tmp_path: Path) -> None:
@@ -199,17 +219,6 @@ def test_two_runs_cannot_share_a_journal(tmp_path: Path) -> None:
         Journal(run.journal.path, run.plan)
 
 
-def test_machine_that_loses_its_master_comes_to_rest_within_two_jogs(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-    now_ns, jogs_ns = run.rig.clock.now_ns, 520_000_000  # two of a quarter of a second, and the time to brake
-    owed = []
-
-    def look() -> None:
-        if run.told:
-            soon, later = (run.world.motor_at(now_ns() + wait_ns) for wait_ns in (jogs_ns, 100 * jogs_ns))
-            owed.append(math.dist(soon, later))
-
-    run.rig.clock.every(0.05, look)
-    run.campaign.run()
-    assert len(owed) > 100
-    assert max(owed) == 0.0
+def test_machine_that_loses_its_master_comes_to_rest_within_two_jogs(undisturbed: Undisturbed) -> None:
+    assert len(undisturbed.owed_mm) > 100
+    assert max(undisturbed.owed_mm) == 0.0
