@@ -170,7 +170,8 @@ class NetFtConnection:
         """Ask for records, and again soon until the new stream begins, or, where it never does, the old one ends."""
         self.tracker.requested()
         net_ft = self._settings.net_ft
-        count = math.ceil(net_ft.count_s * (self.rate_hz or self.config.internal_rate_hz))
+        most_hz = max(self.rate_hz, self.config.rate_hz) or self.config.internal_rate_hz
+        count = math.ceil(net_ft.count_s * most_hz)
         try:
             self._send(rdt.request(rdt.START_BUFFERED if net_ft.buffered else rdt.START_REALTIME, count))
         except OSError as error:

@@ -73,6 +73,7 @@ class StreamTracker:
     def __init__(self) -> None:
         self.counters = Counters()
         self.step = 0
+        self._step_seen = 0
         self._last: Record | None = None
         self._expecting = False
 
@@ -90,7 +91,7 @@ class StreamTracker:
         last = self._last
         if last is None:
             return self._begin(record, Accepted(0))
-        if self._expecting and _begins(record, last):
+        if _began_again(record, last) or (self._expecting and _begins(record, last)):
             return self._begin(record, self._after_renewal(record, last))
         ahead = (record.rdt_sequence - last.rdt_sequence) % U32
         if ahead == 0:
@@ -110,7 +111,9 @@ class StreamTracker:
     def _follow(self, record: Record, last: Record, ahead: int) -> Accepted:
         ticks = (record.ft_sequence - last.ft_sequence) % U32
         if ahead == 1 and 0 < ticks < HALF:
-            self.step = ticks
+            if self.step == 0 or ticks == self._step_seen:
+                self.step = ticks
+            self._step_seen = ticks
         rebooted = ticks >= HALF
         self.counters.restarts += rebooted
         return self._keep(record, Accepted(ahead - 1, stalled=ticks == 0, rebooted=rebooted))
@@ -128,6 +131,16 @@ class StreamTracker:
             return Accepted(record.rdt_sequence - 1, rebooted=True)
         missing = max(0, round(ticks / self.step) - 1) if self.step else record.rdt_sequence - 1
         return Accepted(missing, stalled=ticks == 0)
+
+
+def _began_again(record: Record, last: Record) -> bool:
+    """Whether a record has a smaller number and yet was measured later.
+
+    So does a stream that was not expected: a host that was held up asks once more before it has read that its first
+    request was heard, and the box begins once more.
+    """
+    ahead = (record.rdt_sequence - last.rdt_sequence) % U32
+    return ahead >= HALF and 0 < (record.ft_sequence - last.ft_sequence) % U32 < HALF
 
 
 def _begins(record: Record, last: Record) -> bool:

@@ -111,6 +111,24 @@ def test_a_late_record_of_the_old_stream_does_not_pass_for_the_new_one() -> None
     assert accepted(tracker, record(500, 3500), record(1, 3514)) == [None, 0]
 
 
+def test_a_second_request_that_was_not_needed_begins_once_more_and_loses_nothing() -> None:
+    """The host was held up, and asked again before it read that the box had begun: two streams follow."""
+    tracker = StreamTracker()
+    accepted(tracker, *(record(500 + n, 3500 + 7 * n) for n in range(3)))
+    tracker.requested()
+    tracker.requested()
+    first = [record(1 + n, 3521 + 7 * n) for n in range(100)]
+    second = [record(1 + n, 4221 + 7 * n) for n in range(200)]
+    assert accepted(tracker, *first, *second) == [0] * 300
+    assert (tracker.step, tracker.counters.lost, tracker.counters.out_of_order) == (7, 0, 0)
+
+
+def test_one_odd_step_of_the_internal_counter_does_not_change_the_rate() -> None:
+    tracker = StreamTracker()
+    accepted(tracker, record(1, 7), record(2, 14), record(3, 21), record(4, 4900), record(5, 4907))
+    assert tracker.step == 7
+
+
 def test_records_of_the_old_stream_go_on_counting_until_the_new_one_begins() -> None:
     tracker = StreamTracker()
     accepted(tracker, record(499, 3493), record(500, 3500))
