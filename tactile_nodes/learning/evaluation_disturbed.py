@@ -32,7 +32,7 @@ from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press, mix
 
-RECIPE = 1
+RECIPE = 2
 """Raised when the code below gives other samples for the same configuration."""
 
 COVERED_GREY = 3
@@ -148,16 +148,20 @@ def _render(job: tuple[TrainConfig, Disturbance, Path]) -> str:
     flow.set_reference(rest)
     encoding.set_reference(rest)
     optics = Optics(after, tip, others)
-    features, presses = [], []
+    features, presses, confidence = [], [], []
     for number, planned in enumerate(random_presses(config.data, 0, config.data.presses)):
         force_n = tip.force_at(planned.depth_mm)
         press = _pressed(planned, disturbance.indenter, others, force_n)
         image = centre_crop(optics.render((press,), first + len(frames) + number), size, size)
         encoded = encoding.encode(flow.displacement(_covered(image, disturbance.covered)))
         features.append(encoded.values.astype(np.float16))
+        confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, force_n))
     draft = file.with_suffix(f'.{os.getpid()}.part.npz')
-    np.savez(draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=encoded.confidence)
+    # A flow may judge every frame, so that each has a confidence of its own: a covered lens shows there.
+    np.savez(
+        draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=np.stack(confidence)
+    )  # fmt: skip
     draft.replace(file)
     return disturbance.name
 
@@ -181,4 +185,4 @@ def _covered(image: np.ndarray, part: float) -> np.ndarray:
 def _load(file: Path) -> Dataset:
     with np.load(file, allow_pickle=False) as arrays:
         features, presses, confidence = (arrays[name] for name in ('features', 'presses', 'confidence'))
-    return Dataset(features, presses, np.zeros(len(presses), np.int64), confidence[None], file.stem)
+    return Dataset(features, presses, np.arange(len(presses)), confidence, file.stem)

@@ -20,7 +20,8 @@ from tactile_nodes.sensing.model import ForceEstimator, ForceMap
 class Predictions:
     """Truth and answer of each sample; lengths in mm in the surface frame, forces in N, NaN where a model knows none.
 
-    A sample without contact has a negative depth. `position_sigma_mm` is along each axis.
+    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `regions_seen` is the share
+    of the regions that the model knows in which there are markers to follow.
     """
 
     place_mm: Float[np.ndarray, 'samples 2']
@@ -32,6 +33,7 @@ class Predictions:
     total_sigma_n: Float[np.ndarray, ' samples']
     position_sigma_mm: Float[np.ndarray, ' samples']
     unlikeness: Float[np.ndarray, ' samples']
+    regions_seen: Float[np.ndarray, ' samples']
     bins: BinGrid
     contact_threshold_n: float
 
@@ -113,6 +115,7 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | N
         total_sigma_n=np.array([each.total_sigma_n for each in found], np.float64),
         position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
         unlikeness=np.array([each.unlikeness for each in found], np.float64),
+        regions_seen=np.array([each.confidence for each in found], np.float64),
         bins=bins,
         contact_threshold_n=loaded.model.contact_threshold_n,
     )

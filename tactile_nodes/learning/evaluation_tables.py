@@ -23,7 +23,7 @@ MERITS = {
 UNLIKE = {
     'flagged': 'flagged', 'rest_flagged': 'at rest', 'false_contacts': 'false contacts',
     'unflagged_rmse_n': 'RMSE N, not flagged', 'unflagged_p95_mm': '95 % mm, not flagged', 'rmse_n': 'RMSE N, all',
-    'unlikeness_median': 'unlikeness',
+    'unlikeness_median': 'unlikeness', 'regions_seen': 'regions seen',
 }  # fmt: skip
 
 

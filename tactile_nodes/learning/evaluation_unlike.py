@@ -17,7 +17,8 @@ class UnlikeScores:
 
     `flagged` and `rest_flagged` are shares of presses and of frames at rest (NaN: the model cannot tell). What is not
     flagged is taken at its word: `unflagged_rmse_n` and `unflagged_p95_mm` are its errors, `false_contacts` the share
-    of all frames at rest that are a contact to it. `rmse_n` is over all presses, flagged or not.
+    of all frames at rest that are a contact to it. `rmse_n` is over all presses, flagged or not,
+    `regions_seen` the median share of the known regions in which the flow still finds markers.
     """
 
     presses: int
@@ -28,6 +29,7 @@ class UnlikeScores:
     unflagged_p95_mm: float
     rmse_n: float
     unlikeness_median: float
+    regions_seen: float
 
 
 def score_unlike(found: Predictions) -> UnlikeScores:
@@ -45,4 +47,5 @@ def score_unlike(found: Predictions) -> UnlikeScores:
         unflagged_p95_mm=percentile(away, 95),
         rmse_n=metrics.root_mean_square(presses.force_error_n),
         unlikeness_median=float(np.median(presses.unlikeness)) if tells else float('nan'),
+        regions_seen=percentile(found.regions_seen, 50),
     )

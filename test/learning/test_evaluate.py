@@ -147,6 +147,20 @@ def test_a_knocked_camera_moves_the_image_by_what_is_said(monkeypatch: pytest.Mo
     np.testing.assert_array_equal(samples['knocked'].presses, samples['as trained'].presses)
 
 
+def test_a_covered_lens_shows_nothing_where_it_is_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flow that judges every frame loses its confidence in the left half, and in no other."""
+    covered = disturbed.Disturbance('covered', covered=0.5)
+    monkeypatch.setattr(disturbed, 'DISTURBANCES', (disturbed.UNDISTURBED, covered))
+    config = dataclasses.replace(
+        config_for(presses=4, without_contact=0.9, seed=8), flow=Choice('inverse_compositional')
+    )
+    samples = disturbed.disturbed_samples(config, Progress())
+    seen = {name: each.confidence[each.rest].mean(axis=0) for name, each in samples.items()}
+    assert seen['as trained'][3:7, 3:7].min() > 0.9
+    assert seen['covered'][3:7, :4].max() < 0.1
+    assert seen['covered'][3:7, 6:8].min() > 0.9
+
+
 def test_a_linear_gel_is_pressed_by_its_tip_alone() -> None:
     linear = dataclasses.replace(config_for(), gel=Gel(mechanics='linear'))
     assert {each.indenter for each in disturbed.possible(linear)} == {'tip'}

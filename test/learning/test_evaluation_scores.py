@@ -37,7 +37,7 @@ def answers(
     whole = np.ones(count)
     return Predictions(
         place, deep, true, found, place + np.array(off_mm or [(0.0, 0.0)] * count), np.array(found_n, float),
-        whole * sigma_n, whole * sigma_mm, whole * unlikeness, BINS, contact_threshold_n=0.02,
+        whole * sigma_n, whole * sigma_mm, whole * unlikeness, whole, BINS, contact_threshold_n=0.02,
     )  # fmt: skip
 
 
@@ -129,6 +129,7 @@ def test_flagged_inputs_are_left_out_of_what_is_believed() -> None:
     scored = score_unlike(found)
     assert (scored.presses, scored.flagged, scored.rest_flagged, scored.false_contacts) == (2, 0.5, 0.5, 0.5)
     assert scored.unflagged_rmse_n == pytest.approx(0.01, rel=1e-4)
+    assert scored.regions_seen == 1.0
     assert scored.rmse_n == pytest.approx(math.sqrt((0.4**2 + 0.01**2) / 2), rel=1e-5)
 
 
