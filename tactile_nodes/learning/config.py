@@ -160,8 +160,9 @@ class TrainConfig:
         return BinGrid(self.network.rows, self.network.cols, self.gel.size_mm, self.gel.size_mm)
 
     def resolved(self) -> dict[str, Any]:
-        """The run as `load_train_config` reads it, every default filled in; no two keys mean the same."""
-        blocks = {name: asdict(getattr(self, name)) for name in ('data', 'gel', 'network', 'response', 'training')}
+        """The run as `load_train_config` reads it, every default filled in that bears on its readout."""
+        names = ['data', 'gel', 'network', 'training', *(['response'] if self.readout == 'response' else [])]
+        blocks = {name: asdict(getattr(self, name)) for name in names}
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
         named = {block: {'name': made.name, 'options': _stated(made.options)} for block, made in methods.items()}
         plain: dict[str, Any] = json.loads(json.dumps({'readout': self.readout, **named, **blocks}))

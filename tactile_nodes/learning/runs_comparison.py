@@ -61,7 +61,7 @@ def _outcome(run: Told) -> dict[str, str]:
 
 
 def draw(runs: Sequence[Told], file: Path) -> None:
-    """Write the curves over the seconds of training; the file's ending says which kind of image.
+    """Write the curves over the seconds of training, points for runs without epochs; the ending says which image.
 
     Raises:
         ConfigurationError: matplotlib is not installed, or does not know the ending.
@@ -70,9 +70,11 @@ def draw(runs: Sequence[Told], file: Path) -> None:
     figure = _figure()
     for axis, (name, label) in zip(figure.subplots(2, 2).flat, CURVES.items(), strict=True):
         for run in runs:
-            seconds = [each['seconds'] for each in run.epochs]
-            axis.plot(seconds, [each[name] for each in run.epochs], linewidth=1, label=run.name)
-        if name != 'd_loc_mm':
+            seconds, values = _curve(run, name)
+            axis.plot(seconds, values, linewidth=1, marker='o' if len(values) == 1 else None, label=run.name)
+        if name == 'd_loc_mm':
+            axis.set_yscale('symlog', linthresh=0.01)  # it may be zero
+        else:
             axis.set_yscale('log')
         axis.set(xlabel='seconds of training', ylabel=label)
         axis.grid(which='both', linewidth=0.3)
@@ -84,6 +86,14 @@ def draw(runs: Sequence[Told], file: Path) -> None:
         raise ConfigurationError(f'cannot draw {file}: {error}') from error
     except OSError as error:
         raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+
+
+def _curve(run: Told, name: str) -> tuple[list[float], list[float]]:
+    """Seconds and values of a run's epochs; of one that has none but is over, its outcome as a single point."""
+    if run.epochs:
+        return [each['seconds'] for each in run.epochs], [each[name] for each in run.epochs]
+    outcome = run.result.get('validation', {})
+    return ([run.result['training']['seconds']], [outcome[name]]) if name in outcome else ([], [])
 
 
 def _figure() -> Any:

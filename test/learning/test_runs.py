@@ -86,6 +86,14 @@ def test_curves_are_drawn(tmp_path: Path):
     assert (tmp_path / 'new' / 'curves.png').read_bytes().startswith(b'\x89PNG')
 
 
+def test_a_run_without_epochs_is_a_point(tmp_path: Path):
+    pytest.importorskip('matplotlib')
+    path = some_run(tmp_path, epochs=0)
+    (path / 'result.json').write_text(json.dumps({'training': {'seconds': 2.0}, 'validation': SCORES}))
+    draw([read_run(path), read_run(some_run(tmp_path, seed=2))], tmp_path / 'curves.png')
+    assert 'armse_n' in table([read_run(path)])
+
+
 def test_a_folder_without_a_run_is_refused(tmp_path: Path):
     with pytest.raises(ConfigurationError, match='holds no training run'):
         read_run(tmp_path)
