@@ -15,11 +15,11 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.camera import CameraSettings
 from tactile_nodes.drivers.camera_opening import open_camera
 from tactile_nodes.drivers.cnc import Cnc, CncSettings, open_cnc
-from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, NetFtSettings, open_force_torque
+from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, open_force_torque
 from tactile_nodes.drivers.sync_input import SyncInputSettings, WatchedLine
 from tactile_nodes.emulators.sync_line import EmulatedControlLine
 from tactile_nodes.emulators.world import Edge
-from tactile_nodes.errors import DeviceTimeoutError
+from tactile_nodes.errors import DeviceLostError, DeviceTimeoutError
 
 PATIENCE_S = 5.0
 FASTEST_BOTA_HZ = 1004.0
@@ -51,20 +51,24 @@ def _read_samples(settings: ForceTorqueSettings, address: Address, meter: Meter)
     order, ticks, step = Order(meter), address['ticks'], address['step']
     ns_per_tick = NS_PER_S / (ticks.rate_hz * (1 + ticks.drift_ppm * 1e-6))
     with contextlib.closing(open_force_torque(settings, meter.clock)) as sensor:
-        at_begin = None
+        at_begin, losses = None, 0
         while meter.going_on():
-            samples = sensor.read(PATIENCE_S)
+            try:
+                samples = sensor.read(PATIENCE_S)
+            except (DeviceLostError, DeviceTimeoutError):  # it is looked for, and what it lost meanwhile is counted
+                losses += meter.measuring
+                meter.clock.sleep_until(meter.clock.now_ns() + NS_PER_S // 100)
+                continue
             now_ns = meter.clock.now_ns()
             at_begin = samples[0].dropped if at_begin is None and meter.measuring else at_begin
             counts = np.array([sample.device_ticks for sample in samples]) - ticks.offset
             made_ns = ticks.start_ns + counts * ns_per_tick
             meter.handed_over(now_ns - made_ns, np.array([sample.stamp_ns for sample in samples]) - made_ns)
             order.follow(np.rint(counts / step))
-        meter.extra['driver'] = _told(sensor, samples[-1].dropped - (at_begin or 0))
-
-
-def _told(sensor: ForceTorqueSensor, lost: int) -> dict[str, Any]:
-    return {'lost': lost, 'health': sensor.health.message, **sensor.description}
+        newest = sensor.newest()
+        lost = newest.dropped - (at_begin or 0) if newest is not None else 0
+        told = {'lost': lost, 'reads that failed': losses, 'health': sensor.health.message, **sensor.description}
+        meter.extra['driver'] = told
 
 
 def camera(address: Address, stamps: np.ndarray, meter: Meter) -> None:
