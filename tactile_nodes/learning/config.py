@@ -113,7 +113,12 @@ class ResponseConfig:
     smoothing: tuple[float, ...] = parameter(
         (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
     )
-    confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
+    trusted_floor: float = parameter(
+        0.5, 'regions that are less certain than this in most frames are silenced', minimum=0.0, maximum=1.0
+    )
+    confidence_floor: float = parameter(
+        0.1, 'regions that are less certain than this in a frame have no say in it', minimum=0.0, maximum=1.0
+    )
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
     seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout
+from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout, Seen
 
 COVERAGE = 0.90
 NORMAL_90 = 1.6449
@@ -17,27 +17,50 @@ NORMAL_90 = 1.6449
 ONE_OF_A_THOUSAND = 99.9
 FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000
+LEAST_JUDGES = 200
 
 
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:
     """Uncertainties and limits such that `judges` (indices of samples) fall within them as often as they should."""
     judges = judges[:: max(1, len(judges) // MOST_PRESSES)]
     raw = replace(readout, calibration=Calibration())
-    inputs = [_inputs(raw, dataset, index) for index in judges]
-    fits = [raw.fit(raw.components(each)) for each in inputs]
+    seen = [_seen(raw, dataset, index) for index in judges]
+    components = [raw.whitening @ each.scores for each in seen]
+    fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
-    errors, sigmas = _errors(raw, dataset.presses[judges[touched]], [f for f, t in zip(fits, touched, strict=True) if t])
+    presses = dataset.presses[judges[touched]]
+    errors, sigmas = _errors(raw, presses, [fit for fit, press in zip(fits, touched, strict=True) if press])
     place_floor, place_factor = _spread(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
-    force_floor, force_factor, force_share = _force_spread(errors[:, 2], sigmas[:, 1], dataset.presses[judges[touched], 3])
+    force_floor, force_factor, force_share = _force_spread(errors[:, 2], sigmas[:, 1], presses[:, 3])
     limit = float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))
-    calibration = Calibration(place_floor, place_factor, force_floor, force_share, force_factor, limit)
-    return calibration, _likeness(raw.likeness, np.array([raw.likeness.left_over(each) for each in inputs]), touched)
+    gains = [raw.gain(each, fit) for each, fit, t in zip(components, fits, touched, strict=True) if not t]
+    least = float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else 0.0
+    calibration = Calibration(place_floor, place_factor, force_floor, force_share, force_factor, limit, least)
+    return calibration, _likeness(raw.likeness, np.array([(each.left_over, each.size) for each in seen]), touched)
 
 
-def _inputs(readout: ResponseReadout, dataset: Dataset, index: int) -> np.ndarray:
-    values, confidence = dataset.features[index].astype(np.float32), dataset.confidence[dataset.rest[index]]
-    flat: np.ndarray = readout.scaling(values, confidence).reshape(-1)
-    return flat
+def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> Calibration:
+    """The readout's calibration with its spreads scaled to the final fit, which saw more presses than the judged one.
+
+    `judges` are presses that not even the final fit saw, at positions of their own; with few of them nothing changes.
+    """
+    judges = judges[dataset.presses[judges, 2] > 0]
+    judges = judges[:: max(1, len(judges) // MOST_PRESSES)]
+    if len(judges) < LEAST_JUDGES:
+        return readout.calibration
+    fits = [readout.fit(readout.whitening @ _seen(readout, dataset, index).scores) for index in judges]
+    errors, sigmas = _errors(readout, dataset.presses[judges], fits)
+    place = _to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
+    force = _to_coverage(errors[:, 2], sigmas[:, 1])
+    c = readout.calibration
+    return replace(
+        c, place_floor_mm=c.place_floor_mm * place, place_factor=c.place_factor * place,
+        force_floor_n=c.force_floor_n * force, force_share=c.force_share * force, force_factor=c.force_factor * force,
+    )  # fmt: skip
+
+
+def _seen(readout: ResponseReadout, dataset: Dataset, index: int) -> Seen:
+    return readout.seen(dataset.features[index].astype(np.float32), dataset.confidence[dataset.rest[index]])
 
 
 def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_calibration import calibrated
+from tactile_nodes.learning.response_calibration import calibrated, rescaled
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.response import Response, ResponseReadout
+from tactile_nodes.sensing.response import Response, ResponseReadout, project
 from tactile_nodes.sensing.splines import SplineAxis
 
 LEAST_UNTOUCHED = 20
@@ -57,8 +57,16 @@ def fit_response(
         calibration, likeness = calibrated(subspace.readout(first, coefficients, bins), dataset, rest)
         bar.advance(1, f'smoothing {smoothing:g}; uncertainty judged by {len(rest)} samples')
         final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
+        final = replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
+        final = replace(final, calibration=rescaled(final, dataset, _at_new_places(dataset, held_out)))
         bar.advance(1)
-    return replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
+    return final
+
+
+def _at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
+    """Held-out samples at positions where no other sample is."""
+    known = {(x, y) for x, y in dataset.presses[~held_out, :2].tolist()}
+    return np.array([i for i in np.flatnonzero(held_out) if tuple(dataset.presses[i, :2].tolist()) not in known], int)
 
 
 def _inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
@@ -97,8 +105,8 @@ class _Subspace:
                 f'a response needs at least {LEAST_UNTOUCHED} images of the untouched gel and {config.components} '
                 f'presses; there are {len(untouched)} and {int(touched[used].sum())}'
             )
-        scaling = noise_scaling(dataset, untouched, config.confidence_floor)
-        inputs = scaled(dataset, scaling)
+        scaling = noise_scaling(dataset, untouched, config)
+        inputs, missing = scaled(dataset, scaling)
         square = inputs[used].T @ inputs[used]
         first = square.shape[0] - config.components
         _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
@@ -107,7 +115,8 @@ class _Subspace:
         places = np.column_stack([dataset.presses[:, :2].astype(float), force**config.power])
         places[~touched, 2] = 0.0
         axes = _axes(places[used][touched[used]], config)
-        return cls(scaling, directions, (inputs @ directions.T).astype(float), places, touched, axes, config.power)
+        scores = np.stack([project(directions, *each).scores for each in zip(inputs, missing, strict=True)])
+        return cls(scaling, directions, scores.astype(float), places, touched, axes, config.power)
 
     def normal(self, chosen: np.ndarray) -> _Normal:
         """The regression of some samples, before it is smoothed."""
@@ -164,27 +173,28 @@ class _Normal:
         return solved
 
 
-def noise_scaling(dataset: Dataset, untouched: np.ndarray, confidence_floor: float) -> InputScaling:
+def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig) -> InputScaling:
     """Features about their mean over the untouched gel, in units of their noise there; quiet ones count as the median.
 
     Regions without markers are silenced.
     """
-    trusted = dataset.trusted(confidence_floor)
+    trusted = dataset.trusted(config.trusted_floor)
     values = dataset.features[untouched].astype(np.float32)
     noise = values.std(axis=0)
     least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
     gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
-    return InputScaling(values.mean(axis=0), gain, trusted, confidence_floor)
+    return InputScaling(values.mean(axis=0), gain, trusted, config.confidence_floor)
 
 
-def scaled(dataset: Dataset, scaling: InputScaling) -> Float32[np.ndarray, 'samples inputs']:
-    """All samples as the readout scales them."""
-    inputs = np.empty((len(dataset.features), dataset.features[0].size), np.float32)
-    for number, confidence in enumerate(dataset.confidence):
-        mine = np.flatnonzero(dataset.rest == number)
-        values = scaling(dataset.features[mine].astype(np.float32), confidence)
-        inputs[mine] = values.reshape(len(mine), inputs.shape[1])
-    return inputs
+def scaled(
+    dataset: Dataset, scaling: InputScaling
+) -> tuple[Float32[np.ndarray, 'samples inputs'], Bool[np.ndarray, 'samples inputs']]:
+    """All samples as the readout scales them, and which of their inputs are missing (and zero)."""
+    confidence = dataset.confidence[dataset.rest]
+    used = scaling.trusted * (confidence >= scaling.confidence_floor)
+    inputs = (dataset.features.astype(np.float32) - scaling.mean) * scaling.gain * used[..., None]
+    missing = np.repeat(scaling.missing(confidence)[..., None], inputs.shape[-1], axis=-1)
+    return inputs.reshape(len(inputs), -1), missing.reshape(len(inputs), -1)
 
 
 def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:
@@ -221,10 +231,10 @@ def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
 
 def _curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
     """Sum of the squared second differences of the coefficients along each axis, as a quadratic form."""
-    total = 0.0
+    total = np.zeros(1)
     for i in range(3):
         parts = [np.eye(axis.count) for axis in axes]
         difference = np.diff(parts[i], n=2, axis=0)
         parts[i] = difference.T @ difference
         total = total + np.kron(np.kron(parts[0], parts[1]), parts[2])
-    return np.asarray(total)
+    return total

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
@@ -67,6 +67,11 @@ class InputScaling:
     gain: Float32[np.ndarray, 'rows cols channels']
     trusted: Float32[np.ndarray, 'rows cols']
     confidence_floor: float = 0.5
+
+    def missing(self, confidence: Float32[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
+        """The regions that held markers in training and cannot be followed now."""
+        lost: np.ndarray = (self.trusted > 0) & (confidence < self.confidence_floor)
+        return lost
 
     def __call__(
         self, values: Float32[np.ndarray, '*batch rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']

@@ -23,7 +23,9 @@ def readout_arrays(readout: NetworkReadout | ResponseReadout) -> tuple[Arrays, d
     return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
 
 
-def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout | ResponseReadout:
+def readout_from(
+    arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid
+) -> NetworkReadout | ResponseReadout:
     """What `readout_arrays` took apart.
 
     Raises:
@@ -74,7 +76,7 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
 
 
 def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
-    axes = (SplineAxis(**axis) for axis in said['axes'])
+    x, y, s = (SplineAxis(**axis) for axis in said['axes'])
     likeness = _likeness(arrays, said['likeness'])
     if likeness is None:
         raise KeyError('likeness.directions')
@@ -82,7 +84,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         _scaling(arrays, said),
         likeness,
         arrays['whitening'],
-        Response(*axes, arrays['coefficients'], arrays['growth'], said['power']),
+        Response(x, y, s, arrays['coefficients'], arrays['growth'], said['power']),
         bins,
         Calibration(**said['calibration']),
         said['most_contacts'],

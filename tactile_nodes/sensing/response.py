@@ -10,11 +10,11 @@ several contacts add up (superposition), as they nearly do in a soft layer.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
@@ -30,6 +30,8 @@ DAMPING = (1e-2, 1e-2, 1e-3)
 """Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
 START_SPACING_MM = 1.5
 START_LEVELS = 6
+SURE_OF_DIRECTIONS = 1e-3
+"""Keeps directions that only missing regions could tell apart at zero."""
 NOWHERE_MM = 9.2
 """Standard deviation of a place of which nothing is known but that it is on 32 mm of surface: 32 / sqrt(12)."""
 
@@ -105,6 +107,33 @@ class Fit:
     misfit: float
 
 
+@dataclass(frozen=True)
+class Seen:
+    """One frame's scores along the principal directions, what they leave over, and the whole: root mean squares."""
+
+    scores: Float32[np.ndarray, ' components']
+    left_over: float
+    size: float
+
+
+def project(
+    directions: Float32[np.ndarray, 'components inputs'],
+    inputs: Float32[np.ndarray, ' inputs'],
+    missing: Bool[np.ndarray, ' inputs'],
+) -> Seen:
+    """Least squares scores of inputs along orthonormal directions, where some inputs are missing (and zero)."""
+    along = directions @ inputs
+    scores = along
+    if missing.any():
+        lost = directions[:, missing]
+        square = np.eye(len(directions), dtype=np.float32) * (1 + SURE_OF_DIRECTIONS) - lost @ lost.T
+        scores = np.linalg.solve(square, along)
+    count = max(len(inputs) - int(missing.sum()), 1)
+    whole = float(inputs @ inputs)
+    left = max(whole - float(scores @ along), 0.0)
+    return Seen(scores, math.sqrt(left / count), math.sqrt(whole / count))
+
+
 def locate(
     response: Response, components: Float32[np.ndarray, ' components'], begin: Float[np.ndarray, 'contacts 3']
 ) -> Fit:
@@ -145,7 +174,8 @@ class Calibration:
 
     The standard deviation along x or y is hypot(place_floor_mm, place_factor times the fit's); that of a force F
     hypot(force_floor_n, force_share F, force_factor times the fit's). `misfit_limit` is the root of the misfit that
-    one of a thousand exceeds.
+    one of a thousand exceeds; `least_gain` what noise alone gains in one of a thousand frames of the untouched gel (see
+    `ResponseReadout.gain`).
     """
 
     place_floor_mm: float = 0.0
@@ -154,6 +184,7 @@ class Calibration:
     force_share: float = 0.0
     force_factor: float = 1.0
     misfit_limit: float = 1.0
+    least_gain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -186,15 +217,15 @@ class ResponseReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        inputs = self.scaling(values, confidence).reshape(-1)
-        if not np.isfinite(inputs).all():
-            return self._nothing()
-        return self.reading(self.fit(self.components(inputs)), inputs)
+        return self.reading(self.seen(values, confidence))
 
-    def components(self, inputs: Float32[np.ndarray, ' inputs']) -> Float32[np.ndarray, ' components']:
-        """Scaled features in components with a noise of 1."""
-        found: np.ndarray = self.whitening @ (self.likeness.directions @ inputs)
-        return found
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Seen:
+        """Features as scores along the principal directions; regions that cannot be followed now have no say."""
+        inputs = self.scaling(values, confidence).reshape(-1)
+        missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
+        return project(self.likeness.directions, inputs, missing)
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
         """As few contacts as explain the components, `most_contacts` at most."""
@@ -211,12 +242,26 @@ class ResponseReadout:
         made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
         return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
 
-    def reading(self, fit: Fit, inputs: Float32[np.ndarray, ' inputs']) -> Reading:
-        """Forces on bins, contacts and their uncertainty."""
+    def reading(self, seen: Seen) -> Reading:
+        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+        if not np.isfinite(seen.scores).all():
+            return self._nothing()
+        components = self.whitening @ seen.scores
+        fit = self.fit(components)
         contacts = self.contacts(fit)
+        if self.gain(components, fit) < self.calibration.least_gain:
+            contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
-        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, self.likeness.unlikeness(inputs))
+        limits = self.likeness
+        left_over = seen.left_over / (limits.floor + limits.share * seen.size)
+        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+        """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
+        certainty = self.response.certainty(float(fit.contacts[:, 2].max()))
+        nothing = float((components * components * certainty).mean())
+        return (nothing - fit.misfit) * len(components) / 2
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first."""

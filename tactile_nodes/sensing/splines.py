@@ -18,7 +18,7 @@ _VALUE_X_Y_S = [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]
 
 @dataclass(frozen=True)
 class SplineAxis:
-    """`intervals` equal intervals from `low` to `high`; `intervals` + 3 splines. Values beyond an end count as at it."""
+    """`intervals` equal intervals from `low` to `high`; `intervals` + 3 splines. Values beyond count as at the end."""
 
     low: float
     high: float
@@ -59,7 +59,8 @@ def cubes(
 ) -> Float[np.ndarray, 'n coefficients']:
     """Products of the three axes' splines at many places, x slowest: a row each, to be fitted or applied."""
     parts = [axis.design(places[:, i]) for i, axis in enumerate((x, y, s))]
-    return np.einsum('ni,nj,nk->nijk', *parts, optimize=True).reshape(len(places), -1)
+    products: np.ndarray = np.einsum('ni,nj,nk->nijk', *parts, optimize=True)
+    return products.reshape(len(places), -1)
 
 
 def value_and_slopes(
