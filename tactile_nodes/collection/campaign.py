@@ -256,6 +256,7 @@ class Campaign:
         hands = self._hands
         self._outlet.require_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
+        await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
         self._outlet.say('homing')
         hands.home()
         zero = self._last_tare = self._patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))

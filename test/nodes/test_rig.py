@@ -33,7 +33,7 @@ rig:
       {{start_mm: [-2.0, -2.0, -1.0], room_mm: [20.0, 20.0, 20.0], gel_x_mm: -10.0, gel_y_mm: -10.0, gel_z_mm: -4.0}}
     cnc: {{safe_z_mm: -2.5}}
     force_torque: {{rate_hz: 200.0}}
-    limits: {{force_silence_ms: 5000.0, camera_silence_ms: 10000.0, bearable_n: 6.0}}
+    limits: {{force_silence_ms: 5000.0, camera_silence_ms: 10000.0, bearable_n: 6.0, steady_again_s: 0.2}}
     motion: {{approach_mm_min: 600.0, press_mm_min: 120.0}}
     surface:
       {{gel_x_mm: -10.0, gel_y_mm: -10.0, top_mm: -3.9, bottom_mm: -5.0, reach_mm: 2.0, corners: 3, repeats: 1,
