@@ -25,6 +25,10 @@ from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response import ResponseReadout
 
 
+NETWORK_THRESHOLD_N = 0.05
+"""Above what a network that is trained as published reads while nothing touches."""
+
+
 def train(
     config: TrainConfig,
     *,
@@ -55,6 +59,7 @@ def train(
             layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
             bins=data.config.bins,
             readout=readout,
+            contact_threshold_n=threshold_of(data.config),
         )
         scores = validation_of(readout, data)
         card = card_of(data, report, scores, command)
@@ -62,6 +67,11 @@ def train(
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     return config.output
+
+
+def threshold_of(config: TrainConfig) -> float:
+    """The total force from which the live node says that something touches."""
+    return config.response.contact_threshold_n if config.readout == 'response' else NETWORK_THRESHOLD_N
 
 
 def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[NetworkReadout | ResponseReadout, dict[str, Any]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,9 +25,9 @@ from tactile_nodes.clock import Clock, perf_ns
 from tactile_nodes.drivers.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.methods import MethodParams, make_methods, told
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import DisplacementField, make_flow
+from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.quality import picture_faults
 from tactile_nodes.sensing.tracking import FeatureTracker, overlay
 
@@ -36,23 +36,9 @@ _SATURATED = types.ForceDistribution.REASON_SATURATED_IMAGE
 
 
 @dataclass(frozen=True)
-class DisParams:
-    """Options of the flow method ``dis``."""
-
-    preset: str = parameter('ultrafast', 'where the other options start from', choices=('ultrafast', 'fast', 'medium'))
-    finest_scale: int = parameter(1, 'finest pyramid level; 0 is full size', minimum=0, maximum=5)
-    threads: int = parameter(1, 'threads of OpenCV; another number gives other last digits', minimum=1)
-
-
-@dataclass(frozen=True)
-class FlowFeaturesParams(NodeParams):
+class FlowFeaturesParams(MethodParams, NodeParams):
     """Parameters of the flow features node."""
 
-    method: str = parameter('dis', 'how motion is measured', read_only=True)
-    dis: DisParams = field(default_factory=DisParams)
-    encoding: str = parameter('polar_mean', 'how motion is summed up by region', read_only=True)
-    rows: int = parameter(40, 'regions along y', minimum=1, read_only=True)
-    cols: int = parameter(40, 'regions along x', minimum=1, read_only=True)
     reference: str = parameter(
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )
@@ -77,13 +63,10 @@ class FlowFeaturesNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: FlowFeaturesParams = self.params
-        options = vars(chosen.dis) if chosen.method == 'dis' else {}
-        self._method = f'{chosen.method}({", ".join(f"{key}={value}" for key, value in options.items())})'
+        flow, encoding = make_methods(chosen)
+        self._method = told(flow)
         self._tracker = FeatureTracker(
-            make_flow(chosen.method, options),
-            make_encoding(chosen.encoding, {'rows': chosen.rows, 'cols': chosen.cols}),
-            rest_frames=chosen.reference_frames,
-            marked_share=chosen.marked_share,
+            flow, encoding, rest_frames=chosen.reference_frames, marked_share=chosen.marked_share
         )
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0

@@ -37,7 +37,7 @@ _INVALID = (
 class ForceEstimatorParams(NodeParams):
     """Parameters of the force estimator node."""
 
-    model: str = parameter('paper', 'name of a model that ships, or path of a model file', read_only=True)
+    model: str = parameter('fast', 'name of a model that ships, or path of a model file', read_only=True)
     frame_id: str = parameter('gel_surface', 'frame of the forces')
     least_confidence: float = parameter(
         0.5, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0

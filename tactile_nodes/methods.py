@@ -1,0 +1,66 @@
+"""Which flow method and features a node uses: by its parameters, or as a model was trained."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
+from tactile_nodes.sensing.flow import FlowMethod, make_flow
+
+
+@dataclass(frozen=True)
+class DisParams:
+    """Options of the flow method ``dis``."""
+
+    preset: str = parameter('ultrafast', 'where the other options start from', choices=('ultrafast', 'fast', 'medium'))
+    finest_scale: int = parameter(1, 'finest pyramid level; 0 is full size', minimum=0, maximum=5)
+    threads: int = parameter(1, 'threads of OpenCV; another number gives other last digits', minimum=1)
+
+
+@dataclass(frozen=True)
+class InverseCompositionalParams:
+    """Options of the flow method ``inverse_compositional``, which has a patch for each region."""
+
+    finest_scale: int = parameter(1, 'scale that is measured at: 0 is full size, 1 half', minimum=0, maximum=3)
+    window: float = parameter(1.2, 'width of a patch in units of its distance to the next', minimum=0.5, maximum=4.0)
+
+
+@dataclass(frozen=True)
+class MethodParams:
+    """How motion is measured and summed up."""
+
+    model: str = parameter(
+        '', 'take flow and features from this model (name or file) instead of the parameters below', read_only=True
+    )
+    method: str = parameter(
+        'inverse_compositional', 'how motion is measured', choices=('dis', 'inverse_compositional'), read_only=True
+    )
+    dis: DisParams = field(default_factory=DisParams)
+    inverse_compositional: InverseCompositionalParams = field(default_factory=InverseCompositionalParams)
+    encoding: str = parameter('cartesian_mean', 'how motion is summed up by region', read_only=True)
+    rows: int = parameter(10, 'regions along y', minimum=1, read_only=True)
+    cols: int = parameter(10, 'regions along x', minimum=1, read_only=True)
+
+
+def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:
+    """The flow method and the features that parameters ask for.
+
+    Raises:
+        ConfigurationError: no such method or option.
+        ModelError: the model cannot be used.
+    """
+    if params.model:
+        loaded = load_model(find_model(params.model))
+        return make_flow(*loaded.flow), make_encoding(*loaded.encoding)
+    regions = {'rows': params.rows, 'cols': params.cols}
+    options = asdict(params.dis)
+    if params.method == 'inverse_compositional':
+        options = {**asdict(params.inverse_compositional), **regions}
+    return make_flow(params.method, options), make_encoding(params.encoding, regions)
+
+
+def told(flow: FlowMethod) -> str:
+    """A flow method in words, such as ``dis(preset=medium)``."""
+    return f'{flow.name}({", ".join(f"{name}={value}" for name, value in flow.options.items() if value is not None)})'
