@@ -18,7 +18,8 @@ SILENT_SHARE = 0.2
 class Validation:
     """Figures of merit on samples that the network does not learn from.
 
-    `peak_share` is the mean predicted peak over the mean true one, `of_zero` the aRMSE over that of predicting nothing.
+    `peak_share` is the mean predicted peak over the mean true one, `of_zero` the root mean
+    squared error of all bins over that of predicting nothing.
     """
 
     armse_n: float
@@ -46,15 +47,15 @@ class Validation:
         chosen = touched if touched.any() else ~touched
         true, predicted = true_n[chosen], predicted_n[chosen]
         peak_n = max(float(true.max(axis=1).mean()), 1e-12)
-        armse_n, zero_n = metrics.armse(true_n, predicted_n), metrics.armse(true_n, np.zeros_like(true_n))
+        error, zero = float(np.square(predicted_n - true_n).mean()), float(np.square(true_n).mean())
         return cls(
-            armse_n=armse_n,
+            armse_n=metrics.armse(true_n, predicted_n),
             rmse_mc_n=metrics.peak_rmse_n(true, predicted),
             d_loc_mm=metrics.location_error_mm(true, predicted, bins),
             total_rmse_n=float(np.sqrt(np.mean(metrics.total_errors_n(true_n, predicted_n) ** 2))),
             right_bin=metrics.right_bin_share(true, predicted),
             peak_share=float(predicted.max(axis=1).mean()) / peak_n,
-            of_zero=armse_n / max(zero_n, 1e-12),
+            of_zero=(error / max(zero, 1e-12)) ** 0.5,
         )
 
     def __str__(self) -> str:
