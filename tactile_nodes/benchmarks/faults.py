@@ -194,8 +194,8 @@ def _cells(case: Case, row: dict[str, Any]) -> list[str]:
     stop, kept = row['stop'], row['ledger'] or {}
     shown = case.stops and stop is not None
     up = '–' if not shown else 'stays' if stop['up_s'] is None else f'{stop["up_s"]:.1f} s'
-    counts = [str(len(kept.get(name, ()))) for name in ('lost', 'doubled')]
-    wrong = str(len({*kept.get('wrong', ()), *kept.get('faint', ())}))
+    flaws = (('lost', 'left'), ('doubled',), ('wrong', 'faint'))
+    counts = [str(len({press for name in names for press in kept.get(name, ())})) for names in flaws]
     text = row['problem'] or gist(row['told'])
     return [
         case.text,
@@ -204,6 +204,5 @@ def _cells(case: Case, row: dict[str, Any]) -> list[str]:
         up,
         f'{len(row["statuses"])}: {", ".join(map(str, row["statuses"]))}',
         *counts,
-        wrong,
         text.replace('|', '/'),
     ]
