@@ -59,7 +59,7 @@ def small_response() -> ForceModel:
     response = Response(*axes, table, np.array([0.1, 0.2, 0.3], np.float32), 0.6)
     readout = ResponseReadout(
         made.scaling, made.likeness, np.eye(3, dtype=np.float32), response, bins,
-        Calibration(0.1, 2.0, 0.01, 0.02, 3.0, 4.0), 2,
+        Calibration(0.1, 0.01, (2.0, 3.0), (1.0, 2.0, 4.0), 4.0, 0.5), 2,
     )  # fmt: skip
     return ForceModel(FeatureLayout('cartesian_mean', 2, 2, 2), bins, readout, 0.03)
 

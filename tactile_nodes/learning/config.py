@@ -120,7 +120,7 @@ class ResponseConfig:
         0.1, 'regions that are less certain than this in a frame have no say in it', minimum=0.0, maximum=1.0
     )
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
-    contact_threshold_n: float = parameter(0.015, 'force from which the live node says that something touches', minimum=0.0)
+    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
     seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout, Seen
+from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout, Seen, factor_at
 
 COVERAGE = 0.90
 NORMAL_90 = 1.6449
@@ -18,6 +18,7 @@ ONE_OF_A_THOUSAND = 99.9
 FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000
 LEAST_JUDGES = 200
+LEVELS = 9
 
 
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:
@@ -30,12 +31,13 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
     errors, sigmas = _errors(raw, presses, [fit for fit, press in zip(fits, touched, strict=True) if press])
-    place_floor, place_factor = _spread(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
-    force_floor, force_factor, force_share = _force_spread(errors[:, 2], sigmas[:, 1], presses[:, 3])
+    heights = presses[:, 3] ** raw.response.power / raw.response.s.high
+    place_floor, place_factors = _spread(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
+    force_floor, force_factors = _spread(errors[:, 2], sigmas[:, 1], heights)
     limit = float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))
     gains = [raw.gain(each, fit) for each, fit, t in zip(components, fits, touched, strict=True) if not t]
     least = float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else 0.0
-    calibration = Calibration(place_floor, place_factor, force_floor, force_share, force_factor, limit, least)
+    calibration = Calibration(place_floor, force_floor, place_factors, force_factors, limit, least)
     return calibration, _likeness(raw.likeness, np.array([(each.left_over, each.size) for each in seen]), touched)
 
 
@@ -54,9 +56,10 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
     force = _to_coverage(errors[:, 2], sigmas[:, 1])
     c = readout.calibration
     return replace(
-        c, place_floor_mm=c.place_floor_mm * place, place_factor=c.place_factor * place,
-        force_floor_n=c.force_floor_n * force, force_share=c.force_share * force, force_factor=c.force_factor * force,
-    )  # fmt: skip
+        c,
+        place_factors=tuple(place * each for each in c.place_factors),
+        force_factors=tuple(force * each for each in c.force_factors),
+    )
 
 
 def _seen(readout: ResponseReadout, dataset: Dataset, index: int) -> Seen:
@@ -73,30 +76,28 @@ def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> t
     return np.array(errors), np.array(sigmas)
 
 
-def _spread(errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n']) -> tuple[float, float]:
-    """Floor and factor: the most probable (of a Laplace distribution, which outliers do not rule), then to 90 %."""
+def _spread(
+    errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']
+) -> tuple[float, tuple[float, ...]]:
+    """The floor that makes the errors most probable, and the factors that make 90 % of them likely at every height.
+
+    (Most probable of a Laplace distribution, which outliers do not rule.)
+    """
     unit = float(np.median(np.abs(errors)))
-    best = min((_surprise(errors, np.hypot(floor * unit, sigmas)), floor * unit) for floor in FLOORS)[1]
-    scale = _to_coverage(errors, np.hypot(best, sigmas))
-    return best * scale, scale
+    choices = []
+    for floor in (FLOORS * unit).tolist():
+        base = np.hypot(floor, sigmas)
+        factors = _factors(np.abs(errors) / base, heights)
+        stated = base * [factor_at(factors, height) for height in heights.tolist()]
+        choices.append((float(np.mean(np.log(stated) + np.abs(errors) / stated)), floor, factors))
+    return min(choices)[1:]
 
 
-def _force_spread(
-    errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n'], forces: Float[np.ndarray, ' n']
-) -> tuple[float, float, float]:
-    """Floor, factor and share of the force, likewise."""
-    unit, relative = float(np.median(np.abs(errors))), float(np.median(np.abs(errors) / np.maximum(forces, 1e-3)))
-    choices = [(floor * unit, share * relative) for floor in FLOORS for share in FLOORS]
-    spread = {each: np.hypot(np.hypot(each[0], sigmas), each[1] * forces) for each in choices}
-    floor, share = min(choices, key=lambda each: _surprise(errors, spread[each]))
-    scale = _to_coverage(errors, spread[floor, share])
-    return floor * scale, scale, share * scale
-
-
-def _surprise(errors: np.ndarray, sigmas: np.ndarray) -> float:
-    """Negative log likelihood of a Laplace distribution with its best common scale."""
-    ratio = np.abs(errors) / sigmas
-    return float(np.mean(np.log(sigmas)) + np.log(np.mean(ratio)))
+def _factors(ratios: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']) -> tuple[float, ...]:
+    """At each level what 90 % of the errors nearest to it in height stay below, as normal errors would."""
+    nearest = max(LEAST_JUDGES // 4, len(ratios) // LEVELS)
+    around = (np.argsort(np.abs(heights - level))[:nearest] for level in np.linspace(0.0, 1.0, LEVELS))
+    return tuple(float(np.percentile(ratios[chosen], 100 * COVERAGE)) / NORMAL_90 for chosen in around)
 
 
 def _to_coverage(errors: np.ndarray, sigmas: np.ndarray) -> float:

@@ -86,9 +86,13 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         arrays['whitening'],
         Response(x, y, s, arrays['coefficients'], arrays['growth'], said['power']),
         bins,
-        Calibration(**said['calibration']),
+        _calibration(said['calibration']),
         said['most_contacts'],
     )
+
+
+def _calibration(said: Mapping[str, Any]) -> Calibration:
+    return Calibration(**{name: tuple(each) if isinstance(each, list) else each for name, each in said.items()})
 
 
 def _said(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:

@@ -172,19 +172,27 @@ def _compare(
 class Calibration:
     """How stated uncertainties follow from the fit's: measured on presses that were held out in training.
 
-    The standard deviation along x or y is hypot(place_floor_mm, place_factor times the fit's); that of a force F
-    hypot(force_floor_n, force_share F, force_factor times the fit's). `misfit_limit` is the root of the misfit that
-    one of a thousand exceeds; `least_gain` what noise alone gains in one of a thousand frames of the untouched gel (see
+    The standard deviation of a place along x or y is hypot(`place_floor_mm`, the fit's) times a factor for how hard the
+    press is, that of a force likewise: `place_factors` and `force_factors` stand at equal steps of s, from nothing to
+    the hardest press, with straight lines between. `misfit_limit` is the root of the misfit that one of a thousand
+    exceeds; `least_gain` what noise alone gains in one of a thousand frames of the untouched gel (see
     `ResponseReadout.gain`).
     """
 
     place_floor_mm: float = 0.0
-    place_factor: float = 1.0
     force_floor_n: float = 0.0
-    force_share: float = 0.0
-    force_factor: float = 1.0
+    place_factors: tuple[float, ...] = (1.0,)
+    force_factors: tuple[float, ...] = (1.0,)
     misfit_limit: float = 1.0
     least_gain: float = 0.0
+
+
+def factor_at(factors: tuple[float, ...], height: float) -> float:
+    """The factor at a share of the hardest press: of (1, 3) it is 2 at a half."""
+    along = min(max(height, 0.0), 1.0) * (len(factors) - 1)
+    below = min(int(along), max(len(factors) - 2, 0))
+    above = min(below + 1, len(factors) - 1)
+    return factors[below] + (along - below) * (factors[above] - factors[below])
 
 
 @dataclass(frozen=True)
@@ -272,11 +280,12 @@ class ResponseReadout:
 
     def _contact(self, place: list[float], variance: list[float]) -> Contact:
         (x, y, s), c = place, self.calibration
-        place_sigma = math.hypot(c.place_floor_mm, c.place_factor * math.sqrt((variance[0] + variance[1]) / 2))
-        force_n = self.response.force_n(s)
+        height = s / self.response.s.high
+        fitted_mm = math.sqrt((variance[0] + variance[1]) / 2)
         fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
-        sigma_n = math.hypot(c.force_floor_n, c.force_share * force_n, c.force_factor * fitted_n)
-        return Contact(x, y, force_n, min(place_sigma, NOWHERE_MM), sigma_n)
+        sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
 
     def _nothing(self) -> Reading:
         """What is said of features that are no numbers."""
