@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
+    parser.add_argument('--plan', choices=('random', 'paper', 'jittered'), help='where simulated presses lie')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
     parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside for the test')
@@ -89,11 +90,13 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     config = load_train_config(arguments.config or paths.share_directory() / 'config' / 'train' / default)
     if arguments.presses is not None and arguments.presses < 20:
         raise ConfigurationError(f'--presses must be at least 20, got {arguments.presses}')
-    data, training = config.data, config.training
+    data, training = dataclasses.replace(config.data, **_given(arguments, 'plan')), config.training
     if arguments.dataset is not None:
         data = dataclasses.replace(data, file=str(arguments.dataset))
     if arguments.presses is not None and data.file:
         raise ConfigurationError('--presses says how many presses to simulate; a data set holds what it holds')
+    if arguments.plan is not None and data.file:
+        raise ConfigurationError('--plan says where simulated presses lie; a data set holds what it holds')
     if arguments.split is not None and not data.file and data.plan == 'random':
         raise ConfigurationError(
             '--split parts recorded presses (--dataset FILE) or those of a grid; of random ones nothing is put aside'

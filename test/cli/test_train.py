@@ -28,6 +28,15 @@ def test_without_a_file_the_papers_run_is_made():
     assert verb.chosen_config(asked()).output == Path('models/paper.safetensors')
 
 
+def test_the_plan_may_be_another_than_the_files(grid: str):
+    assert verb.chosen_config(asked(grid, '--plan', 'random')).data.plan == 'random'
+
+
+def test_a_data_set_has_the_plan_that_it_was_recorded_by():
+    with pytest.raises(ConfigurationError, match='a data set holds what it holds'):
+        verb.chosen_config(asked('--dataset', 'presses.npz', '--plan', 'random'))
+
+
 def test_the_command_line_changes_what_it_names(grid: str):
     config = verb.chosen_config(asked(grid, '-o', 'x.safetensors', '--seed', '7', '--presses', '30', '--device', 'cpu'))
     assert config.output == Path('x.safetensors')
