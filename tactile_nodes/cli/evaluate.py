@@ -26,6 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='also disturb the input (other gel, knocked camera, covered lens, ...), N presses each (200)',
     )  # fmt: skip
     parser.add_argument(
+        '--pairs', type=int, default=0, nargs='?', const=200, metavar='N',
+        help='also press with two tips at once, N times (200)',
+    )  # fmt: skip
+    parser.add_argument(
         '--put-aside', nargs='?', const='', metavar='MODEL',
         help='score what the training (of MODEL, for all) put aside of its simulated grid of presses',
     )  # fmt: skip
@@ -56,14 +60,14 @@ def run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> None:
     from tactile_nodes.errors import ConfigurationError
 
-    if arguments.presses < 1 or arguments.unlike < 0:
-        raise ConfigurationError('--presses must be at least 1, and --unlike no less than 0')
+    if arguments.presses < 1 or min(arguments.unlike, arguments.pairs) < 0:
+        raise ConfigurationError('--presses must be at least 1, and --unlike and --pairs no less than 0')
     if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
     if arguments.split and not arguments.dataset:
         raise ConfigurationError('--split says which part of recorded presses to score; give them with --dataset FILE')
-    if arguments.unlike and (arguments.dataset or arguments.put_aside is not None):
-        raise ConfigurationError('--unlike disturbs simulated random presses; leave out --dataset and --put-aside')
+    if (arguments.unlike or arguments.pairs) and (arguments.dataset or arguments.put_aside is not None):
+        raise ConfigurationError('--unlike and --pairs simulate their own presses; leave out --dataset and --put-aside')
 
 
 def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
@@ -77,7 +81,14 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     if arguments.put_aside is not None:
         of = find_model(arguments.put_aside) if arguments.put_aside else None
         return evaluate_put_aside(model, of=of, progress=progress)
-    return evaluate(model, presses=arguments.presses, seed=arguments.seed, unlike=arguments.unlike, progress=progress)
+    return evaluate(
+        model,
+        presses=arguments.presses,
+        seed=arguments.seed,
+        unlike=arguments.unlike,
+        pairs=arguments.pairs,
+        progress=progress,
+    )
 
 
 def _draw(evaluated: list[Evaluation], picture: Path) -> None:

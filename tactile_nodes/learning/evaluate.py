@@ -14,6 +14,7 @@ from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
 from tactile_nodes.learning.evaluation_disturbed import disturbed_samples
+from tactile_nodes.learning.evaluation_pairs import PairScores, score_pairs
 from tactile_nodes.learning.evaluation_predictions import Predictions, name_of, predictions_of
 from tactile_nodes.learning.evaluation_scores import (
     LightScores,
@@ -36,7 +37,7 @@ LIGHTEST_MM = 0.25
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A model's scores: by group of presses, at rest, of light touches, of its uncertainty, of unlike inputs.
+    """A model's scores: by group of presses, at rest, of light touches, uncertainty, unlike inputs, two tips at once.
 
     What was not asked for, or what a model does not state, is None or empty. `answers` are what it all follows from.
     """
@@ -52,6 +53,7 @@ class Evaluation:
     data: str = ''
     light: LightScores | None = None
     unlike: Mapping[str, UnlikeScores] = dataclasses.field(default_factory=dict)
+    pairs: Mapping[str, PairScores] = dataclasses.field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """The scores as JSON knows them; what is not known is None."""
@@ -60,12 +62,18 @@ class Evaluation:
 
 
 def evaluate(
-    model_file: Path | str, *, presses: int = 2000, seed: int = 1001, unlike: int = 0, progress: Progress | None = None
+    model_file: Path | str,
+    *,
+    presses: int = 2000,
+    seed: int = 1001,
+    unlike: int = 0,
+    pairs: int = 0,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """Scores of a model on simulated presses of the gel that it was trained on.
 
     Of five frames one is at rest; half as many presses again are light touches (seed + 1), and `unlike` as many for
-    each way of disturbing the input (seed + 2).
+    each way of disturbing the input (seed + 2). Of two tips at once there are `pairs` frames (seed).
 
     Raises:
         ModelError: the file cannot be used, was trained on other data than simulated, or with one of these seeds.
@@ -78,6 +86,7 @@ def evaluate(
         score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress),
         light=score_light(light),
         unlike=score_disturbed(loaded, config, unlike, progress) if unlike else {},
+        pairs=score_pairs(loaded, config, pairs, progress) if pairs else {},
     )
 
 

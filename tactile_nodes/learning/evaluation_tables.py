@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
+from tactile_nodes.learning.evaluation_pairs import PairScores
 from tactile_nodes.learning.evaluation_scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
 from tactile_nodes.learning.evaluation_uncertainty import Uncertainty
 from tactile_nodes.learning.evaluation_unlike import UnlikeScores
@@ -24,6 +25,10 @@ UNLIKE = {
     'flagged': 'flagged', 'rest_flagged': 'at rest', 'false_contacts': 'false contacts',
     'unflagged_rmse_n': 'RMSE N, not flagged', 'unflagged_p95_mm': '95 % mm, not flagged', 'rmse_n': 'RMSE N, all',
     'unlikeness_median': 'unlikeness', 'regions_seen': 'regions seen',
+}  # fmt: skip
+PAIRS = {
+    'pairs': 'pairs', 'found': 'both found', 'placed': 'both placed', 'counted': 'two counted', 'flagged': 'flagged',
+    'wrong': 'wrong, not flagged', 'total_p95_n': 'total 95 % N',
 }  # fmt: skip
 
 
@@ -64,6 +69,7 @@ def tables(evaluation: Evaluation) -> list[Table]:
         *(curve_table(each) for each in stated),
         *(left_out_table(each) for each in stated),
         *([unlike_table(evaluation.unlike)] if evaluation.unlike else []),
+        *([pairs_table(evaluation.pairs)] if evaluation.pairs else []),
     ]
 
 
@@ -183,6 +189,12 @@ def unlike_table(unlike: Mapping[str, UnlikeScores]) -> Table:
     """What a model says of each disturbance."""
     rows = tuple((name, *_cells(asdict(scores), UNLIKE)) for name, scores in unlike.items())
     return Table('', ('unlike inputs', *UNLIKE.values()), rows)
+
+
+def pairs_table(pairs: Mapping[str, PairScores]) -> Table:
+    """What a model says of two tips at once, by their distance."""
+    rows = tuple((name, *_cells(asdict(scores), PAIRS)) for name, scores in pairs.items())
+    return Table('', ('two tips', *PAIRS.values()), rows)
 
 
 def _light_coverage(light: LightScores | None) -> tuple[float, float]:
