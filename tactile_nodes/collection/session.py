@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,11 +22,13 @@ from tactile_nodes.collection.recall import recalled
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.voice import Names, Voice
-from tactile_nodes.drivers.cnc import CncSettings, CncStatus
+from tactile_nodes.drivers.cnc import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.params import parameter
+from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
 
@@ -48,6 +51,20 @@ class RigSettings(CollectionSettings):
     camera_frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
 
 
+def with_indenter(settings: RigSettings) -> RigSettings:
+    """The settings with the name of what presses: of a simulated machine that of the world's indenter, of one that is
+    not the name in `press.indenter`, or, where that is empty as with an emulated rig, the world's again.
+
+    Raises:
+        ConfigurationError: a gel that cannot be read.
+    """
+    if settings.cnc.source != SIMULATED and settings.press.indenter:
+        return settings
+    world = settings.world
+    name = indenter_name(load_gel(world.gel).tip_radius_mm, world.indenter)
+    return dataclasses.replace(settings, press=dataclasses.replace(settings.press, indenter=name))
+
+
 class Session:
     """Opens everything; `run` does what is left of the plan.
 
@@ -63,7 +80,7 @@ class Session:
     """
 
     def __init__(self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log) -> None:
-        self._settings = s = settings
+        self._settings = s = with_indenter(settings)
         self._clock = clock
         self._log = log
         plan = load_plan_settings(Path(s.plan_file)) if s.plan_file else s.plan

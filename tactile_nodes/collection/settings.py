@@ -57,7 +57,7 @@ class PressSettings:
     rest_frames: int = parameter(1, 'images of the untouched gel to record before each press', minimum=0)
     window_s: float = parameter(0.1, 'force is recorded for so long at least', minimum=0.01)
     depth_error_mm: float = parameter(0.03, 'greatest error of the depth that the machine reports', minimum=0.001)
-    indenter: str = parameter('sphere 1.2 mm', 'shape and size of the tip, for the record')
+    indenter: str = parameter('sphere 1.2 mm', 'shape and size of the tip; empty or simulated: that of world')
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,39 @@
+"""What a session makes of its settings."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactile_nodes import params
+from tactile_nodes.collection.session import RigSettings, with_indenter
+from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.paths import share_directory
+
+REAL = CncSettings(source='/dev/ttyUSB0')
+
+
+def named(settings: RigSettings) -> str:
+    return with_indenter(settings).press.indenter
+
+
+@pytest.mark.parametrize(
+    ('indenter', 'name'), [('tip', 'sphere 1.2 mm'), ('ball', 'sphere 6 mm'), ('punch', 'flat punch 3 mm')]
+)
+def test_simulated_machine_presses_with_what_its_world_says(indenter: str, name: str) -> None:
+    assert named(RigSettings(world=WorldSettings(indenter=indenter))) == name
+
+
+def test_real_rig_presses_with_what_a_person_says() -> None:
+    assert named(RigSettings(cnc=REAL, world=WorldSettings(indenter='ball'))) == 'sphere 1.2 mm'
+
+
+def test_shipped_emulated_rig_names_what_its_world_presses_with() -> None:
+    """The rig node reads the same wildcard block as the emulated rig."""
+    config = share_directory() / 'config'
+    files = [config / 'collect.yaml', config / 'rigs' / 'emulated.yaml']
+    sources = [each for file in files for each in params.load_parameter_file(file)]
+    launched = '/**: {ros__parameters: {cnc.source: collection/cnc, world.indenter: punch}}'
+    sources += params.parse_parameters(launched, 'the test')
+    values = params.resolve_parameters('/rig', sources)
+    assert named(params.from_mapping(RigSettings, values, source='the test')) == 'flat punch 3 mm'
