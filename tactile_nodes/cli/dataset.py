@@ -20,7 +20,8 @@ DESCRIPTION = 'Make a training set of the bags of a collection, and say what it 
 EPILOG = """\
 examples:
   tactile dataset build collected_1 collected_2 -o presses.npz --gel gel-7
-  tactile dataset build collected_1 -o presses.npz --encoding cartesian_mean --rows 20 --cols 20
+  tactile dataset build collected_1 -o presses.npz --profile accurate
+  tactile dataset build collected_1 -o presses.npz --flow dis --encoding cartesian_mean --rows 20 --cols 20
   tactile dataset info presses.npz --picture presses.png
   tactile train --dataset presses.npz -o gel-7.safetensors
 """
@@ -49,18 +50,20 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE', help='the file to write (.npz)')
     parser.add_argument('--gel', default='', help='name of the gel, or the YAML file of a simulated one')
-    parser.add_argument('--flow', default='dis', metavar='NAME', help='how motion is measured (default: dis)')
-    parser.add_argument('--flow-options', nargs='+', default=[], metavar='NAME=VALUE', help='options of the flow')
     parser.add_argument(
-        '--encoding', default='polar_mean', metavar='NAME', help='how motion is summed up (default: polar_mean)'
-    )
-    parser.add_argument('--rows', type=int, default=40, help='regions of the image along y (default: 40)')
-    parser.add_argument('--cols', type=int, default=40, help='regions of the image along x (default: 40)')
+        '--profile', default='fast', metavar='NAME',
+        help='flow and features of a run in config/train: fast, accurate, paper, ... (default: fast)',
+    )  # fmt: skip
+    parser.add_argument('--flow', metavar='NAME', help='how motion is measured, if not as in the profile')
+    parser.add_argument('--flow-options', nargs='+', default=[], metavar='NAME=VALUE', help='options of the flow')
+    parser.add_argument('--encoding', metavar='NAME', help='how motion is summed up, if not as in the profile')
+    parser.add_argument('--rows', type=int, help='regions of the image along y, if not as in the profile')
+    parser.add_argument('--cols', type=int, help='regions of the image along x, if not as in the profile')
     parser.add_argument('--bins', default='9x9', metavar='ROWSxCOLS', help='bins of the labels (default: 9x9)')
     parser.add_argument('--surface', default='32x32', metavar='MMxMM', help='what the bins divide (default: 32x32)')
     parser.add_argument('--crop', type=int, default=440, metavar='PX', help='side of the images (default: 440)')
     parser.add_argument(
-        '--frames', choices=FRAMES, default='mean', help='which images of a window are measured (default: mean)'
+        '--frames', choices=FRAMES, default='first', help='which images of a window are measured (default: first)'
     )
     parser.add_argument(
         '--without-contact', type=float, default=0.05, metavar='SHARE',
@@ -154,20 +157,40 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
 
 
 def _choices(arguments: argparse.Namespace) -> tuple[Choice, Choice]:
+    """Flow and features: the profile's, with what the command line changes."""
+    from tactile_nodes import paths
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.config import Choice
+    from tactile_nodes.learning.config import Choice, load_train_config
+
+    profile = load_train_config(paths.share_directory() / 'config' / 'train' / f'{arguments.profile}.yaml')
+    flow, encoding = profile.flow, profile.encoding
+    if arguments.flow and arguments.flow != flow.name:
+        flow = Choice(arguments.flow)
+    if arguments.encoding and arguments.encoding != encoding.name:
+        encoding = Choice(arguments.encoding, encoding.options)
+    asked = {'rows': arguments.rows, 'cols': arguments.cols}
+    given = {name: value for name, value in asked.items() if value is not None}
+    if min([*given.values(), arguments.crop]) < 1:
+        raise ConfigurationError('--rows, --cols and --crop must be at least 1')
+    regions = {**encoding.options, **given}
+    patches = regions if flow.name == 'inverse_compositional' else {}
+    return (
+        Choice(flow.name, {**flow.options, **patches, **_flow_options(arguments.flow_options)}),
+        Choice(encoding.name, regions),
+    )
+
+
+def _flow_options(words: list[str]) -> dict[str, object]:
+    from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.params import parse_scalar
 
     options: dict[str, object] = {}
-    for text in arguments.flow_options:
+    for text in words:
         name, equals, value = text.partition('=')
         if not equals:
             raise ConfigurationError(f'{text!r} is no option of the flow; write NAME=VALUE, for example preset=medium')
         options[name] = parse_scalar(value)
-    regions = {'rows': arguments.rows, 'cols': arguments.cols}
-    if min(*regions.values(), arguments.crop) < 1:
-        raise ConfigurationError('--rows, --cols and --crop must be at least 1')
-    return Choice(arguments.flow, options), Choice(arguments.encoding, regions)
+    return options
 
 
 def _gel(text: str) -> dict[str, Any]:

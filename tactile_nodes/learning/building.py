@@ -48,7 +48,7 @@ class BuildOptions:
     flow: Choice = field(default_factory=lambda: Choice('dis'))
     encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
     bins: BinGrid = field(default_factory=BinGrid)
-    frames: str = 'mean'
+    frames: str = 'first'
     without_contact: float = 0.05
     limits: Limits = field(default_factory=Limits)
     gel: dict[str, Any] = field(default_factory=lambda: {'id': ''})

@@ -202,14 +202,14 @@ def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_pat
     from tactile_nodes.learning.train import train
 
     model = train(run_config(tmp_path, file))
-    save_dataset(tmp_path / 'first.npz', build([bag], dataclasses.replace(OPTIONS, frames='first')))
+    save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
-        evaluate_recorded(model, tmp_path / 'first.npz')
+        evaluate_recorded(model, tmp_path / 'each.npz')
 
 
 def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> None:
     from tactile_nodes.learning.evaluate import evaluate_recorded
     from tactile_nodes.model_file import find_model
 
-    with pytest.raises(ModelError, match='was trained with encoding'):
-        evaluate_recorded(find_model('paper'), file)
+    with pytest.raises(ModelError, match='was trained with flow'):
+        evaluate_recorded(find_model('fast'), file)
