@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,19 +20,20 @@ FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000
 LEAST_JUDGES = 200
 LEVELS = 9
+LEAST_FLOOR = 1e-3
+"""In units of the noise at rest: where directions explain everything, rounding is no unlikeness."""
 
 
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:
     """Uncertainties and limits such that `judges` (indices of samples) fall within them as often as they should."""
-    judges = judges[:: max(1, len(judges) // MOST_PRESSES)]
     raw = replace(readout, calibration=Calibration())
-    seen = [_seen(raw, dataset, index) for index in judges]
+    judges, seen = _readable(raw, dataset, _thinned(judges))
     components = [raw.whitening @ each.scores for each in seen]
     fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
     errors, sigmas = _errors(raw, presses, [fit for fit, press in zip(fits, touched, strict=True) if press])
-    heights = presses[:, 3] ** raw.response.power / raw.response.s.high
+    heights = np.maximum(presses[:, 3], 0.0) ** raw.response.power / raw.response.s.high
     place_floor, place_factors = _spread(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
     force_floor, force_factors = _spread(errors[:, 2], sigmas[:, 1], heights)
     limit = float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))
@@ -46,11 +48,11 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
 
     `judges` are presses that not even the final fit saw, at positions of their own; with few of them nothing changes.
     """
-    judges = judges[dataset.presses[judges, 2] > 0]
-    judges = judges[:: max(1, len(judges) // MOST_PRESSES)]
+    judges = _thinned(judges[dataset.presses[judges, 2] > 0])
     if len(judges) < LEAST_JUDGES:
         return readout.calibration
-    fits = [readout.fit(readout.whitening @ _seen(readout, dataset, index).scores) for index in judges]
+    judges, seen = _readable(readout, dataset, judges)
+    fits = [readout.fit(readout.whitening @ each.scores) for each in seen]
     errors, sigmas = _errors(readout, dataset.presses[judges], fits)
     place = _to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
     force = _to_coverage(errors[:, 2], sigmas[:, 1])
@@ -62,8 +64,17 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
     )
 
 
-def _seen(readout: ResponseReadout, dataset: Dataset, index: int) -> Seen:
-    return readout.seen(dataset.features[index].astype(np.float32), dataset.confidence[dataset.rest[index]])
+def _thinned(judges: np.ndarray) -> np.ndarray:
+    """Every so many of them, `MOST_PRESSES` at most."""
+    return judges[:: max(1, math.ceil(len(judges) / MOST_PRESSES))]
+
+
+def _readable(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[np.ndarray, list[Seen]]:
+    """Those judges of which enough regions are seen, as the readout sees them."""
+    features, confidence = dataset.features[judges].astype(np.float32), dataset.confidence[dataset.rest[judges]]
+    seen = [readout.seen(*each) for each in zip(features, confidence, strict=True)]
+    readable = np.array([bool(np.isfinite(each.scores).all()) for each in seen], bool)
+    return judges[readable], [each for each, usable in zip(seen, readable, strict=True) if usable]
 
 
 def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> tuple[np.ndarray, np.ndarray]:
@@ -108,6 +119,6 @@ def _likeness(likeness: Likeness, left_over: Float[np.ndarray, 'n 2'], touched: 
     """Limits of what the directions leave over, at rest and under a press."""
     left, size = left_over.T
     still = left[~touched] if (~touched).any() else left[size <= np.percentile(size, 10)]
-    floor = float(np.percentile(still, ONE_OF_A_THOUSAND))
+    floor = max(float(np.percentile(still, ONE_OF_A_THOUSAND)), LEAST_FLOOR)
     share = float(np.percentile(np.maximum(left - floor, 0.0) / np.maximum(size, 1e-9), ONE_OF_A_THOUSAND))
     return replace(likeness, floor=floor, share=share)

@@ -14,7 +14,7 @@ import scipy.linalg
 import scipy.sparse
 from jaxtyping import Bool, Float, Float32
 
-from tactile_nodes.errors import DatasetError
+from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
@@ -28,6 +28,9 @@ from tactile_nodes.sensing.splines import SplineAxis
 LEAST_UNTOUCHED = 20
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15
+LEAST_VARIANCE = 1e-6
+"""Of noise, in units of that of a feature."""
+LEAST_REACH_MM = 0.1
 
 
 def fit_response(
@@ -39,12 +42,17 @@ def fit_response(
     sees them all, but for `held_out` (a boolean for each sample), which it never sees.
 
     Raises:
-        DatasetError: too few presses, or too few images of the untouched gel.
+        ConfigurationError: the weights of the penalty are none that can be tried.
+        DatasetError: too few presses or images of the untouched gel, or presses from which no response follows.
     """
+    if not config.smoothing or min(config.smoothing) < 0:
+        raise ConfigurationError('response.smoothing must name weights to try, none below zero, such as [0.001, 0.1]')
     used = np.flatnonzero(~held_out)
     subspace = _Subspace.of(dataset, used, config)
     inner = _inner_held_out(dataset, used, config.seed)
     first, rest = used[~inner], used[inner]
+    if not (subspace.touched[first].any() and subspace.touched[rest].any()):
+        raise DatasetError('a response needs presses at many places, of which some can be kept to judge it by')
     steps = len(config.smoothing) + 2
     with progress.bar('measuring the response', steps) as bar:
         normal = subspace.normal(first)
@@ -61,6 +69,16 @@ def fit_response(
         final = replace(final, calibration=rescaled(final, dataset, _at_new_places(dataset, held_out)))
         bar.advance(1)
     return final
+
+
+def _require_enough(untouched: int, presses: int, components: int) -> None:
+    # The noise of so many components has a covariance only if there are more images than components.
+    least = max(LEAST_UNTOUCHED, 2 * components)
+    if untouched < least or presses < components:
+        raise DatasetError(
+            f'a response of {components} components needs at least {least} images of the untouched gel and '
+            f'{components} presses, and there are {untouched} and {presses}; record more, or lower response.components'
+        )
 
 
 def _at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
@@ -100,11 +118,7 @@ class _Subspace:
     def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> _Subspace:
         touched = dataset.presses[:, 2] > 0
         untouched = used[~touched[used]]
-        if len(untouched) < LEAST_UNTOUCHED or touched[used].sum() < config.components:
-            raise DatasetError(
-                f'a response needs at least {LEAST_UNTOUCHED} images of the untouched gel and {config.components} '
-                f'presses; there are {len(untouched)} and {int(touched[used].sum())}'
-            )
+        _require_enough(len(untouched), int(touched[used].sum()), config.components)
         scaling = noise_scaling(dataset, untouched, config)
         inputs, missing = scaled(dataset, scaling)
         square = inputs[used].T @ inputs[used]
@@ -149,7 +163,7 @@ class _Subspace:
         """Components in which the noise at rest is 1 and what the splines miss is independent, growing with s²."""
         noise = np.cov(self.components[chosen[~self.touched[chosen]]].T)
         values, vectors = np.linalg.eigh(noise)
-        rough = (vectors / np.sqrt(np.maximum(values, 1e-3 * np.median(values)))).T
+        rough = (vectors / np.sqrt(np.maximum(values, max(1e-3 * float(np.median(values)), LEAST_VARIANCE)))).T
         left = self._left(chosen, coefficients) @ rough.T
         height = (self.places[chosen[self.touched[chosen]], 2] / self.axes[2].high) ** 2
         missed = (left.T @ left - len(left) * np.eye(len(rough))) / height.sum()
@@ -166,7 +180,7 @@ class _Normal:
     curvature: Float[np.ndarray, 'n n']
 
     def solve(self, smoothing: float) -> Float[np.ndarray, 'n components']:
-        """Coefficients: least squares, smooth, and zero where the force is."""
+        """Coefficients: least squares, smooth, and zero where there is no force."""
         whole = self.square + smoothing * self.curvature
         whole[np.diag_indices_from(whole)] += 1e-9 * np.trace(whole) / len(whole)
         solved: np.ndarray = scipy.linalg.solve(whole, self.right, assume_a='pos', overwrite_a=True)
@@ -179,9 +193,11 @@ def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfi
     Regions without markers are silenced.
     """
     trusted = dataset.trusted(config.trusted_floor)
+    if not trusted.any():
+        raise DatasetError('a response needs regions with markers in them, and the data set has none; check the camera')
     values = dataset.features[untouched].astype(np.float32)
     noise = values.std(axis=0)
-    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
+    least = float(np.median(noise[trusted > 0]))
     gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
     return InputScaling(values.mean(axis=0), gain, trusted, config.confidence_floor)
 
@@ -219,6 +235,8 @@ def _row_products(left: scipy.sparse.csr_array, right: scipy.sparse.csr_array) -
 
 def _axes(touched: Float[np.ndarray, 'n 3'], config: ResponseConfig) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
     reach = np.abs(touched[:, :2]).max(axis=0)
+    if not (reach.min() >= LEAST_REACH_MM and touched[:, 2].max() > 0):
+        raise DatasetError('a response needs presses with a force and at different places along x and along y')
     x, y = (SplineAxis(-far, far, max(1, round(2 * far / config.spacing_mm))) for far in reach.tolist())
     return x, y, SplineAxis(0.0, float(touched[:, 2].max()), config.levels)
 

@@ -25,7 +25,8 @@ from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
 
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
-CONVERGED_MM = 2e-3
+CONVERGED_MM = 2e-4
+"""Steps end where none along x, y or s (in its own unit) is longer."""
 DAMPING = (1e-2, 1e-2, 1e-3)
 """Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
 START_SPACING_MM = 1.5
@@ -161,7 +162,8 @@ def _compare(
     """How well contacts explain the components, and the way down."""
     made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
     left = components - sum(each[0] for each in made)
-    slopes = np.concatenate([each[1:] for each in made])
+    # In 64 bits, because in 32 the information of two contacts at one place may come out with a negative variance.
+    slopes = np.concatenate([each[1:] for each in made]).astype(np.float64)
     certainty = response.certainty(float(contacts[:, 2].max()))
     weighted = slopes * certainty
     fit = Fit(contacts, weighted @ slopes.T, float((left * left * certainty).mean()))
@@ -230,10 +232,16 @@ class ResponseReadout:
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Seen:
-        """Features as scores along the principal directions; regions that cannot be followed now have no say."""
+        """Features as scores along the principal directions; regions that cannot be followed now have no say.
+
+        Scores are NaN where fewer inputs are left than there are directions to tell apart.
+        """
         inputs = self.scaling(values, confidence).reshape(-1)
         missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
-        return project(self.likeness.directions, inputs, missing)
+        seen = project(self.likeness.directions, inputs, missing)
+        known = values.shape[-1] * int((self.scaling.trusted > 0).sum())
+        enough = known - int(missing.sum()) >= len(self.likeness.directions)
+        return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
         """As few contacts as explain the components, `most_contacts` at most."""
@@ -252,7 +260,7 @@ class ResponseReadout:
 
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
-        if not np.isfinite(seen.scores).all():
+        if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
             return self._nothing()
         components = self.whitening @ seen.scores
         fit = self.fit(components)
@@ -288,6 +296,6 @@ class ResponseReadout:
         return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
 
     def _nothing(self) -> Reading:
-        """What is said of features that are no numbers."""
+        """What is said of features that are no numbers, or too few."""
         forces = np.full((self.bins.rows, self.bins.cols), UNKNOWN, np.float32)
         return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))
