@@ -63,11 +63,14 @@ setup(
     ],
     extras_require={
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
+        'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'dev': [
             'beartype>=0.20,<1',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',
+            'onnx>=1.17,<2',
+            'onnxruntime>=1.20,<2',
             'pynetft>=2.1,<3',
             'pytest>=9,<10',
             'pytest-timeout>=2.3,<3',

@@ -29,6 +29,7 @@ VERBS = {
     'collect': 'look at a plan of presses before a rig does it',
     'train': 'make a force model from simulated or recorded presses',
     'evaluate': 'score a force model on presses that it never saw',
+    'model': 'take a trained model elsewhere: export it as ONNX',
     'bench': 'measure this machine with the benchmarks that the documentation quotes',
     'keys': 'make and show the keys by which machines know each other',
     'doctor': 'say what this machine lacks, and what to do about it',

@@ -1,0 +1,66 @@
+"""``tactile model``: what can be done with a trained model's file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.model_file import LoadedModel
+
+DESCRIPTION = 'Take trained force models elsewhere.'
+EPILOG = """\
+examples:
+  tactile model export fast                       fast.onnx, for onnxruntime and others
+  tactile model export fast -o gel.onnx --check   and compare it with the original on 200 frames
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    verbs = parser.add_subparsers(dest='what', required=True, metavar='what')
+    export = verbs.add_parser(
+        'export', help='write a model as ONNX', epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    export.add_argument('model', help='a model file, or the name of a model that ships')
+    export.add_argument('-o', '--output', type=Path, metavar='FILE', help='file to write (default: NAME.onnx, here)')
+    export.add_argument(
+        '--check', type=int, nargs='?', const=200, default=0, metavar='N',
+        help='compare it with the original on N simulated frames (200); needs onnxruntime',
+    )  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the file, say what is in it, and check it if asked."""
+    from tactile_nodes.learning.onnx_export import export_onnx
+    from tactile_nodes.model_file import find_model, load_model
+
+    found = find_model(arguments.model)
+    loaded, file = load_model(found), arguments.output or Path(f'{found.stem}.onnx')
+    size = export_onnx(loaded, file)
+    print(f'{file}: {loaded.model.readout.kind} readout of model {loaded.model_id}, {size / 1e6:.1f} MB')
+    if getattr(loaded.model.readout, 'most_contacts', 1) > 1:
+        print('it names one contact; frames with several are answered with the one that fits best, and flagged')
+    if arguments.check:
+        _check(loaded, file, arguments.check)
+    return 0
+
+
+def _check(loaded: LoadedModel, file: Path, count: int) -> None:
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.onnx_check import compare, frames, real_samples
+    from tactile_nodes.learning.progress import TerminalProgress
+
+    if count < 1:
+        raise ConfigurationError(f'--check must be at least 1, got {count}')
+    samples = real_samples(loaded, count, TerminalProgress())
+    for words, lost_share in (('as they are', 0.0), ('with 5 % of the regions lost', 0.05)):
+        found = compare(loaded, file.read_bytes(), frames(loaded, samples, lost_share))
+        print(
+            f'largest differences to the original over {found.samples} frames {words}: '
+            f'{found.bin_n * 1e3:.2g} mN in a bin, {found.place_mm * 1e3:.2g} um, {found.force_n * 1e3:.2g} mN in all, '
+            f'{found.sigma_share:.1e} of a sigma, {found.unlikeness_share:.1e} of the unlikeness'
+        )
+        if found.several:
+            print(f'the original names several contacts in {found.several} of them; flagged: {found.several_flagged}')

@@ -1,0 +1,137 @@
+"""An exported model beside the one that it was made from, frame by frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.evaluate import evaluation_config
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.model import ForceEstimator, ForceMap, ForceModel
+from tactile_nodes.sensing.response import ResponseReadout
+
+SEED = 1001
+"""Of the presses that `tactile evaluate` scores."""
+OUTPUTS = 'normal_force', 'contact', 'position_sigma', 'total_sigma', 'unlikeness', 'seen'
+
+
+class OnnxSession:
+    """An ONNX file's content, run by onnxruntime on the CPU.
+
+    Raises:
+        ConfigurationError: onnxruntime is not installed.
+    """
+
+    def __init__(self, content: bytes, threads: int = 1) -> None:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise ConfigurationError(
+                "running ONNX files needs onnxruntime: install it with: pip install 'tactile_nodes[onnx]'"
+            ) from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = threads
+        self._session: Any = onnxruntime.InferenceSession(content, options, providers=['CPUExecutionProvider'])
+
+    @property
+    def properties(self) -> dict[str, str]:
+        """What the file says of itself."""
+        return dict(self._session.get_modelmeta().custom_metadata_map)
+
+    def answer(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> dict[str, np.ndarray]:
+        """The graph's outputs by name."""
+        found = self._session.run(OUTPUTS, {'features': values[None], 'confidence': confidence})
+        return dict(zip(OUTPUTS, found, strict=True))
+
+
+@dataclass(frozen=True)
+class Differences:
+    """The largest differences between an exported model and its original over `samples` frames.
+
+    Sigmas and unlikeness are compared as shares of the original's. The original answers with one contact here; in
+    `several` of the frames it would have named more, of which the export flags `several_flagged` as unlike.
+    """
+
+    samples: int
+    bin_n: float
+    place_mm: float
+    force_n: float
+    sigma_share: float
+    unlikeness_share: float
+    several: int = 0
+    several_flagged: int = 0
+
+
+def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = None) -> Dataset:
+    """The first frames that `tactile evaluate` takes for this model, every fifth of them at rest.
+
+    Raises:
+        ModelError: the model was not trained on simulated presses.
+    """
+    presses = -(-count * 4 // 5)
+    made = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
+    return made.take(np.arange(min(count, len(made.presses))))
+
+
+def frames(loaded: LoadedModel, samples: Dataset, lost_share: float = 0.0) -> list[Features]:
+    """The samples as a node sees them, if asked with this share of all regions lost, drawn anew for each."""
+    random, name = np.random.default_rng(0), loaded.model.layout.encoding
+    made = []
+    for values, rest in zip(samples.features, samples.rest, strict=True):
+        confidence = samples.confidence[rest]
+        kept = random.random(confidence.shape) >= lost_share
+        made.append(Features(name, values.astype(np.float32), (confidence * kept).astype(np.float32)))
+    return made
+
+
+def compare(loaded: LoadedModel, content: bytes, shown: list[Features]) -> Differences:
+    """Ask both about each frame.
+
+    Raises:
+        ConfigurationError: onnxruntime is not installed.
+    """
+    session, original = OnnxSession(content), ForceEstimator(_with_one_contact(loaded.model))
+    found = [session.answer(each.values, each.confidence) for each in shown]
+    gaps = [_gaps(original.predict(frame), each) for frame, each in zip(shown, found, strict=True)]
+    several = [len(ForceEstimator(loaded.model).predict(frame).contacts) > 1 for frame in shown]
+    flagged = sum(bool(each['unlikeness'] > 1) for each, more in zip(found, several, strict=True) if more)
+    bin_n, place_mm, force_n, sigma, unlike = (max(column) for column in zip(*gaps, strict=True))
+    return Differences(len(shown), bin_n, place_mm, force_n, sigma, unlike, sum(several), flagged)
+
+
+def _with_one_contact(model: ForceModel) -> ForceModel:
+    if not isinstance(model.readout, ResponseReadout):
+        return model
+    return dataclasses.replace(model, readout=dataclasses.replace(model.readout, most_contacts=1))
+
+
+def _gaps(expected: ForceMap, found: dict[str, np.ndarray]) -> tuple[float, float, float, float, float]:
+    first = expected.contacts[0]
+    sigmas = [
+        _share(found['position_sigma'], expected.position_sigma_mm),
+        _share(found['total_sigma'], expected.total_sigma_n),
+    ]
+    return (
+        float(np.abs(found['normal_force'] - expected.normal_force_n).max()),
+        float(np.hypot(*(found['contact'][:2] - expected.contact_mm))),
+        float(abs(found['contact'][2] - first.force_n)),
+        max(sigmas),
+        _share(found['unlikeness'], expected.unlikeness),
+    )
+
+
+def _share(found: np.ndarray, expected: float) -> float:
+    """The difference as a share; none where neither knows, and without limit where only one does."""
+    if np.isnan(expected) or np.isnan(found):
+        return 0.0 if np.isnan(expected) and np.isnan(found) else float('inf')
+    return float(abs(found - expected) / max(abs(expected), 1e-9))

@@ -1,0 +1,62 @@
+"""A model file as an ONNX file: for runtimes other than numpy, with the model's card inside."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.learning.onnx_graph import Writer
+from tactile_nodes.learning.onnx_network import write_network
+from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
+from tactile_nodes.learning.onnx_response import write_response
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.network import NetworkReadout
+
+_MEANING = (
+    'Normal force on each bin of a soft gel, from the motion of its markers. Made with tactile_nodes; the property '
+    '"card" says how the features are measured and what the numbers mean.'
+)
+
+
+def onnx_bytes(loaded: LoadedModel) -> bytes:
+    """The model as an ONNX file's content, checked by onnx.
+
+    It answers a frame as `ForceEstimator` does, with the strongest contact only: `contacts` in its properties says 1.
+
+    Raises:
+        ConfigurationError: the package onnx is not installed.
+    """
+    writer, readout = Writer(), loaded.model.readout
+    inputs = write_inputs(writer, loaded.model.layout, readout.scaling)
+    if isinstance(readout, NetworkReadout):
+        answer = write_network(writer, readout, inputs)
+    else:
+        answer = write_response(writer, readout, inputs)
+    write_answer(writer, answer, inputs, loaded.model.bins)
+    properties = {
+        'format': 'tactile_nodes.force_model',
+        'model_id': loaded.model_id,
+        'contacts': '1',
+        'card': json.dumps(dict(loaded.card), sort_keys=True),
+    }
+    made: bytes = writer.model(_MEANING, properties).SerializeToString(deterministic=True)
+    return made
+
+
+def export_onnx(loaded: LoadedModel, file: Path) -> int:
+    """Write the model as ONNX; gives the file's size in bytes.
+
+    Raises:
+        ConfigurationError: the package onnx is not installed.
+        ModelError: the file cannot be written.
+    """
+    content = onnx_bytes(loaded)
+    draft = file.with_name(f'.{file.name}.part')
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(content)
+        draft.replace(file)
+    except OSError as error:
+        raise ModelError(f'cannot write {file} ({error.strerror}); choose another place with -o FILE') from error
+    return len(content)

@@ -1,0 +1,190 @@
+"""The graph of a response readout: `tactile_nodes.sensing.response` in ONNX, for one contact.
+
+Places and forces are 64 bit floats and features 32 bit ones, as in numpy. What ONNX has no operation for is written
+out: systems of three equations with cofactors, and those for missing regions with conjugate gradients.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_nodes.learning.onnx_graph import Value, Writer
+from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
+from tactile_nodes.learning.onnx_splines import value_and_slopes
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.reading import UNKNOWN
+from tactile_nodes.sensing.response import (
+    CONVERGED_MM,
+    DAMPING,
+    LARGEST_STEP_MM,
+    MOST_STEPS,
+    NOWHERE_MM,
+    SURE_OF_DIRECTIONS,
+    Response,
+    ResponseReadout,
+)
+
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def write_response(writer: Writer, readout: ResponseReadout, inputs: Inputs) -> Answer:
+    """Scaled features to the one contact that explains them best, its uncertainty, and the bins' forces."""
+    scores, left_over = _project(inputs, readout.likeness)
+    known = (
+        readout.likeness.directions.shape[1] // readout.scaling.trusted.size * int((readout.scaling.trusted > 0).sum())
+    )
+    enough = known - inputs.missing.sum() >= len(readout.likeness.directions)
+    # Of numbers that are none, the difference to themselves is none either.
+    finite = enough & ~writer.op('IsNaN', (scores - scores).sum() + (left_over - left_over), dtype=bool)
+    components = readout.whitening @ finite.where(scores, 0)
+    place, misfit, information = _locate(readout.response, components)
+    unlike = (misfit.sqrt() / readout.calibration.misfit_limit).most(left_over)
+    return _answer(readout, finite, components, place, misfit, information, unlike)
+
+
+def _project(inputs: Inputs, likeness: Likeness) -> tuple[Value, Value]:
+    """Scores along the principal directions, and what they leave over in units of its limit; see `project`."""
+    directions, scaled, writer = likeness.directions, inputs.scaled, inputs.scaled.writer
+    along = directions @ scaled
+    lost = inputs.missing.sum()
+    scores = writer.choose(
+        lost < 0.5, lambda: writer.op('Identity', along), lambda: _without(directions, along, inputs.missing)
+    )
+    whole, count = scaled @ scaled, (directions.shape[1] - lost).most(1)
+    left = (whole - scores @ along).most(0)
+    left_over = (left / count).sqrt() / (likeness.floor + likeness.share * (whole / count).sqrt())
+    return scores, left_over
+
+
+def _without(directions: np.ndarray, along: Value, missing: Value) -> Value:
+    """Scores if some inputs are missing: the least squares' system, by conjugate gradients."""
+    count = len(directions)
+    overlap = (directions * missing.reshape(1, -1)) @ np.ascontiguousarray(directions.T)
+    square = (np.eye(count, dtype=np.float32) * np.float32(1 + SURE_OF_DIRECTIONS) - overlap).cast(np.float64)
+    right = along.cast(np.float64)
+    enough = (right @ right) * 1e-18
+
+    def step(solved: Value, residual: Value, towards: Value, size: Value) -> tuple[Value, list[Value]]:
+        moved = square @ towards
+        share = size / (towards @ moved)
+        residual = residual - share * moved
+        smaller = residual @ residual
+        return enough < smaller, [solved + share * towards, residual, residual + smaller / size * towards, smaller]
+
+    # Rounding makes up to twice as many steps as unknowns; without any signal there is nothing to solve.
+    solved = along.writer.loop(2 * count, [right * 0, right, right, right @ right], step, enough < right @ right)
+    return solved[0].cast(np.float32)
+
+
+def _start(response: Response, components: Value) -> Value:
+    """The entry of the table that comes closest; see `Response.start`."""
+    writer, table = components.writer, response.start_components
+    norms = (table**2).sum(axis=1)
+    lightest = response.starts[:, 2] == response.starts[:, 2].min()
+    along = table @ components
+    share = writer.constant(lightest).where((along / np.maximum(norms, 1e-9)).most(0).least(1), 1)
+    best = writer.op('ArgMin', share * (share * norms - 2 * along), axis=0, keepdims=0, dtype=np.int64)
+    entry = writer.op('Gather', writer.constant(response.starts), best, axis=0)
+    chosen = writer.op('Gather', share, best, axis=0).cast(np.float64)
+    return writer.concat(entry[0], entry[1], entry[2] * chosen**response.power)
+
+
+def _locate(response: Response, components: Value) -> tuple[Value, Value, Value]:
+    """The best contact of the steps, its misfit and its information; see `locate`."""
+    writer = components.writer
+    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
+    low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
+
+    def step(here: Value, best: Value, least: Value, known: Value) -> tuple[Value, list[Value]]:
+        misfit, information, slope = _compare(response, components, here)
+        better = misfit < least
+        ahead = _solve(information + np.diag(DAMPING), slope)
+        moved = (here + ahead.most(-largest).least(largest)).most(low).least(high)
+        go_on = writer.op('Abs', moved - here).max() >= CONVERGED_MM
+        return go_on, [moved, better.where(here, best), misfit.least(least), better.where(information, known)]
+
+    begin = _start(response, components)
+    nothing = writer.constant(np.zeros((3, 3)))
+    worst = writer.constant(np.float32(np.finfo(np.float32).max))
+    _, best, least, information = writer.loop(MOST_STEPS, [begin, begin, worst, nothing], step)
+    return best, least, information
+
+
+def _compare(response: Response, components: Value, here: Value) -> tuple[Value, Value, Value]:
+    """Misfit, information and the way down."""
+    made, slopes = components.writer.split(value_and_slopes(response.axes, response.coefficients, here), 1, 3)
+    left, certainty = components - made.reshape(-1), _certainty(response, here[2])
+    slopes = slopes.cast(np.float64)
+    weighted = slopes * certainty.cast(np.float64)
+    return (left * left * certainty).mean(), weighted @ slopes.transpose(), weighted @ left.cast(np.float64)
+
+
+def _certainty(response: Response, s: Value) -> Value:
+    share = (s / response.s.high) ** 2.0
+    return 1 / (1 + share.cast(np.float32) * response.growth)
+
+
+def _cofactors(square: Value) -> tuple[Value, Value]:
+    """Cofactors and determinant of a 3x3 matrix; of a symmetric one the inverse is their quotient."""
+    flat = square.reshape(-1)
+    (a, b), (c, d) = ([flat.take(3 * rows[:, None] + cols) for cols in (_NEXT, _AFTER)] for rows in (_NEXT, _AFTER))
+    cofactors = a * d - b * c
+    return cofactors, (square[0] * cofactors[0]).sum()
+
+
+def _solve(square: Value, right: Value) -> Value:
+    cofactors, determinant = _cofactors(square)
+    return cofactors @ right / determinant
+
+
+def _answer(
+    readout: ResponseReadout, finite: Value, components: Value, place: Value, misfit: Value, information: Value,
+    unlike: Value,
+) -> Answer:  # fmt: skip
+    """Forces, contact and uncertainty; no force where it may well be noise; see `ResponseReadout.reading`."""
+    writer, calibration, response = components.writer, readout.calibration, readout.response
+    cofactors, determinant = _cofactors(information + np.diag(DAMPING))
+    variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
+    nothing = (components * components * _certainty(response, place[2])).mean()
+    noise = (nothing - misfit) * (len(readout.whitening) / 2) < calibration.least_gain
+    height = place[2] / response.s.high
+    fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
+    fitted_n = place[2].most(1e-9) ** (1 / response.power - 1) / response.power * variances[2].sqrt()
+    sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
+    sigma_n = _factor(calibration.force_factors, height) * hypot(fitted_n, calibration.force_floor_n)
+    nowhere = writer.constant(np.float64(NOWHERE_MM))
+    sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
+    force = place[2].most(0) ** (1 / response.power)
+    force = noise.where(force * 0, force)
+    bins = _spread(place, sigma_mm, force, readout.bins)
+    contact = writer.concat(place[0], place[1], force)
+    return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
+
+
+def _factor(factors: tuple[float, ...], height: Value) -> Value:
+    """Straight lines between equal steps; see `factor_at`."""
+    along = height.most(0).least(1) * (len(factors) - 1)
+    below = along.cast(np.int64).least(max(len(factors) - 2, 0))
+    writer, numbers = height.writer, height.writer.constant(np.array(factors, np.float64))
+    ends = [writer.op('Gather', numbers, each, axis=0) for each in (below, (below + 1).least(len(factors) - 1))]
+    return ends[0] + (along - below.cast(np.float64)) * (ends[1] - ends[0])
+
+
+def _spread(place: Value, sigma: Value, force: Value, bins: BinGrid) -> Value:
+    """The force on each bin; see `spread_over_bins`."""
+    scale = sigma.most(1e-6) * math.sqrt(2)
+    along_x = _shares(place[0], scale, bins.cols, bins.width_mm)
+    along_y = _shares(place[1], scale, bins.rows, bins.height_mm)
+    return along_y.reshape(-1, 1) * along_x * force
+
+
+def _shares(at: Value, scale: Value, count: int, size_mm: float) -> Value:
+    borders = size_mm * (np.arange(1, count) / count - 0.5)
+    writer = at.writer
+    # 32 bits are enough for shares, and of 64 not every runtime knows this function.
+    below = writer.op('Erf', ((borders - at) / scale).cast(np.float32)).cast(np.float64) * 0.5 + 0.5
+    zero, one = writer.constant(np.zeros(1)), writer.constant(np.ones(1))
+    return writer.op('Concat', below, one, axis=0) - writer.op('Concat', zero, below, axis=0)

@@ -1,0 +1,215 @@
+"""Models as ONNX: the same answers as numpy's, frame by frame, and what the file says of itself."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('onnx')
+pytest.importorskip('onnxruntime')
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.onnx_check import OnnxSession, compare
+from tactile_nodes.learning.onnx_export import export_onnx, onnx_bytes
+from tactile_nodes.model_file import LoadedModel, load_model, save_model
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
+from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
+
+LAYOUT = FeatureLayout('cartesian_mean', 4, 5, 2)
+SHAPE = (4, 5, 2)
+BINS = BinGrid(3, 4, 30.0, 40.0)
+CARD = {
+    'flow': {'name': 'dis', 'options': {}}, 'encoding': {'name': 'cartesian_mean', 'options': {}},
+    'gel': {'id': 'g'}, 'crop_px': 440,
+}  # fmt: skip
+
+
+def scaling() -> InputScaling:
+    random = np.random.default_rng(0)
+    trusted = np.ones((4, 5), np.float32)
+    trusted[0, :2] = 0
+    return InputScaling(random.normal(size=SHAPE).astype(np.float32), np.full(SHAPE, 2, np.float32), trusted, 0.4)
+
+
+def network(hidden: str = 'logistic') -> LoadedModel:
+    random = np.random.default_rng(1)
+    weights = tuple(random.normal(size=shape).astype(np.float32) for shape in ((7, 40), (6, 7), (12, 6)))
+    biases = tuple(random.normal(size=len(each)).astype(np.float32) for each in weights)
+    directions = np.ascontiguousarray(np.linalg.qr(random.normal(size=(40, 3)))[0].T, np.float32)
+    likeness = Likeness(random.normal(size=40).astype(np.float32), directions, 0.5, 0.25)
+    readout = NetworkReadout(scaling(), Mlp(weights, biases, hidden), BINS, 0.1, TotalSpread(0.01, 0.2), likeness)
+    return LoadedModel(ForceModel(LAYOUT, BINS, readout, 0.05, 'abc'), CARD)
+
+
+def response(power: float = 0.6, *, gain: float = 0.0, contacts: int = 1) -> LoadedModel:
+    """Six smooth functions of x, y and s, which no other contact explains as well."""
+    random = np.random.default_rng(2)
+    directions = np.ascontiguousarray(np.linalg.qr(random.normal(size=(40, 6)))[0].T, np.float32)
+    axes = SplineAxis(-10.0, 10.0, 5), SplineAxis(-12.0, 12.0, 6), SplineAxis(0.0, 1.2, 4)
+    x, y, s = (np.linspace(-1, 1, axis.count) for axis in axes)
+    x, y, s = np.meshgrid(x, y, s + 1, indexing='ij')
+    table = np.stack([s * 90 * each for each in (x, y, np.ones_like(x), x * y, x * x, y * y)], axis=-1)
+    made = Response(*axes, table.astype(np.float32), np.linspace(0.1, 3, 6, dtype=np.float32), power)
+    calibration = Calibration(0.02, 0.004, (1.5, 2.0, 4.0), (1.2,), 3.0, gain)
+    likeness = Likeness(np.zeros(40, np.float32), directions, 0.5, 0.25)
+    whitening = np.asarray(np.diag(np.linspace(1, 2, 6)), np.float32)
+    readout = ResponseReadout(scaling(), likeness, whitening, made, BINS, calibration, contacts)
+    return LoadedModel(ForceModel(LAYOUT, BINS, readout, 0.05, 'abc'), CARD)
+
+
+def shown(loaded: LoadedModel, count: int = 30, confidence: float = 1.0) -> list[Features]:
+    """What contacts all over would show, with a little noise; for a network any numbers."""
+    random, made = np.random.default_rng(3), []
+    readout = loaded.model.readout
+    for _ in range(count):
+        inputs = random.normal(0, 0.5, 40)
+        if isinstance(readout, ResponseReadout):
+            at = random.uniform((-9, -11, 0.1), (9, 11, 1.1)).tolist()
+            components = value_and_slopes(readout.response.axes, readout.response.coefficients, at)[0]
+            inputs = inputs + np.linalg.solve(readout.whitening, components) @ readout.likeness.directions
+        values = inputs.reshape(SHAPE) / readout.scaling.gain + readout.scaling.mean
+        made.append(Features('cartesian_mean', values.astype(np.float32), np.full((4, 5), confidence, np.float32)))
+    return made
+
+
+def lose(frames: list[Features], *places: tuple[int, int]) -> list[Features]:
+    """The same without confidence in some regions."""
+    kept = np.ones((4, 5), np.float32)
+    for place in places:
+        kept[place] = 0
+    return [replace(each, confidence=each.confidence * kept) for each in frames]
+
+
+@pytest.mark.parametrize('hidden', ['logistic', 'relu'])
+def test_a_network_answers_as_numpy_does(hidden: str) -> None:
+    loaded = network(hidden)
+    found = compare(loaded, onnx_bytes(loaded), shown(loaded))
+    assert (found.bin_n, found.place_mm, found.force_n) == pytest.approx((0, 0, 0), abs=2e-5)
+    assert max(found.sigma_share, found.unlikeness_share) < 1e-5
+
+
+def test_a_network_that_knows_no_uncertainty_does_not_make_one_up() -> None:
+    loaded = network()
+    bare = replace(loaded.model, readout=replace(loaded.model.readout, spread=TotalSpread(), likeness=None))
+    found = OnnxSession(onnx_bytes(replace(loaded, model=bare))).answer(shown(loaded)[0].values, np.ones((4, 5), 'f4'))
+    assert all(np.isnan(found[name]) for name in ('position_sigma', 'total_sigma', 'unlikeness'))
+
+
+@pytest.mark.parametrize('power', [1.0, 0.6])
+def test_a_response_answers_as_numpy_does(power: float) -> None:
+    loaded = response(power)
+    found = compare(loaded, onnx_bytes(loaded), shown(loaded))
+    assert found.place_mm < 0.005  # steps end at 0.002 mm
+    assert max(found.bin_n, found.force_n) < 1e-3
+    assert max(found.sigma_share, found.unlikeness_share) < 1e-3
+
+
+@pytest.mark.parametrize('places', [[(2, 2)], [(1, 1), (2, 3), (3, 4), (0, 0)]])
+def test_missing_regions_have_no_say_as_in_numpy(places: list[tuple[int, int]]) -> None:
+    loaded = response()
+    frames = lose(shown(loaded), *places)
+    whole = [ForceEstimator(loaded.model).predict(each).unlikeness for each in shown(loaded)]
+    lost = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
+    assert whole != lost
+    found = compare(loaded, onnx_bytes(loaded), frames)
+    assert found.place_mm < 0.005
+    assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
+
+
+@pytest.mark.parametrize(('regions', 'known'), [(3, True), (2, False)])
+def test_fewer_inputs_than_components_give_nothing(regions: int, known: bool) -> None:
+    """Six components need three regions of two channels."""
+    loaded, confidence = response(), np.zeros((4, 5), np.float32)
+    confidence[2, :regions] = 1
+    values = shown(loaded)[0].values
+    expected = ForceEstimator(loaded.model).predict(Features('cartesian_mean', values, confidence))
+    found = OnnxSession(onnx_bytes(loaded)).answer(values, confidence)
+    assert np.isfinite(expected.contact_mm).all() == np.isfinite(found['contact']).all() == known
+
+
+def test_what_may_be_noise_is_no_force() -> None:
+    loaded = response(gain=1e9)
+    frame = shown(loaded)[0]
+    found = OnnxSession(onnx_bytes(loaded)).answer(frame.values, frame.confidence)
+    assert found['contact'][2] == 0
+    assert found['normal_force'].max() == 0
+    assert found['position_sigma'] == np.float32(9.2)
+
+
+@pytest.mark.parametrize(('make', 'bad'), [(network, np.nan), (response, np.nan), (response, np.inf)])
+def test_features_that_are_no_numbers_give_no_force(make: Callable[[], LoadedModel], bad: float) -> None:
+    loaded = make()
+    values = shown(loaded)[0].values.copy()
+    values[2, 2, 0] = bad
+    found = OnnxSession(onnx_bytes(loaded)).answer(values, np.ones((4, 5), np.float32))
+    assert not found['unlikeness'] <= 1
+    assert not np.isfinite(found['contact']).all()
+
+
+def test_the_share_of_regions_seen_is_told() -> None:
+    loaded = network()
+    (frame,) = lose(shown(loaded, 1), (2, 2), (0, 0))  # the second is not trusted anyway
+    found = OnnxSession(onnx_bytes(loaded)).answer(frame.values, frame.confidence)
+    assert found['seen'] == pytest.approx(17 / 18)
+
+
+def test_frames_with_several_contacts_are_counted_and_flagged() -> None:
+    loaded = response(contacts=2)
+    frames = shown(loaded, 10)
+    both = [replace(a, values=a.values + b.values) for a, b in itertools.pairwise(frames)]
+    found = compare(loaded, onnx_bytes(loaded), both)
+    assert found.several > 0
+    assert found.several_flagged == found.several
+    assert found.place_mm < 0.005
+
+
+def test_the_file_holds_the_card(tmp_path: Path) -> None:
+    size = export_onnx(response(), tmp_path / 'made' / 'x.onnx')
+    assert size == (tmp_path / 'made' / 'x.onnx').stat().st_size
+    properties = OnnxSession((tmp_path / 'made' / 'x.onnx').read_bytes()).properties
+    assert json.loads(properties['card']) == CARD
+    assert (properties['model_id'], properties['contacts']) == ('abc', '1')
+
+
+def test_equal_models_are_equal_files() -> None:
+    assert onnx_bytes(response()) == onnx_bytes(response())
+
+
+def test_the_command_exports_a_model_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_model(tmp_path / 'small.safetensors', response(contacts=3).model, CARD)
+    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 0
+    out = capsys.readouterr().out
+    assert 'response readout' in out
+    assert 'names one contact' in out
+    loaded = load_model(tmp_path / 'small.safetensors')
+    assert (tmp_path / 's.onnx').read_bytes() == onnx_bytes(loaded)
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_model(tmp_path / 'small.safetensors', network().model, CARD)
+    (tmp_path / 'file').touch()
+    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 'file' / 's.onnx')]) == 1
+    assert 'cannot write' in capsys.readouterr().err
+
+
+def test_without_onnx_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_model(tmp_path / 'small.safetensors', network().model, CARD)
+    monkeypatch.setitem(sys.modules, 'onnx', None)
+    for name in [name for name in sys.modules if name.startswith('tactile_nodes.learning.onnx_')]:
+        monkeypatch.delitem(sys.modules, name)
+    assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 1
+    assert "pip install 'tactile_nodes[onnx]'" in capsys.readouterr().err
