@@ -14,6 +14,7 @@ from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.wrench import Tare, tare_of
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
+ZERO_PATIENCE_S = 5.0
 REST_PATIENCE_S = 10.0
 MOST_NOISE_GREY = 20.0
 LOOK_S = 0.05
@@ -28,7 +29,19 @@ def go_to_gel(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Tare]
     feed = settings.motion.travel_mm_min
     yield Go(settings.surface.gel_x_mm, settings.surface.gel_y_mm, feed_mm_min=feed)  # homing left the tip at the top
     yield Go(z=safe_z_mm, feed_mm_min=settings.motion.approach_mm_min)  # where the gel begins, nobody knows yet
+    return (yield from zero(settings))
+
+
+def zero(settings: CollectionSettings) -> Procedure[Tare]:
+    """What the unloaded sensor reads, set as the tare. A sensor that pauses is waited for.
+
+    Raises:
+        DeviceFaultError: no sound samples come.
+    """
     seen = yield Look(settings.press.tare_s)
+    start_ns = seen.since_ns
+    while len(seen.samples) < 2 and seen.now_ns - start_ns < ZERO_PATIENCE_S * NS_PER_S:
+        seen = yield Look(settings.press.tare_s, seen.now_ns)
     if len(seen.samples) < 2 or not all(sample.usable for sample in seen.samples):
         raise DeviceFaultError('no sound force samples come from the unloaded sensor; check it, then start again')
     tare = tare_of(seen.samples)

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.collection.actions import Go, Look, Procedure, Seen, SetTare
+from tactile_nodes.collection.actions import Go, Look, Procedure, Seen
+from tactile_nodes.collection.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.collection.wrench import Tare, pressing_n, tare_of, wrenches
+from tactile_nodes.collection.wrench import Tare, pressing_n, wrenches
 from tactile_nodes.errors import DeviceFaultError
 
 HERTZ, FLAT = 2 / 3, 1.0  # powers of the force that are linear in the depth
@@ -88,8 +89,7 @@ def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float,
     y = surface.gel_y_mm + corner[1] * surface.reach_mm
     yield Go(z=safe_z_mm, feed_mm_min=motion.travel_mm_min)
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
-    tare = tare_of((yield Look(settings.press.tare_s)).samples)
-    yield SetTare(tare)
+    tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
     touched = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
     found = []

@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from tactile_nodes.collection.actions import Seen, SetTare
 from tactile_nodes.collection.readings import change, frame_of
+from tactile_nodes.collection.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
 from tactile_nodes.collection.steady import Settling
 from tactile_nodes.collection.surface import Surface, plane, touch_mm
@@ -111,3 +113,20 @@ def test_tip_is_as_deep_along_the_normal_as_asked() -> None:
     surface = Surface(-30.0, 0.3, 0.4)  # slope 0.5: the normal is sqrt(1.25) steeper than the vertical
     assert surface.tip_mm(0.0, 0.0, 1.0) == pytest.approx(-30.0 - math.sqrt(1.25))
     assert surface.depth_mm(2.0, 1.0, surface.tip_mm(2.0, 1.0, 0.7)) == pytest.approx(0.7)
+
+
+def test_zero_is_taken_once_a_sensor_that_paused_sends_again() -> None:
+    taking = zero(SETTINGS)
+    next(taking)
+    taking.send(Seen(500 * MS, 0, (0.0, 0.0, 0.0)))  # half a second without a sample
+    asked = taking.send(Seen(1000 * MS, 500 * MS, (0.0, 0.0, 0.0), (sample(900, 2.0), sample(950, 4.0))))
+    assert isinstance(asked, SetTare)
+    assert asked.tare.wrench[2] == 3.0
+
+
+def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
+    taking = zero(SETTINGS)
+    next(taking)
+    with pytest.raises(DeviceFaultError, match='no sound force samples'):
+        for second in range(20):
+            taking.send(Seen(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))
