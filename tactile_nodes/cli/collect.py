@@ -19,6 +19,7 @@ examples:
   tactile launch collect plan:=paper                   does it
 """
 HEIGHT_MM = 4.0
+TOP_MM = 1.0  # usual height above the gel from which its surface is felt for
 SHOWN = 150  # presses whose way is drawn: more cannot be told apart
 
 
@@ -50,7 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
     order = ordered(plan, settings)
     print(f'plan {plan.plan_id} from {file}')
     print(_box(plan))
-    print(estimate(order, CollectionSettings(), CncSettings(), arguments.height, settings.rest_mm).told())
+    collection = CollectionSettings()
+    surface_mm = collection.surface.top_mm - TOP_MM
+    cnc = CncSettings(safe_z_mm=surface_mm + arguments.height)
+    print(estimate(plan.plan_id, order, collection, cnc, surface_mm, settings.rest_mm).told())
     if arguments.points:
         for point in order:
             print(f'{point.press:6d}  x {point.x_mm:8.3f}  y {point.y_mm:8.3f}  depth {point.depth_mm:.3f} mm')

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-from tactile_nodes.collection.estimate import leg_s
 from tactile_nodes.collection.order import least_rest, ordered, travel_mm
 from tactile_nodes.collection.plan import PlanSettings, make_plan, numbered
 
@@ -42,7 +39,3 @@ def test_travel_is_the_sum_of_the_ways() -> None:
 def test_least_rest_counts_the_presses_in_between() -> None:
     points = numbered([(0.0, 0.0, 1.0), (9.0, 0.0, 1.0), (9.0, 9.0, 1.0), (0.5, 0.0, 1.0)]).points
     assert least_rest(points, 1.0) == 2
-
-
-def test_leg_takes_the_time_of_a_trapezoid() -> None:
-    assert leg_s(10.0, 600.0) == pytest.approx(1.05)  # 10 mm at 10 mm/s, and 10 mm/s at 200 mm/s²
