@@ -10,7 +10,6 @@ import importlib.util
 import os
 import sys
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 
 from tactile_nodes import paths
@@ -83,13 +82,14 @@ def executables_of(package: str, environment: Mapping[str, str]) -> list[str]:
 
 
 def own_executables() -> dict[str, str]:
-    """The nodes of this package: executable -> module."""
-    scripts = {
-        script.name: script.module
-        for script in metadata.entry_points(group='console_scripts')
-        if script.module.startswith(f'{OWN}.nodes.')
-    }
-    return scripts or _node_modules()
+    """The nodes of this package: executable -> module, camera_node -> tactile_nodes.nodes.camera, as setup.py names them.
+
+    What lies in the package counts, not what an installer once wrote down, which an upgrade may have left behind.
+    """
+    package = importlib.util.find_spec(f'{OWN}.nodes')
+    folders = (package.submodule_search_locations if package else None) or []
+    modules = [module.stem for folder in folders for module in Path(folder).glob('[a-z]*.py')]
+    return {f'{stem.removesuffix("_node")}_node': f'{OWN}.nodes.{stem}' for stem in sorted(modules)}
 
 
 def source_environment(command: list[str]) -> dict[str, str]:
@@ -105,14 +105,6 @@ def _own_command(executable: str) -> list[str]:
     if script.is_file() and os.access(script, os.X_OK):
         return [str(script)]
     return [sys.executable, '-m', own_executables()[executable]]
-
-
-def _node_modules() -> dict[str, str]:
-    # No distribution is installed: the executable of nodes/camera.py is camera_node, as setup.py names it.
-    package = importlib.util.find_spec(f'{OWN}.nodes')
-    folders = (package.submodule_search_locations if package else None) or []
-    modules = [module.stem for folder in folders for module in Path(folder).glob('[a-z]*.py')]
-    return {f'{stem.removesuffix("_node")}_node': f'{OWN}.nodes.{stem}' for stem in sorted(modules)}
 
 
 def _prefixes(environment: Mapping[str, str]) -> list[Path]:
