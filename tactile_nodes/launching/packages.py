@@ -82,7 +82,7 @@ def executables_of(package: str, environment: Mapping[str, str]) -> list[str]:
 
 
 def own_executables() -> dict[str, str]:
-    """The nodes of this package: executable -> module, as setup.py names them: camera_node -> tactile_nodes.nodes.camera.
+    """The nodes of this package, executable -> module: camera_node -> tactile_nodes.nodes.camera.
 
     What lies in the package counts, not what an installer once wrote down, which an upgrade may have left behind.
     """
