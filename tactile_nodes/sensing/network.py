@@ -68,7 +68,7 @@ class InputScaling:
     trusted: Float32[np.ndarray, 'rows cols']
     confidence_floor: float = 0.5
 
-    def missing(self, confidence: Float32[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
+    def missing(self, confidence: Float32[np.ndarray, '*batch rows cols']) -> Bool[np.ndarray, '*batch rows cols']:
         """The regions that held markers in training and cannot be followed now."""
         lost: np.ndarray = (self.trusted > 0) & (confidence < self.confidence_floor)
         return lost

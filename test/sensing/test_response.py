@@ -103,10 +103,11 @@ def test_no_more_contacts_are_told_than_allowed() -> None:
 
 def test_two_contacts_at_one_place_have_finite_uncertainties() -> None:
     """Nothing tells the two apart, so that their information is singular."""
-    seen = components(GEL, (3.0, 3.0, 0.9))
+    gel = response(scale=4000.0)
+    seen = components(gel, (3.0, 3.0, 0.9))
     for seed in range(20):
         apart = 1e-5 * np.random.default_rng(seed).normal(size=(2, 3))
-        fit = locate(GEL, seen, np.array([3.0, 3.0, 0.45]) + apart)
+        fit = locate(gel, seen, np.array([3.0, 3.0, 0.45]) + apart)
         assert all(math.isfinite(each.sigma_mm + each.sigma_n) for each in READER.contacts(fit))
 
 
