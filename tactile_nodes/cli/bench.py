@@ -13,6 +13,7 @@ BENCHMARKS = {
     'collection': 'a whole collection in simulated time, into a real bag',
     'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
     'stopping': 'how soon and how far a force above its limit stops the tip',
+    'runtimes': 'models in numpy, onnxruntime and torch: time, memory, size, and the same answers',
     'flow': 'motion by each flow method against known motion, and its time',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }

@@ -16,8 +16,9 @@ pytest.importorskip('onnx')
 pytest.importorskip('onnxruntime')
 
 from tactile_nodes.cli.main import main
-from tactile_nodes.learning.onnx_check import OnnxSession, compare
+from tactile_nodes.learning.onnx_check import compare
 from tactile_nodes.learning.onnx_export import export_onnx, onnx_bytes
+from tactile_nodes.learning.onnx_session import OnnxSession
 from tactile_nodes.model_file import LoadedModel, load_model, save_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid

@@ -1,0 +1,42 @@
+"""What a runtime takes on disk: its own package, and those that it brings beyond what tactile_nodes needs anyway."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Iterable
+
+
+def installed_size(name: str) -> dict[str, float | str] | None:
+    """Version and megabytes of a package, alone and with what it brings; None if it is not installed."""
+    try:
+        version = importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    brought = _needed([name]) - _needed(['tactile_nodes'])
+    return {'version': version, 'alone_mb': _size_mb([name]), 'with_what_it_brings_mb': _size_mb(brought | {name})}
+
+
+def _needed(names: Iterable[str]) -> set[str]:
+    """Installed packages and, without extras, all that they require."""
+    found: set[str] = set()
+    left = {_plain(name) for name in names}
+    while left:
+        name = left.pop()
+        try:
+            required = importlib.metadata.requires(name) or []
+        except importlib.metadata.PackageNotFoundError:  # for another system or release of Python
+            continue
+        found.add(name)
+        left |= {_plain(each) for each in required if 'extra ==' not in each} - found
+    return found
+
+
+def _plain(requirement: str) -> str:
+    """The name in a requirement, as PyPI compares names."""
+    return re.sub(r'[-_.]+', '-', re.split(r'[^\w.-]', requirement, maxsplit=1)[0]).lower()
+
+
+def _size_mb(names: Iterable[str]) -> float:
+    files = (file.locate() for name in names for file in importlib.metadata.files(name) or [])
+    return sum(each.stat().st_size for each in files if each.is_file()) / 1e6  # type: ignore[attr-defined]

@@ -1,0 +1,43 @@
+"""Asking an exported model: what a robot does that runs ONNX instead of numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.errors import ConfigurationError
+
+OUTPUTS = 'normal_force', 'contact', 'position_sigma', 'total_sigma', 'unlikeness', 'seen'
+
+
+class OnnxSession:
+    """An ONNX file's content, run by onnxruntime on the CPU.
+
+    Raises:
+        ConfigurationError: onnxruntime is not installed.
+    """
+
+    def __init__(self, content: bytes, threads: int = 1) -> None:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise ConfigurationError(
+                "running ONNX files needs onnxruntime: install it with: pip install 'tactile_nodes[onnx]'"
+            ) from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = threads
+        self._session: Any = onnxruntime.InferenceSession(content, options, providers=['CPUExecutionProvider'])
+
+    @property
+    def properties(self) -> dict[str, str]:
+        """What the file says of itself."""
+        return dict(self._session.get_modelmeta().custom_metadata_map)
+
+    def answer(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> dict[str, np.ndarray]:
+        """The graph's outputs by name."""
+        found = self._session.run(OUTPUTS, {'features': values[None], 'confidence': confidence})
+        return dict(zip(OUTPUTS, found, strict=True))

@@ -1,0 +1,103 @@
+"""The bench of runtimes: every runtime answers, what is installed is weighed, and the page tells it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('onnx')
+pytest.importorskip('onnxruntime')
+
+from tactile_nodes.benchmarks import runtimes
+from tactile_nodes.benchmarks.runtimes_sizes import installed_size
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.model_file import save_model
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
+
+SHAPE = (10, 10, 2)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
+        yield
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network of random weights."""
+    config = TrainConfig(data=DataConfig(seed=3), encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}))
+    random = np.random.default_rng(0)
+    weights = tuple(random.normal(0, 0.1, shape).astype(np.float32) for shape in ((8, 200), (81, 8)))
+    ones = np.ones(SHAPE, np.float32)
+    readout = NetworkReadout(
+        InputScaling(0 * ones, ones, ones[..., 0]),
+        Mlp(weights, (np.zeros(8, np.float32), np.zeros(81, np.float32))),
+        config.bins,
+    )
+    card = {
+        'flow': {'name': 'dis', 'options': config.make_flow().options},
+        'encoding': {'name': 'cartesian_mean', 'options': config.make_encoding().options},
+        'crop_px': 440, 'gel': {'id': config.gel.gel_id, **asdict(config.gel)},
+        'data': {**config.data.simulated(), 'origin': 'simulated'},
+    }  # fmt: skip
+    file = tmp_path_factory.mktemp('models') / 'small.safetensors'
+    save_model(file, ForceModel(FeatureLayout('cartesian_mean', *SHAPE), config.bins, readout), card)
+    return file
+
+
+@pytest.fixture(scope='module')
+def written(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that the command wrote, in its short form."""
+    folder, environment = tmp_path_factory.mktemp('results'), dict(os.environ)
+    assert main(['bench', 'runtimes', str(model), '--quick', '-o', str(folder)]) == 0
+    assert dict(os.environ) == environment
+    return folder
+
+
+def test_every_installed_runtime_takes_turns_and_they_agree(written: Path) -> None:
+    result = json.loads((written / 'runtimes.json').read_text(encoding='utf-8'))
+    found = result['models']['small']
+    installed = ['numpy', 'onnxruntime', *(['torch'] if result['packages']['torch'] else [])]
+    assert list(found['runtimes']) == installed
+    assert found['runtimes']['numpy']['ratio'] == {'median': 1.0, 'low': 1.0, 'high': 1.0}
+    for each in found['runtimes'].values():
+        assert each['answer_ms']['median'] > 0
+        assert each['start_s'] > 0
+    assert found['differences']['as they are']['samples'] == runtimes.QUICK.frames
+    assert found['differences']['5 % lost']['bin_n'] < 1e-5
+
+
+def test_the_page_has_a_row_for_each_runtime(written: Path) -> None:
+    text = (written / 'runtimes.md').read_text(encoding='utf-8')
+    assert '| small (network, 2337 numbers) |       numpy |' in text
+    assert '| small (network, 2337 numbers) | onnxruntime |' in text
+
+
+def test_a_package_weighs_what_its_files_do() -> None:
+    found = installed_size('zmq') or installed_size('pyzmq')
+    assert found is not None
+    files = importlib.metadata.files('pyzmq') or []
+    exact = sum(Path(str(each.locate())).stat().st_size for each in files if Path(str(each.locate())).is_file())
+    assert found['alone_mb'] == pytest.approx(exact / 1e6)
+    assert found['with_what_it_brings_mb'] == found['alone_mb']  # what it needs is needed anyway
+
+
+def test_a_package_brings_what_only_it_needs() -> None:
+    found = installed_size('onnxruntime')
+    assert found is not None
+    assert found['with_what_it_brings_mb'] > found['alone_mb']  # flatbuffers and protobuf
+
+
+def test_what_is_not_installed_weighs_nothing() -> None:
+    assert installed_size('a-package-that-nobody-has-installed') is None
