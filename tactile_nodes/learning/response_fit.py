@@ -25,7 +25,7 @@ from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.response import Response, ResponseReadout, project
 from tactile_nodes.sensing.splines import SplineAxis
 
-LEAST_UNTOUCHED = 20
+LEAST_UNTOUCHED = 12
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15
 LEAST_VARIANCE = 1e-6
@@ -72,11 +72,9 @@ def fit_response(
 
 
 def _require_enough(untouched: int, presses: int, components: int) -> None:
-    # The noise of so many components has a covariance only if there are more images than components.
-    least = max(LEAST_UNTOUCHED, 2 * components)
-    if untouched < least or presses < components:
+    if untouched < LEAST_UNTOUCHED or presses < components:
         raise DatasetError(
-            f'a response of {components} components needs at least {least} images of the untouched gel and '
+            f'a response of {components} components needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
             f'{components} presses, and there are {untouched} and {presses}; record more, or lower response.components'
         )
 
@@ -161,8 +159,7 @@ class _Subspace:
 
     def _whitening(self, chosen: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Components in which the noise at rest is 1 and what the splines miss is independent, growing with s²."""
-        noise = np.cov(self.components[chosen[~self.touched[chosen]]].T)
-        values, vectors = np.linalg.eigh(noise)
+        values, vectors = np.linalg.eigh(steady_covariance(self.components[chosen[~self.touched[chosen]]]))
         rough = (vectors / np.sqrt(np.maximum(values, max(1e-3 * float(np.median(values)), LEAST_VARIANCE)))).T
         left = self._left(chosen, coefficients) @ rough.T
         height = (self.places[chosen[self.touched[chosen]], 2] / self.axes[2].high) ** 2
@@ -185,6 +182,16 @@ class _Normal:
         whole[np.diag_indices_from(whole)] += 1e-9 * np.trace(whole) / len(whole)
         solved: np.ndarray = scipy.linalg.solve(whole, self.right, assume_a='pos', overwrite_a=True)
         return solved
+
+
+def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.ndarray, 'components components']:
+    """Covariance with its off-diagonal part shrunk by components / (components + n): few samples cannot know it.
+
+    Of 40 samples of 40 components half of it is left; without that their covariance has no inverse.
+    """
+    count, components = samples.shape
+    found = np.cov(samples.T)
+    return found + components / (components + count) * (np.diag(np.diag(found)) - found)
 
 
 def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig) -> InputScaling:
