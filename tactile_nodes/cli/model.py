@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tactile_nodes.model_file import LoadedModel
 
-DESCRIPTION = 'Take trained force models elsewhere.'
+DESCRIPTION = 'Read the card of a trained force model, or take the model elsewhere.'
 EPILOG = """\
 examples:
+  tactile model info fast                         what it was made of, and for
   tactile model export fast                       fast.onnx, for onnxruntime and others
   tactile model export fast -o gel.onnx --check   and compare it with the original on 200 frames
 """
@@ -20,9 +21,13 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     verbs = parser.add_subparsers(dest='what', required=True, metavar='what')
+    info = verbs.add_parser('info', help="print a model's card")
+    info.add_argument('model', help='a model file, or the name of a model that ships')
+    info.set_defaults(action=_info)
     export = verbs.add_parser(
         'export', help='write a model as ONNX', epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    export.set_defaults(action=_export)
     export.add_argument('model', help='a model file, or the name of a model that ships')
     export.add_argument('-o', '--output', type=Path, metavar='FILE', help='file to write (default: NAME.onnx, here)')
     export.add_argument(
@@ -32,6 +37,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Do what the second word says."""
+    status: int = arguments.action(arguments)
+    return status
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    """The card as YAML: flow, features, data, gel, training, scores, units, licence."""
+    import yaml
+
+    from tactile_nodes.model_file import find_model, load_model
+
+    loaded = load_model(find_model(arguments.model))
+    card = {'model_id': loaded.model_id, **loaded.card}
+    print(yaml.safe_dump(card, sort_keys=False, allow_unicode=True, width=120), end='')
+    return 0
+
+
+def _export(arguments: argparse.Namespace) -> int:
     """Write the file, say what is in it, and check it if asked."""
     from tactile_nodes.learning.onnx_export import export_onnx
     from tactile_nodes.model_file import find_model, load_model
