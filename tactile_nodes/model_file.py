@@ -20,8 +20,8 @@ from safetensors import SafetensorError
 from tactile_nodes.errors import ModelError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION = 2

@@ -85,7 +85,9 @@ def test_without_contact_the_position_is_nan() -> None:
 def test_wrench_pushes_against_z_and_turns_about_the_middle() -> None:
     forces = np.zeros((9, 9), np.float32)
     forces[4, 8] = 2.0  # row 4: y = 0; column 8: x = 14.222 mm
-    force = types.ForceDistribution(header=HEAD, **conversions.force_fields(forces, BinGrid(), [Contact(14.2, 0.0, 2.0)]))
+    force = types.ForceDistribution(
+        header=HEAD, **conversions.force_fields(forces, BinGrid(), [Contact(14.2, 0.0, 2.0)])
+    )
     wrench = conversions.wrench_message(force).wrench
     assert wrench.force.z == -2.0
     assert wrench.torque.x == pytest.approx(0.0, abs=1e-12)

@@ -191,7 +191,8 @@ def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.nd
     """
     count, components = samples.shape
     found = np.cov(samples.T)
-    return found + components / (components + count) * (np.diag(np.diag(found)) - found)
+    shrunk: np.ndarray = found + components / (components + count) * (np.diag(np.diag(found)) - found)
+    return shrunk
 
 
 def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig) -> InputScaling:

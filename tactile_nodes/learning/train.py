@@ -24,7 +24,6 @@ from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response import ResponseReadout
 
-
 NETWORK_THRESHOLD_N = 0.05
 """Above what a network that is trained as published reads while nothing touches."""
 

@@ -92,7 +92,8 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
 
 
 def _calibration(said: Mapping[str, Any]) -> Calibration:
-    return Calibration(**{name: tuple(each) if isinstance(each, list) else each for name, each in said.items()})
+    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
+    return Calibration(**plain)
 
 
 def _said(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:
