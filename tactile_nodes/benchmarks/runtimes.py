@@ -76,9 +76,11 @@ def measure(
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: onnx or onnxruntime is not installed.
+        ConfigurationError: onnx or onnxruntime is not installed, or two models have one name.
         ModelError: a model cannot be used, or was not trained on simulated presses.
     """
+    if len({file.stem for file in files}) < len(files):
+        raise ConfigurationError('two models have the same file name, by which tables call them; rename one')
     sizes = {name: installed_size(name) for name in PACKAGES}
     about = surroundings(command)
     models = {file.stem: _measure_model(file, effort, progress, torch=sizes['torch'] is not None) for file in files}

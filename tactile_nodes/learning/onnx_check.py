@@ -82,22 +82,27 @@ def _with_one_contact(model: ForceModel) -> ForceModel:
 
 
 def _gaps(expected: ForceMap, found: dict[str, np.ndarray]) -> tuple[float, float, float, float, float]:
-    first = expected.contacts[0]
-    sigmas = [
-        _share(found['position_sigma'], expected.position_sigma_mm),
-        _share(found['total_sigma'], expected.total_sigma_n),
-    ]
+    place, force = found['contact'][:2], found['contact'][2]
     return (
-        float(np.abs(found['normal_force'] - expected.normal_force_n).max()),
-        float(np.hypot(*(found['contact'][:2] - expected.contact_mm))),
-        float(abs(found['contact'][2] - first.force_n)),
-        max(sigmas),
+        _gap(found['normal_force'], expected.normal_force_n),
+        _gap(place, expected.contact_mm),
+        _gap(force, expected.contacts[0].force_n),
+        max(
+            _share(found['position_sigma'], expected.position_sigma_mm),
+            _share(found['total_sigma'], expected.total_sigma_n),
+        ),
         _share(found['unlikeness'], expected.unlikeness),
     )
 
 
+def _gap(found: np.ndarray, expected: np.ndarray | float | tuple[float, float]) -> float:
+    """The largest difference; none where neither knows, and without limit where only one does."""
+    gaps = np.abs(np.float64(found) - np.asarray(expected))
+    unknown = np.isnan(found), np.isnan(expected)
+    return float(np.where(unknown[0] & unknown[1], 0.0, np.where(unknown[0] | unknown[1], np.inf, gaps)).max())
+
+
 def _share(found: np.ndarray, expected: float) -> float:
-    """The difference as a share; none where neither knows, and without limit where only one does."""
-    if np.isnan(expected) or np.isnan(found):
-        return 0.0 if np.isnan(expected) and np.isnan(found) else float('inf')
-    return float(abs(found - expected) / max(abs(expected), 1e-9))
+    """The difference as a share of what is expected."""
+    gap = _gap(found, expected)
+    return gap / max(abs(expected), 1e-9) if gap > 0 else 0.0

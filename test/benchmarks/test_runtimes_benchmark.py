@@ -84,6 +84,11 @@ def test_the_page_has_a_row_for_each_runtime(written: Path) -> None:
     assert '| small (network, 2337 numbers) | onnxruntime |' in text
 
 
+def test_models_of_one_name_are_refused(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['bench', 'runtimes', str(model), str(model), '--quick']) == 1
+    assert 'the same file name' in capsys.readouterr().err
+
+
 def test_a_package_weighs_what_its_files_do() -> None:
     found = installed_size('zmq') or installed_size('pyzmq')
     assert found is not None
