@@ -28,9 +28,7 @@ from tactile_nodes.sensing.reference import average
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
-COARSE = BuildOptions(
-    encoding=Choice('cartesian_mean', {'rows': 20, 'cols': 20}), frames='mean', without_contact=0.0
-)
+COARSE = BuildOptions(encoding=Choice('cartesian_mean', {'rows': 20, 'cols': 20}), frames='mean', without_contact=0.0)
 
 
 @pytest.fixture(scope='module')
