@@ -10,6 +10,9 @@ from jaxtyping import Bool, Float64
 
 TUKEY = 4.685
 HONEST = 0.3  # a uniform error has a standard deviation of 0.6 of its half width, and most of a mixture has less
+UNIFORM = 0.75  # mean square of errors by their half width: a third, and what a few wrong points add
+FARTHEST = 2.0  # half widths: what is further off counts as that, there
+ROUNDS = 3
 SIGMAS = 4.0  # with three, 2 of 3000 simulated runs were accepted and off by more than required
 
 
@@ -59,8 +62,39 @@ def robust_line(
             that is off by less than 1.4 times of it always counts.
         finest: errors smaller than this are not told apart.
     """
-    known = np.ones_like(x) if uncertainty is None else np.maximum(uncertainty, finest)
-    least = finest if uncertainty is None else HONEST
+    if uncertainty is None:
+        return _laid(x, y, np.ones_like(x), finest)
+    known = np.maximum(uncertainty, finest)
+    line = _laid(x, y, known, HONEST)
+    for _ in range(ROUNDS):
+        if (more := overlooked(line.residual(x, y), known)) == 0:
+            break
+        line = _laid(x, y, np.hypot(known, more), HONEST)
+    return line
+
+
+def overlooked(off: Float64[np.ndarray, ' n'], known: Float64[np.ndarray, ' n']) -> float:
+    """An error common to all points beyond what is known of each, that makes the two agree; 0 where they do.
+
+    A camera that stamps its images as a network brings them knows how far into the exposure an edge was, and not how
+    late the image came. Errors of 3, -3, 3 and -3 that should be of 1 are explained by 3.3 more: (1 + 3.3²) 0.75 = 9.
+    """
+    low, high = 0.0, 2 * float(np.abs(off).max())
+    if _share(off, known) <= UNIFORM:
+        return 0.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _share(off, np.hypot(known, middle)) > UNIFORM else (low, middle)
+    return high
+
+
+def _share(off: Float64[np.ndarray, ' n'], known: Float64[np.ndarray, ' n']) -> float:
+    return float(np.minimum((off / known) ** 2, FARTHEST**2).mean())
+
+
+def _laid(
+    x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], known: Float64[np.ndarray, ' n'], least: float
+) -> RobustLine:
     centre = float(x.mean())
     weight, line = known**-2, (0.0, 0.0)
     far = np.zeros_like(x)
