@@ -15,8 +15,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.benchmarks.report import spread, surroundings, table, write_json
-from tactile_nodes.benchmarks.runtimes_ends import RUNTIMES, Worker
+import numpy as np
+
+from tactile_nodes.benchmarks.report import surroundings, table, write_json
+from tactile_nodes.benchmarks.runtimes_ends import BEGIN, Worker
 from tactile_nodes.benchmarks.runtimes_sizes import installed_size
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress, TerminalProgress
@@ -28,11 +30,11 @@ ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THRE
 PACKAGES = ('numpy', 'onnxruntime', 'onnx', 'torch')
 INTRODUCTION = """\
 One frame at a time on one thread, every runtime in a process of its own, all taking turns on the same simulated
-frames. *answer* is from features to forces: the median of the rounds' medians and their range; *CPU* is the median of
-the rounds' mean CPU time of a frame; *ratio* is to numpy in the same round. *begin* is from nothing but what the live
-node imports anyway to the first answer, *memory* what the process grew by then. Numpy and onnxruntime give the whole
-answer (forces, place, uncertainty, likeness), torch the forces of a network alone. The machine was shared while this
-ran, so ratios say more than times."""
+frames. *answer* is from features to forces: the median of the rounds' medians, and the range of their middle half; *CPU*
+is the median of the rounds' mean CPU times of a frame; *ratio* is to numpy in the same round. *begin* is from nothing
+but what the live node imports anyway to the first answer, *memory* what the process grew by then. Numpy and onnxruntime
+give the whole answer (forces, place, uncertainty, likeness), torch the forces of a network alone. The machine was shared
+while this ran, so CPU times and ratios say more than times."""
 AGREEMENT = """\
 Largest differences between the exported model and the original over all frames, with the regions' confidence as it is
 and with 5 % of the regions lost at random. An export names one contact, and is compared with the original that names
@@ -44,8 +46,8 @@ class Effort:
     """How much to measure."""
 
     frames: int = 200
-    rounds: int = 20
-    turn: int = 50
+    rounds: int = 60
+    turn: int = 20
 
 
 QUICK = Effort(frames=10, rounds=2, turn=5)
@@ -83,7 +85,7 @@ def measure(
         raise ConfigurationError('two models have the same file name, by which tables call them; rename one')
     sizes = {name: installed_size(name) for name in PACKAGES}
     about = surroundings(command)
-    models = {file.stem: _measure_model(file, effort, progress, torch=sizes['torch'] is not None) for file in files}
+    models = {file.stem: _measure_model(file, effort, progress, torch=sizes.get('torch') is not None) for file in files}
     return {**about, 'effort': asdict(effort), 'packages': sizes, 'models': models}
 
 
@@ -94,9 +96,7 @@ def _measure_model(file: Path, effort: Effort, progress: Progress, *, torch: boo
     loaded = load_model(file)
     content, samples = onnx_bytes(loaded), real_samples(loaded, effort.frames, progress)
     shown = frames(loaded, samples)
-    chosen = [
-        name for name in RUNTIMES if name != 'torch' or (torch and isinstance(loaded.model.readout, NetworkReadout))
-    ]
+    chosen = [name for name in BEGIN if name != 'torch' or (torch and isinstance(loaded.model.readout, NetworkReadout))]
     with tempfile.TemporaryDirectory() as folder, _one_thread(), contextlib.ExitStack() as stack:
         exported = Path(folder) / 'model.onnx'
         exported.write_bytes(content)
@@ -135,13 +135,19 @@ def _take_turns(workers: Mapping[str, Worker], effort: Effort, progress: Progres
     wall = {name: [each[0] for each in taken[1:]] for name, taken in turns.items()}
     return {
         name: {
-            'answer_ms': spread(wall[name]),
-            'cpu_ms': spread([each[1] for each in turns[name][1:]]),
-            'ratio': spread([own / first for own, first in zip(wall[name], wall['numpy'], strict=True)]),
+            'answer_ms': _quartiles(wall[name]),
+            'cpu_ms': _quartiles([each[1] for each in turns[name][1:]]),
+            'ratio': _quartiles([own / first for own, first in zip(wall[name], wall['numpy'], strict=True)]),
             **worker.began,
         }
         for name, worker in workers.items()
     }
+
+
+def _quartiles(values: Sequence[float]) -> dict[str, float]:
+    """Median, and the range of the middle half: on a shared machine the extremes are other people's."""
+    low, median, high = np.percentile(values, (25, 50, 75)).tolist()
+    return {'median': median, 'low': low, 'high': high}
 
 
 @contextlib.contextmanager

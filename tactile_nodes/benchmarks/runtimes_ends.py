@@ -65,7 +65,7 @@ class Worker:
 def _serve(pipe: Connection, runtime: str, model: Path, exported: Path) -> None:
     frames: list[Features] = pipe.recv()
     before, begun = _memory_mb(), perf_ns()
-    answer = _BEGIN[runtime](model, exported)
+    answer = BEGIN[runtime](model, exported)
     answer(frames[0])
     began_s = (perf_ns() - begun) / 1e9
     pipe.send({'start_s': began_s, 'memory_mb': _memory_mb() - before, 'memory_before_mb': before})
@@ -138,5 +138,5 @@ def _torch(model: Path, exported: Path) -> Answer:
     return answer
 
 
-_BEGIN: dict[str, Callable[[Path, Path], Answer]] = {'numpy': _numpy, 'onnxruntime': _onnxruntime, 'torch': _torch}
-RUNTIMES = tuple(_BEGIN)
+BEGIN: dict[str, Callable[[Path, Path], Answer]] = {'numpy': _numpy, 'onnxruntime': _onnxruntime, 'torch': _torch}
+"""By name: from a model's file and its export to what answers."""

@@ -13,8 +13,9 @@ def installed_size(name: str) -> dict[str, float | str] | None:
         version = importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
         return None
-    brought = _needed([name]) - _needed(['tactile_nodes'])
-    return {'version': version, 'alone_mb': _size_mb([name]), 'with_what_it_brings_mb': _size_mb(brought | {name})}
+    brought = _needed([name]) - _needed(['tactile_nodes']) - {name}
+    alone = _size_mb([name])
+    return {'version': version, 'alone_mb': alone, 'with_what_it_brings_mb': alone + _size_mb(brought)}
 
 
 def _needed(names: Iterable[str]) -> set[str]:
