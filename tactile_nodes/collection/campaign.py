@@ -258,7 +258,7 @@ class Campaign:
         hands.safety.watch(hands.clock.now_ns(), camera=True)
         await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
         self._outlet.say('homing')
-        hands.home()
+        self._home()
         zero = self._last_tare = self._patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
         self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
         noise = image_noise(self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
@@ -273,6 +273,18 @@ class Campaign:
         )
         self._trust.begin()
         self.progress.done = self._journal.done
+
+    def _home(self) -> None:
+        """Find the end switches; again when sensor or camera failed meanwhile, for the way leads up and off the gel."""
+        for _ in range(self._settings.limits.attempts - 1):
+            try:
+                return self._hands.home()
+            except TrippedError as tripped:
+                if tripped.trip.kind not in {SENSOR, CAMERA}:
+                    raise
+                self._outlet.say(f'{tripped.trip.reason}; homing again when it is well')
+                await_recovery(self._hands, self._settings.limits, tripped.trip.reason)
+        return self._hands.home()
 
     def _check_safe_height(self, surface: Surface) -> None:
         highest = max(surface.height_mm(point.x_mm, point.y_mm) for point in self._order)

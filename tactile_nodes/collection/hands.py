@@ -127,6 +127,7 @@ class Hands:
 
     def home(self) -> None:
         """Find the end switches. Raises as `run`."""
+        self._await_stopped()
         try:
             self.cnc.home()
         except DeviceError:
@@ -157,12 +158,15 @@ class Hands:
         Raises:
             DeviceError: the machine does not obey, or does not know where it is.
         """
-        if self._stopped is not None and not self._stopped.wait(STOP_WAIT_S):
-            raise DeviceFaultError('the machine does not come to rest when told to stop; use the emergency stop')
+        self._await_stopped()
         self.cnc.retract()
         if self._line:
             self.switch(False)
         self._status()
+
+    def _await_stopped(self) -> None:
+        if self._stopped is not None and not self._stopped.wait(STOP_WAIT_S):
+            raise DeviceFaultError('the machine does not come to rest when told to stop; use the emergency stop')
 
     def _go(self, go: Go) -> None:
         start = self._status()
