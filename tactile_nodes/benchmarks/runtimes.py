@@ -30,11 +30,11 @@ ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THRE
 PACKAGES = ('numpy', 'onnxruntime', 'onnx', 'torch')
 INTRODUCTION = """\
 One frame at a time on one thread, every runtime in a process of its own, all taking turns on the same simulated
-frames. *answer* is from features to forces: the median of the rounds' medians, and the range of their middle half; *CPU*
-is the median of the rounds' mean CPU times of a frame; *ratio* is to numpy in the same round. *begin* is from nothing
-but what the live node imports anyway to the first answer, *memory* what the process grew by then. Numpy and onnxruntime
-give the whole answer (forces, place, uncertainty, likeness), torch the forces of a network alone. The machine was shared
-while this ran, so CPU times and ratios say more than times."""
+frames. *answer* is from features to forces: the median of the rounds' medians, and the range of their middle half;
+*CPU* is the median of the rounds' mean CPU times of a frame; *ratio* is to numpy in the same round. *begin* is from
+nothing but what the live node imports anyway to the first answer, *memory* what the process grew by then. Numpy and
+onnxruntime give the whole answer (forces, place, uncertainty, likeness), torch the forces of a network alone. The
+machine was shared while this ran, so CPU times and ratios say more than times."""
 AGREEMENT = """\
 Largest differences between the exported model and the original over all frames, with the regions' confidence as it is
 and with 5 % of the regions lost at random. An export names one contact, and is compared with the original that names
