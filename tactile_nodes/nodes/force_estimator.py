@@ -40,7 +40,7 @@ class ForceEstimatorParams(NodeParams):
     model: str = parameter('fast', 'name of a model that ships, or path of a model file', read_only=True)
     frame_id: str = parameter('gel_surface', 'frame of the forces')
     least_confidence: float = parameter(
-        0.5, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
+        0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
 
 
