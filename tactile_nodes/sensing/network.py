@@ -127,6 +127,8 @@ class NetworkReadout:
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
         inputs = self.scaling(values, confidence).reshape(-1)
+        if not np.isfinite(inputs).all():  # units that saturate would make a finite force of it
+            inputs = np.full_like(inputs, np.nan)
         forces = (self.network(inputs) * np.float32(self.output_scale_n)).reshape(self.bins.rows, self.bins.cols)
         total_n = float(forces.sum(dtype=np.float64))
         sigma_n = self.spread.sigma_n(total_n)

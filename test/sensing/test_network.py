@@ -40,6 +40,13 @@ def test_features_are_scaled_and_outputs_have_their_unit() -> None:
     assert contact.x_mm == pytest.approx((0.5 * -5 + 1.0 * 5) / 1.5)
 
 
+def test_an_infinite_feature_gives_no_force_that_looks_like_one() -> None:
+    hidden = np.array([[1.0, 0.0]], np.float32), np.array([[1.0], [1.0]], np.float32)
+    network = Mlp(hidden, (np.zeros(1, np.float32), np.zeros(2, np.float32)))  # logistic units saturate at 1
+    reading = dataclasses.replace(READER, network=network).read(values(np.inf, 1.0), sure())
+    assert np.isnan(reading.normal_force_n).all()
+
+
 def test_a_region_that_is_lost_says_nothing_and_counts_as_missing() -> None:
     confidence = sure(0.4, 1.0)
     np.testing.assert_allclose(READER.read(values(50, 2.0), confidence).normal_force_n, [[0.0, 1.0]])
