@@ -272,9 +272,9 @@ def test_the_nearest_of_a_list() -> None:
 
 
 def test_errors_beyond_what_is_known_of_each_are_found_and_others_are_none() -> None:
-    """Errors of 3 that should be of 1: (1 + more²) 0.75 = 9; a uniform error has a mean square of a third."""
+    """Errors of 3 that should be of 1: (1 + more²) 0.4 = 9; a uniform error has a mean square of a third."""
     known = np.ones(4)
-    assert overlooked(np.array([3.0, -3.0, 3.0, -3.0]), known) == pytest.approx(math.sqrt(11), rel=1e-6)
+    assert overlooked(np.array([3.0, -3.0, 3.0, -3.0]), known) == pytest.approx(math.sqrt(21.5), rel=1e-6)
     assert overlooked(np.linspace(-1, 1, 100), np.ones(100)) == 0
 
 
