@@ -202,7 +202,7 @@ def test_images_at_the_border_of_a_window_go_and_the_others_stay(tmp_path: Path,
     made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + 10_000_000, 0.0, 64), line()))
     made.reference(0)
     made.press(0, 1, 0.0, 0.0, 1.0)
-    assert build([made.close()], dataclasses.replace(COARSE, without_contact=0.0)).frames.tolist() == [2]
+    assert build([made.close()], dataclasses.replace(COARSE, frames='mean', without_contact=0.0)).frames.tolist() == [2]
 
 
 def force_bag(folder: Path, sensor: Sensor, sensor_sees: bool) -> Path:
