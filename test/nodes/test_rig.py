@@ -38,7 +38,7 @@ rig:
     surface:
       {{gel_x_mm: -10.0, gel_y_mm: -10.0, top_mm: -3.9, bottom_mm: -5.0, reach_mm: 2.0, corners: 3, repeats: 1,
         dwell_s: 0.03, beyond: 3, step_mm: 0.2, fine_step_mm: 0.1, feed_mm_min: 60.0, flat_mm: 0.2, tilt: 0.2}}
-    press: {{indenter: what somebody wrote, tare_s: 0.1, steady_s: 0.05, frames: 2, steady_n_s: 5.0, depth_error_mm: 0.1}}
+    press: {{indenter: somebody says, tare_s: 0.1, steady_s: 0.05, frames: 2, steady_n_s: 5.0, depth_error_mm: 0.1}}
     reference_frames: 3
     anchor: {{every: 0}}
     sync: {{pulses: 0}}
