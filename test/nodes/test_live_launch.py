@@ -13,8 +13,9 @@ from pathlib import Path
 
 import psutil
 import pytest
+import yaml
 
-from tactile_nodes import messages
+from tactile_nodes import messages, paths
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
@@ -105,3 +106,12 @@ def test_model_file_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -
         assert process.returncode != 0
         assert 'damaged.safetensors' in output
         assert 'Traceback' not in output
+
+
+def test_a_replay_takes_the_model_that_live_sensing_takes() -> None:
+    defaults = set()
+    for name in ('live', 'replay'):
+        document = yaml.safe_load((paths.share_directory() / 'launch' / f'{name}.launch.yaml').read_text())
+        arguments = {each['arg']['name']: each['arg'] for each in document['launch'] if 'arg' in each}
+        defaults.add(arguments['model']['default'])
+    assert defaults == {'fast'}
