@@ -8,6 +8,7 @@ import importlib
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
 BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
+    'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'collection': 'a whole collection in simulated time, into a real bag',

@@ -203,7 +203,7 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
         ModelError: it needs other features, or saw the presses that it would be judged by.
         DatasetError: there are too few presses.
     """
-    _require_same_features(loaded, recordings)
+    require_same_features(loaded, recordings)
     origin = loaded.card.get('data', {})
     if origin.get('origin') == 'recorded' and origin.get('fingerprint') == recordings.fingerprint:
         return _put_aside(loaded, recordings, kind)
@@ -237,7 +237,12 @@ def _put_aside(loaded: LoadedModel, recordings: RecordedPresses, kind: str | Non
     return recordings.as_samples(split.test), f'{len(split.test)} samples put aside by {origin["split"]}'
 
 
-def _require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> None:
+def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> None:
+    """Refuse presses that were measured otherwise than a model was trained.
+
+    Raises:
+        ModelError: says both.
+    """
     card = recordings.card
     for what, theirs, ours in (
         ('flow', loaded.flow, tuple(_method(card['flow']).values())),

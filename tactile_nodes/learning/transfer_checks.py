@@ -1,0 +1,70 @@
+"""What a calibration cannot be made from, said before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError, ModelError
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.response import ResponseReadout
+
+LEAST_PRESSES = 5
+LEAST_SPREAD = 0.4
+"""Of what the source knows: how far presses must lie apart along x and along y."""
+MOST_OFFSET_N = 0.1
+"""Beyond what differences between gels bring about, by twice and more."""
+
+
+def source_readout(loaded: LoadedModel) -> ResponseReadout:
+    """The response of a model that can be transferred.
+
+    Raises:
+        ModelError: it is a network, or its features are no Cartesian motion.
+    """
+    readout, layout = loaded.model.readout, loaded.model.layout
+    if not isinstance(readout, ResponseReadout):
+        raise ModelError(
+            f'model {loaded.model_id} is a {readout.kind}, and only the response of a gel can be transferred to '
+            'another; choose a model with readout: response, such as fast'
+        )
+    if layout.encoding != 'cartesian_mean':
+        raise ModelError(
+            f'model {loaded.model_id} reads {layout.encoding}, and only motion along x and y can be transferred; '
+            'choose a model with encoding: cartesian_mean, such as fast'
+        )
+    return readout
+
+
+def require_presses(dataset: Dataset, source: ResponseReadout) -> None:
+    """Refuse presses that are too few or too close together.
+
+    Raises:
+        DatasetError: says what to do.
+    """
+    touched = dataset.presses[dataset.presses[:, 2] > 0]
+    places = np.unique(touched[:, :2], axis=0)
+    if len(places) < LEAST_PRESSES:
+        raise DatasetError(
+            f'a calibration needs presses at {LEAST_PRESSES} places at least, and there are {len(places)}; record more'
+        )
+    if not (touched[:, 3] > 0).any():
+        raise DatasetError('a calibration needs presses with a force, and none has one; check the force sensor')
+    for name, axis, along in zip('xy', (source.response.x, source.response.y), places.T, strict=True):
+        if np.ptp(along) < LEAST_SPREAD * (axis.high - axis.low):
+            raise DatasetError(
+                f'the presses span {np.ptp(along):.1f} mm along {name} of the {axis.high - axis.low:.1f} mm that the '
+                'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
+            )
+
+
+def require_tared(offset_n: float) -> None:
+    """Refuse forces that are off by much more than gels differ.
+
+    Raises:
+        DatasetError: says by how much.
+    """
+    if abs(offset_n) > MOST_OFFSET_N:
+        raise DatasetError(
+            f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and press again'
+        )
