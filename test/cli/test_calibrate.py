@@ -1,0 +1,130 @@
+"""``tactile calibrate``: from a model and a file of presses to a model file that is like any other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.dataset_file import FORMAT, FORMAT_VERSION, save_dataset
+from tactile_nodes.learning.labels import force_labels
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.response_fit import fit_response
+from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+
+FLOW = {'name': 'dis', 'options': {}}
+ENCODING = {'name': 'cartesian_mean', 'options': {'rows': 6, 'cols': 6}}
+
+
+def field(places: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """A Gaussian motion around the tip, in 6x6 regions."""
+    along = np.linspace(-11.0, 11.0, 6)
+    away = np.stack(np.meshgrid(along, along), axis=-1)[None] - places[:, None, None]
+    bell = np.exp(-(away**2).sum(axis=-1, keepdims=True) / 50)
+    return np.asarray(force[:, None, None, None] * away * bell / 3)
+
+
+def pressed(count: int, seed: int, softer: float, aside_mm: float) -> Dataset:
+    """Presses, of which one in seven is none."""
+    random = np.random.default_rng(seed)
+    places, force = random.uniform(-9.0, 9.0, (count, 2)), random.uniform(0.1, 0.7, count)
+    force[::7] = 0
+    features = field(places + np.array([aside_mm, 0.0]), softer * force)
+    features = features + 0.01 * random.normal(size=features.shape)
+    rows = np.column_stack([places, np.where(force > 0, 2 * force, -1.0), force]).astype(np.float32)
+    confidence = np.ones((1, 6, 6), np.float32)
+    return Dataset(features.astype(np.float16), rows, np.zeros(count, int), confidence, 'pressed')
+
+
+def recorded(dataset: Dataset, gel: str) -> RecordedPresses:
+    count, bins = len(dataset.presses), BinGrid()
+    place, depth, force = (each.astype(float) for each in np.split(dataset.presses, [2, 3], axis=1))
+    numbers, unknown = np.arange(count), np.full(count, np.nan)
+    bag = {'id': gel, 'gel': gel}
+    labels = {'rows': 9, 'cols': 9, 'width_mm': 32.0, 'height_mm': 32.0, 'reading': '9x9 bins'}
+    return RecordedPresses(
+        features=dataset.features, labels=force_labels(place, force[:, 0], bins), confidence=dataset.confidence,
+        confidence_row=np.zeros(count, np.int32), contact=depth[:, 0] > 0, position_mm=place,
+        depth_mm=np.maximum(depth[:, 0], 0.0), depth_reported_mm=unknown, force_n=force[:, 0],
+        force_rate_n_per_s=unknown, wrench=np.zeros((count, 6)), wrench_deviation=np.zeros((count, 6)),
+        stamp_ns=numbers, window_ns=np.stack([numbers, numbers + 1], axis=1), frames=np.ones(count, np.int32),
+        bag=np.zeros(count, np.int32), plan=np.zeros(count, np.int32), press=numbers,
+        attempt=np.ones(count, np.int32), indenter=np.zeros(count, np.int32), quality=np.zeros(count, np.uint16),
+        reference_id=np.full(count, 'r'), tare_id=np.full(count, 't'),
+        card={
+            'format': FORMAT, 'format_version': FORMAT_VERSION, 'left_out': [],
+            'flow': FLOW, 'encoding': ENCODING, 'crop_px': 440, 'gel': {'id': gel}, 'bags': [bag], 'labels': labels,
+            'frames': 'each', 'plans': ['p'], 'indenters': ['tip'],
+        },
+    )  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    config = ResponseConfig(components=12, spacing_mm=3.0, levels=3, smoothing=(1e-2,), most_contacts=1)
+    dataset, bins = pressed(900, 1, 1.0, 0.0), BinGrid()
+    readout = fit_response(dataset, np.zeros(900, bool), config, bins, Progress())
+    file = tmp_path_factory.mktemp('models') / 'first.safetensors'
+    card = {'flow': FLOW, 'encoding': ENCODING, 'crop_px': 440, 'gel': {'id': 'first'}, 'data': {'origin': 'simulated'}}
+    save_model(file, ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), bins, readout), card)
+    return file
+
+
+@pytest.fixture(scope='module')
+def presses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp('presses') / 'second.npz'
+    save_dataset(file, recorded(pressed(42, 2, 1.2, 0.7), 'second'))
+    return file
+
+
+@pytest.fixture(scope='module')
+def calibrated(model: Path, presses: Path) -> Path:
+    output = model.with_name('second.safetensors')
+    assert main(['calibrate', '--model', str(model), '--dataset', str(presses), '-o', str(output)]) == 0
+    return output
+
+
+def test_the_file_is_a_model_that_names_gel_source_and_errors(model: Path, calibrated: Path) -> None:
+    loaded = load_model(calibrated)
+    assert loaded.gel == 'second'
+    assert loaded.card['source'] == {'model_id': load_model(model).model_id, 'gel': 'first'}
+    said = loaded.card['training']['calibration']
+    assert said['presses'] == 36
+    assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
+
+
+def test_the_model_reads_the_new_gel(calibrated: Path) -> None:
+    dataset = pressed(20, 3, 1.2, 0.7)
+    readout = load_model(calibrated).model.readout
+    found = [readout.read(each.astype(np.float32), dataset.confidence[0]).contacts[0] for each in dataset.features]
+    touched = dataset.presses[:, 2] > 0
+    off = np.array([(each.x_mm, each.y_mm) for each in found])[touched] - dataset.presses[touched, :2]
+    assert np.median(np.hypot(*off.T)) < 0.15
+
+
+def test_presses_that_made_the_model_do_not_judge_it(
+    calibrated: Path, presses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['evaluate', str(calibrated), '--dataset', str(presses)]) == 1
+    assert 'may have seen these' in capsys.readouterr().err
+
+
+def test_a_network_is_refused(presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'none.safetensors'
+    assert main(['calibrate', '--model', 'paper', '--dataset', str(presses), '-o', str(output)]) == 1
+    assert 'is a network, and only the response of a gel can be transferred' in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_presses_measured_otherwise_are_refused(
+    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['calibrate', '--model', 'fast', '--dataset', str(presses), '-o', str(tmp_path / 'none')]) == 1
+    assert 'was trained with flow' in capsys.readouterr().err
