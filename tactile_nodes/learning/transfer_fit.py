@@ -33,15 +33,17 @@ WORTH = 1.02
 
 @dataclass(frozen=True)
 class Errors:
-    """Of held-out presses: root mean square of the force's error, median distance of the place."""
+    """Of held-out presses: root mean square and median of the force's error, median distance of the place."""
 
     force_rmse_n: float
+    force_median_n: float
     place_median_mm: float
 
     @classmethod
     def of(cls, errors: Float[np.ndarray, 'n 3']) -> Errors:
         away = np.hypot(errors[:, 0], errors[:, 1])
-        return cls(float(np.sqrt(np.mean(errors[:, 2] ** 2))), float(np.median(away)))
+        off = np.abs(errors[:, 2])
+        return cls(float(np.sqrt(np.mean(off**2))), float(np.median(off)), float(np.median(away)))
 
 
 @dataclass(frozen=True)
@@ -198,9 +200,11 @@ def _errors(
 
 
 def _require_better(before: Errors, after: Errors) -> None:
-    if after.force_rmse_n >= before.force_rmse_n or after.place_median_mm >= before.place_median_mm:
+    """On balance of places and forces, by medians: of few presses one alone rules a mean."""
+    ratio = after.force_median_n * after.place_median_mm / (before.force_median_n * before.place_median_mm)
+    if ratio >= 1:
         raise DatasetError(
-            f'the calibration would not pay: held-out presses are read {after.force_rmse_n:.4f} N and '
-            f'{after.place_median_mm:.3f} mm off with it, {before.force_rmse_n:.4f} N and '
-            f'{before.place_median_mm:.3f} mm without; keep the model, or press at more places'
+            f'the calibration would not pay: held-out presses are read {after.force_median_n:.4f} N and '
+            f'{after.place_median_mm:.3f} mm off with it, {before.force_median_n:.4f} N and '
+            f'{before.place_median_mm:.3f} mm without (medians); keep the model, or press at more places'
         )
