@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc import CncState, CncStatus, Place, Switched
+from tactile_nodes.drivers.cnc_dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
 from tactile_nodes.drivers.cnc_grbl_check import (
     acceleration_of,
@@ -81,6 +82,8 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.place_lost, dialogue.polling = False, True
         self._homed = True
         self._target = self.status().position_mm
+        up = f'$J=G21 G90 G53 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES])
 
     def stop(self) -> None:
         """As `Cnc.stop`: jog cancel, or hold, rest and reset."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import Traffic
-from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.drivers.serial_port import Port, SerialPort
 from tactile_nodes.errors import DeviceError, DeviceLostError
 
 READ_S = 0.05
@@ -67,6 +67,11 @@ class Link:
         self.lost: DeviceLostError | None = None
         self.changed = threading.Condition(threading.RLock())
         self._thread = threading.Thread(target=self._listen, name=f'cnc {port.name}', daemon=True) if threaded else None
+
+    @property
+    def descriptor(self) -> int | None:
+        """Of the port, if it is one of the operating system."""
+        return self._port.descriptor if isinstance(self._port, SerialPort) else None
 
     def start(self) -> None:
         """Begin to listen."""

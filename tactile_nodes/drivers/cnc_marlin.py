@@ -23,6 +23,7 @@ from tactile_nodes.drivers.cnc import (
     Place,
     Switched,
 )
+from tactile_nodes.drivers.cnc_dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc_envelope import AXES, guard
 from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
 from tactile_nodes.drivers.cnc_serial import SerialCnc
@@ -92,6 +93,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._homed = True
         self._target = self.status().position_mm
         self._at_rest()
+        up = f'G90\nG1 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        self._keep_watch([(ALONE_S, up)] * ALONE_TIMES)
 
     def stop(self) -> None:
         """As `Cnc.stop`: M410, which is at once with the emergency parser and after the buffers without."""

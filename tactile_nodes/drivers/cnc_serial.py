@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, TypeVar
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.cnc import CncSettings, Identity, Traffic
+from tactile_nodes.drivers.cnc_dead_man import DeadMan, Step
 from tactile_nodes.drivers.cnc_guarded import GuardedCnc
 from tactile_nodes.drivers.cnc_link import Link
 from tactile_nodes.drivers.health import Health, Level
@@ -65,6 +66,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._dialogue: Spoken | None = None
         self._identity = Identity('unknown', '')
         self._stops = 0
+        self._dead_man: DeadMan | None = None
 
     @property
     def health(self) -> Health:
@@ -85,10 +87,19 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
 
     def close(self) -> None:
         """As `Cnc.close`."""
+        if self._dead_man is not None:
+            self._dead_man.dismiss()
+            self._dead_man = None
         if self._dialogue is not None:
             self._dialogue.close()
             self._dialogue = None
             self._homed = False
+
+    def _keep_watch(self, steps: Sequence[Step]) -> None:
+        """From now on the tip goes up when this process is gone; needs a port of the operating system."""
+        descriptor = self._talk().link.descriptor
+        if self._dead_man is None and descriptor is not None:
+            self._dead_man = DeadMan(descriptor, steps)
 
     @abstractmethod
     def _health_of(self, dialogue: Spoken) -> Health:

@@ -64,6 +64,12 @@ class SerialPort:
         self._port = port
         self.name = name
 
+    @property
+    def descriptor(self) -> int:
+        """Of the open port."""
+        number: int = self._port.fileno()
+        return number
+
     def write(self, data: bytes) -> None:
         """As `Port.write`."""
         try:

@@ -1,0 +1,82 @@
+"""A process that commanded a machine and is gone: the tip goes up, by a program that outlives it."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cnc_rigs import coarse_table, device_of, settings_of
+
+from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.emulators.serial_ports import PtyPort
+from tactile_nodes.emulators.world import World, WorldSettings
+
+HOLDER = """
+import os, signal, sys
+from tactile_nodes.drivers.cnc_dead_man import DeadMan
+held = DeadMan(int(sys.argv[1]), [(0.0, b'up'), (0.05, b' and up')])
+if sys.argv[2] == 'farewell':
+    held.dismiss()
+else:
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+COMMANDER = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from cnc_rigs import settings_of
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.drivers.cnc import open_cnc
+cnc = open_cnc(settings_of(sys.argv[2], source=sys.argv[3]), SystemClock())
+cnc.home()
+cnc.move(z=float(sys.argv[4]), feed=2000.0)
+cnc.wait_idle()
+print('low', flush=True)
+sys.stdin.read()
+"""
+
+
+def heard(master: int, patience_s: float) -> bytes:
+    found, deadline_s = b'', monotonic_s() + patience_s
+    while monotonic_s() < deadline_s and found != b'up and up':
+        if select.select([master], [], [], 0.05)[0]:
+            found += os.read(master, 100)
+    return found
+
+
+@pytest.mark.parametrize(('ending', 'said', 'patience_s'), [('killed', b'up and up', 10.0), ('farewell', b'', 0.5)])
+def test_what_was_agreed_is_said_after_a_kill_and_after_a_farewell_nothing(
+    ending: str, said: bytes, patience_s: float
+) -> None:
+    master, slave = os.openpty()
+    try:
+        subprocess.run([sys.executable, '-c', HOLDER, str(slave), ending], pass_fds=(slave,), check=False, timeout=30)
+        assert heard(master, patience_s) == said
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+@pytest.mark.parametrize(('kind', 'low_mm'), [('grbl', -25.0), ('marlin', 30.0)])
+def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm: float, tmp_path: Path) -> None:
+    start_mm = (-115.0, -115.0, -5.0) if kind == 'marlin' else (-5.0, -5.0, -5.0)
+    clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
+    zero_mm = 60.0 if kind == 'marlin' else 0.0
+    with PtyPort(device_of(kind, world, clock), clock, tmp_path / 'ttyTEST', reset_on_open=True) as port:
+        words = [str(Path(__file__).parent), kind, str(port.path), str(low_mm)]
+        with subprocess.Popen(
+            [sys.executable, '-c', COMMANDER, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as commander:
+            assert commander.stdout is not None
+            assert commander.stdout.readline() == 'low\n'
+            assert world.tip_at(clock.now_ns())[2] + zero_mm == pytest.approx(low_mm, abs=0.01)
+            commander.send_signal(signal.SIGKILL)
+        deadline_s = monotonic_s() + 15.0
+        safe_mm = settings_of(kind).safe_z_mm
+        while monotonic_s() < deadline_s and world.tip_at(clock.now_ns())[2] + zero_mm < safe_mm - 0.01:
+            clock.sleep_until(clock.now_ns() + 20_000_000)
+        assert world.tip_at(clock.now_ns())[2] + zero_mm == pytest.approx(safe_mm, abs=0.01)
