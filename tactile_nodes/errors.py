@@ -7,6 +7,7 @@
     │   └── LaunchFileError         the same, in a launch file
     ├── DeviceError
     │   ├── DeviceNotFoundError     nothing there to open
+    │   ├── DeviceBusyError         another program has it
     │   ├── DeviceLostError         it was there, and is not any more
     │   ├── DeviceTimeoutError      it is there, and does not answer
     │   └── DeviceFaultError        it answers that something is wrong: an alarm, a refused command, a status bit
@@ -54,6 +55,10 @@ class DeviceError(TactileError):
 
 class DeviceNotFoundError(DeviceError):
     """Nothing there to open."""
+
+
+class DeviceBusyError(DeviceError):
+    """Another program has it."""
 
 
 class DeviceLostError(DeviceError):

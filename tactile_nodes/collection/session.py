@@ -25,7 +25,7 @@ from tactile_nodes.collection.voice import Names, Voice
 from tactile_nodes.drivers.cnc import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import BusError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import BusError, DeviceBusyError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
@@ -138,7 +138,7 @@ class Session:
                 return Station(
                     s, s.cnc, s.force_torque, s.world, self._clock, voice.sample, self._on_status, voice.switched
                 )
-            except (DeviceNotFoundError, DeviceTimeoutError) as error:
+            except (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError) as error:
                 if self._clock.now_ns() > deadline_ns:
                     raise
                 self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)

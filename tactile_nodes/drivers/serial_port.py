@@ -21,7 +21,7 @@ from typing import Protocol
 import serial
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceNotFoundError
+from tactile_nodes.errors import ConfigurationError, DeviceBusyError, DeviceError, DeviceLostError, DeviceNotFoundError
 
 DTR_POLICIES = ('default', 'pulse', 'low', 'untouched')
 PULSE_NS = NS_PER_S // 10
@@ -111,7 +111,7 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
     Raises:
         ConfigurationError: no such policy or baud rate.
         DeviceNotFoundError: no such port, or none that this user may open.
-        DeviceError: another program has it.
+        DeviceBusyError: another program has it.
     """
     if dtr not in DTR_POLICIES:
         raise ConfigurationError(f'no DTR policy {dtr!r}; there are {", ".join(DTR_POLICIES)}')
@@ -154,7 +154,7 @@ def _cannot_open(path: str, error: Exception) -> DeviceError:
     if 'permission' in text:
         return DeviceNotFoundError(f'may not open {path}; add yourself to its group (often dialout) and log in again')
     if 'exclusively lock' in text or 'busy' in text:
-        return DeviceError(f'{path} is in use by another program; end that program first')
+        return DeviceBusyError(f'{path} is in use by another program; end that program first')
     return DeviceNotFoundError(f'cannot open {path} as a serial port ({error}); name another one')
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import signal
@@ -13,8 +14,10 @@ import pytest
 from cnc_rigs import coarse_table, device_of, settings_of
 
 from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.drivers.serial_port import open_port
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.errors import DeviceBusyError
 
 HOLDER = """
 import os, signal, sys
@@ -80,3 +83,10 @@ def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm:
         while monotonic_s() < deadline_s and world.tip_at(clock.now_ns())[2] + zero_mm < safe_mm - 0.01:
             clock.sleep_until(clock.now_ns() + 20_000_000)
         assert world.tip_at(clock.now_ns())[2] + zero_mm == pytest.approx(safe_mm, abs=0.01)
+        opened = None
+        while opened is None and monotonic_s() < deadline_s:  # the port is held until all has been said
+            with contextlib.suppress(DeviceBusyError):
+                opened = open_port(str(port.path), 115200, 'untouched', clock)
+            clock.sleep_until(clock.now_ns() + 20_000_000)
+        assert opened is not None
+        opened.close()

@@ -15,7 +15,14 @@ from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncSettings, Cn
 from tactile_nodes.drivers.cnc_grbl import GrblCnc
 from tactile_nodes.drivers.cnc_grbl_words import parse_report
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceLostError, DeviceTimeoutError
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceBusyError,
+    DeviceError,
+    DeviceFaultError,
+    DeviceLostError,
+    DeviceTimeoutError,
+)
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
@@ -555,7 +562,7 @@ def test_a_board_that_does_not_restart_on_opening_is_found_without_its_banner(tm
 def test_a_port_is_held_by_one_program(tmp_path: Path) -> None:
     with pty_rig('grbl', tmp_path) as rig:
         other = settings_of('grbl', source=str(rig.port.path))
-        with pytest.raises(Exception, match=r'in use by another program'):
+        with pytest.raises(DeviceBusyError, match=r'in use by another program'):
             open_cnc(other, rig.clock)
 
 
