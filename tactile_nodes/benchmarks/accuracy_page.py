@@ -12,9 +12,10 @@ from tactile_nodes.benchmarks.accuracy import Results
 from tactile_nodes.benchmarks.accuracy_times import STAGES
 from tactile_nodes.learning import evaluation_tables as tables
 from tactile_nodes.learning.evaluate import Evaluation
-from tactile_nodes.learning.evaluation_picture import save, subplots
+from tactile_nodes.learning.evaluation_picture import EVALUATION_DPI, subplots
 from tactile_nodes.learning.evaluation_scores import ALL, PressScores
 from tactile_nodes.learning.evaluation_tables import Table, number, percent
+from tactile_nodes.learning.figures import save
 
 PAPER = {'armse_n': 0.009, 'd_loc_mm': 0.107, 'rmse_mc_n': 0.065}
 """Table II of the paper, measured on a real gel."""
@@ -70,7 +71,7 @@ def curve_picture(results: Results, file: Path) -> None:
         axis.grid(which='both', linewidth=0.3)
         axis.legend()
     figure.suptitle('error off the grid against the number of presses to learn from')
-    save(figure, file)
+    save(figure, file, EVALUATION_DPI)
 
 
 def _shown(table: Table) -> str:

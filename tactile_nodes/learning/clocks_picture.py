@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.clocks import Clock, Clocks
+from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.sensing.sync import ClockFit, Refusal
 
 
@@ -20,32 +20,14 @@ def draw(clocks: Clocks, file: Path) -> None:
         ConfigurationError: matplotlib is not installed, or does not know the ending.
         DatasetError: the file cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError(
-            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
-        ) from error
     strips = max(1, len(clocks.others))
-    figure = Figure(figsize=(10, 1 + 2.6 * strips), layout='constrained')
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(strips, 1, squeeze=False, sharex=True)[:, 0]
+    drawn = figure(10, 1 + 2.6 * strips)
+    axes = drawn.subplots(strips, 1, squeeze=False, sharex=True)[:, 0]
     for axis, clock in zip(axes, clocks.others, strict=False):
         _strip(axis, clock, clocks)
     axes[-1].set_xlabel(f'time by {clocks.reference} since its first edge [s]')
-    figure.suptitle(f"what the fits to the clock of {clocks.reference} leave of each edge's time")
-    _save(figure, file)
-
-
-def _save(figure: Any, file: Path) -> None:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(file, dpi=120)
-    except ValueError as error:
-        raise ConfigurationError(f'cannot draw {file}: {error}') from error
-    except OSError as error:
-        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+    drawn.suptitle(f"what the fits to the clock of {clocks.reference} leave of each edge's time")
+    save(drawn, file)
 
 
 def _strip(axis: Any, clock: Clock, clocks: Clocks) -> None:

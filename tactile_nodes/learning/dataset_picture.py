@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.learning.recordings import RecordedPresses
 
 
@@ -18,32 +18,14 @@ def draw(presses: RecordedPresses, file: Path) -> None:
         ConfigurationError: matplotlib is not installed, or does not know the ending.
         DatasetError: the file cannot be written.
     """
-    figure, axes = _figure()
+    drawn = figure(11, 9)
+    axes = drawn.subplots(2, 2)
     _coverage(axes[0, 0], presses)
     _curves(axes[0, 1], presses)
     _histogram(axes[1, 0], presses)
-    _force_map(figure, axes[1, 1], presses)
-    figure.suptitle(f'{_of(presses)} (data set {presses.fingerprint})')
-    file.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        figure.savefig(file, dpi=120)
-    except ValueError as error:
-        raise ConfigurationError(f'cannot draw {file}: {error}') from error
-    except OSError as error:
-        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
-
-
-def _figure() -> tuple[Any, Any]:
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError(
-            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
-        ) from error
-    figure = Figure(figsize=(11, 9), layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(2, 2)
+    _force_map(drawn, axes[1, 1], presses)
+    drawn.suptitle(f'{_of(presses)} (data set {presses.fingerprint})')
+    save(drawn, file)
 
 
 def _of(presses: RecordedPresses) -> str:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.evaluation_predictions import Predictions
 from tactile_nodes.learning.evaluation_uncertainty import Uncertainty, force_uncertainty, position_uncertainty
+from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.sensing.geometry import BinGrid
 
+EVALUATION_DPI = 110
 MOST_CELLS = 12
 """Cells of the error maps along x, and along y; with few presses there are fewer."""
 LEAST_IN_CELL = 3
@@ -22,9 +23,10 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     """Write the picture; the file's ending says which kind of image.
 
     Raises:
-        ConfigurationError: matplotlib is not installed or does not know the ending, or the file cannot be written.
+        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        DatasetError: the file cannot be written.
     """
-    figure, axes = subplots(2, 3)
+    drawn, axes = subplots(2, 3)
     presses = found[found.touched]
     force, place = force_uncertainty(found), position_uncertainty(found)
     _map(axes[0, 0], presses, presses.away_mm, 'median error of the place', 'mm')
@@ -33,23 +35,8 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     _coverage(axes[1, 0], force, place)
     _curve(axes[1, 1], force, place)
     _sparsification(axes[1, 2], force, place)
-    figure.suptitle(f'{title}: {len(presses)} presses that the training never saw')
-    save(figure, file)
-
-
-def save(figure: Any, file: Path) -> None:
-    """Write a figure.
-
-    Raises:
-        ConfigurationError: the ending is none of an image, or the file cannot be written.
-    """
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(file, dpi=110)
-    except ValueError as error:
-        raise ConfigurationError(f'cannot draw {file}: {error}') from error
-    except OSError as error:
-        raise ConfigurationError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+    drawn.suptitle(f'{title}: {len(presses)} presses that the training never saw')
+    save(drawn, file, EVALUATION_DPI)
 
 
 def subplots(rows: int, cols: int) -> tuple[Any, Any]:
@@ -58,16 +45,8 @@ def subplots(rows: int, cols: int) -> tuple[Any, Any]:
     Raises:
         ConfigurationError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError(
-            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
-        ) from error
-    figure = Figure(figsize=(5 * cols, 4.4 * rows), layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, cols, squeeze=False)
+    drawn = figure(5 * cols, 4.4 * rows)
+    return drawn, drawn.subplots(rows, cols, squeeze=False)
 
 
 def _map(axis: Any, presses: Predictions, values: np.ndarray, title: str, unit: str) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.learning.runs import Told
 
 SCORES = ('armse_n', 'rmse_mc_n', 'd_loc_mm', 'total_rmse_n', 'right_bin')
@@ -67,8 +67,8 @@ def draw(runs: Sequence[Told], file: Path) -> None:
         ConfigurationError: matplotlib is not installed, or does not know the ending.
         DatasetError: the file cannot be written.
     """
-    figure = _figure()
-    for axis, (name, label) in zip(figure.subplots(2, 2).flat, CURVES.items(), strict=True):
+    drawn = figure(11, 8)
+    for axis, (name, label) in zip(drawn.subplots(2, 2).flat, CURVES.items(), strict=True):
         for run in runs:
             seconds, values = _curve(run, name)
             axis.plot(seconds, values, linewidth=1, marker='o' if len(values) == 1 else None, label=run.name)
@@ -78,14 +78,8 @@ def draw(runs: Sequence[Told], file: Path) -> None:
             axis.set_yscale('log')
         axis.set(xlabel='seconds of training', ylabel=label)
         axis.grid(which='both', linewidth=0.3)
-    figure.axes[0].legend(fontsize='small')
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(file, dpi=120)
-    except ValueError as error:
-        raise ConfigurationError(f'cannot draw {file}: {error}') from error
-    except OSError as error:
-        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+    drawn.axes[0].legend(fontsize='small')
+    save(drawn, file)
 
 
 def _curve(run: Told, name: str) -> tuple[list[float], list[float]]:
@@ -94,16 +88,3 @@ def _curve(run: Told, name: str) -> tuple[list[float], list[float]]:
         return [each['seconds'] for each in run.epochs], [each[name] for each in run.epochs]
     outcome = run.result.get('validation', {})
     return ([run.result['training']['seconds']], [outcome[name]]) if name in outcome else ([], [])
-
-
-def _figure() -> Any:
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError(
-            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
-        ) from error
-    figure = Figure(figsize=(11, 8), layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure

@@ -1,0 +1,42 @@
+"""Figures without a screen: opened where matplotlib is there, written with a sentence where that fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+
+
+def figure(width_in: float, height_in: float) -> Any:
+    """An empty matplotlib figure.
+
+    Raises:
+        ConfigurationError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigurationError(
+            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
+        ) from error
+    made = Figure(figsize=(width_in, height_in), layout='constrained')
+    FigureCanvasAgg(made)
+    return made
+
+
+def save(drawn: Any, file: Path, dpi: int = 120) -> None:
+    """Write a figure; the file's ending says which kind of image.
+
+    Raises:
+        ConfigurationError: the ending is none of an image.
+        DatasetError: the file cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        drawn.savefig(file, dpi=dpi)
+    except ValueError as error:
+        raise ConfigurationError(f'cannot draw {file}: {error}') from error
+    except OSError as error:
+        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
