@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_inputs import prepare
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling, NetworkReadout, TotalSpread
 
-COVERAGE = 0.90
-NORMAL_90 = 1.6449
-"""Standard deviations to either side that hold 90 % of a normal distribution."""
-ONE_OF_A_THOUSAND = 99.9
 SHARES = np.concatenate([[0.0], np.geomspace(0.1, 30.0, 25)])
 LEAST_FLOOR_N = 1e-4
 DIRECTIONS = 48
@@ -56,7 +53,7 @@ def fit_spread(total_n: Float[np.ndarray, ' n'], error_n: Float[np.ndarray, ' n'
     unit = max(float(np.median(np.abs(error_n))), LEAST_FLOOR_N)
     sigmas = {share: np.hypot(unit, share * unit * total_n) for share in SHARES.tolist()}
     share = min(sigmas, key=lambda each: _surprise(error_n, sigmas[each]))
-    scale = float(np.percentile(np.abs(error_n) / sigmas[share], 100 * COVERAGE)) / NORMAL_90
+    scale = to_coverage(error_n, sigmas[share])
     scale = max(scale, LEAST_FLOOR_N / unit)
     return TotalSpread(floor_n=unit * scale, share=share * unit * scale)
 

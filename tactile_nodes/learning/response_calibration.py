@@ -8,14 +8,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90, ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout, Seen, factor_at
 
-COVERAGE = 0.90
-NORMAL_90 = 1.6449
-"""Standard deviations to either side that hold 90 % of a normal distribution."""
-ONE_OF_A_THOUSAND = 99.9
 FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000
 LEAST_JUDGES = 200
@@ -54,8 +51,8 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
     judges, seen = _readable(readout, dataset, judges)
     fits = [readout.fit(readout.whitening @ each.scores) for each in seen]
     errors, sigmas = _errors(readout, dataset.presses[judges], fits)
-    place = _to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
-    force = _to_coverage(errors[:, 2], sigmas[:, 1])
+    place = to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
+    force = to_coverage(errors[:, 2], sigmas[:, 1])
     c = readout.calibration
     return replace(
         c,
@@ -109,10 +106,6 @@ def _factors(ratios: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']) 
     nearest = max(LEAST_JUDGES // 4, len(ratios) // LEVELS)
     around = (np.argsort(np.abs(heights - level))[:nearest] for level in np.linspace(0.0, 1.0, LEVELS))
     return tuple(float(np.percentile(ratios[chosen], 100 * COVERAGE)) / NORMAL_90 for chosen in around)
-
-
-def _to_coverage(errors: np.ndarray, sigmas: np.ndarray) -> float:
-    return float(np.percentile(np.abs(errors) / sigmas, 100 * COVERAGE) / NORMAL_90)
 
 
 def _likeness(likeness: Likeness, left_over: Float[np.ndarray, 'n 2'], touched: np.ndarray) -> Likeness:

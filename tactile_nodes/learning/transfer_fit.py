@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_calibration import COVERAGE, NORMAL_90
 from tactile_nodes.learning.transfer_build import Samples, Told, build, hardest_force
 from tactile_nodes.learning.transfer_checks import require_presses, require_tared
 from tactile_nodes.learning.transfer_warp import Pairs, SourceField, fit_warp, force_offset, with_regions

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from responding_gel import CONFIG, presses
 
+from tactile_nodes.learning.coverage import to_coverage
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_calibration import (
@@ -17,7 +18,6 @@ from tactile_nodes.learning.response_calibration import (
     _likeness,
     _spread,
     _thinned,
-    _to_coverage,
     calibrated,
     rescaled,
 )
@@ -42,8 +42,8 @@ def judges() -> Dataset:
 def test_normal_errors_need_no_factor() -> None:
     errors = np.random.default_rng(0).normal(size=20000)
     # The density of |error| at its 90th percentile is 0.206, so it is known to 0.3 / 0.206 / 1.645 / sqrt(20000).
-    assert _to_coverage(errors, np.ones(20000)) == pytest.approx(1.0, abs=4 * 0.0063)
-    assert _to_coverage(3 * errors, np.ones(20000)) == pytest.approx(3.0, abs=12 * 0.0063)
+    assert to_coverage(errors, np.ones(20000)) == pytest.approx(1.0, abs=4 * 0.0063)
+    assert to_coverage(3 * errors, np.ones(20000)) == pytest.approx(3.0, abs=12 * 0.0063)
 
 
 def test_factors_follow_errors_that_grow_with_the_force() -> None:
