@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
-    parser.add_argument('--plan', choices=('random', 'paper', 'jittered'), help='where simulated presses lie')
+    parser.add_argument('--plan', choices=('random', 'paper', 'jittered', 'coarse'), help='where simulated presses lie')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
     parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside for the test')

@@ -1,4 +1,4 @@
-"""Where simulated presses lie: anywhere, on the paper's grid, or on that grid with every press moved a little."""
+"""Where simulated presses lie: anywhere, on the paper's grid or a coarser one, or on it with every press moved."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from tactile_nodes.simulation.optics import Press
 
 PLACES, PITCH_MM = 37, 0.75
 DEPTHS, DEPTH_STEP_MM = 8, 0.25
+COARSE_STEP = 4
+"""Of the paper's places along x and along y the coarse plan has every fourth: 10 x 10, 3 mm apart."""
 NO_CONTACT_MM = -1.0
 """The depth that stands for a frame in which nothing touches."""
 
 
 def press_count(data: DataConfig) -> int:
-    """Frames of a plan: 10952 presses of the paper's, and the frames without contact beside them."""
+    """Frames of a plan: 10952 presses of the paper's, 800 of the coarse, and the frames without contact beside them."""
     if data.plan == 'random':
         return data.presses
-    presses = min(data.presses, PLACES * PLACES * DEPTHS)
+    presses = min(data.presses, len(_places_mm(data)) ** 2 * DEPTHS)
     return presses + round(presses * data.without_contact / (1 - data.without_contact))
 
 
@@ -39,17 +41,23 @@ def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
 
 
 def grid_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
-    """x, y and depth (mm) of the paper's 10952 presses in an order of chance, so that any first part covers the gel.
+    """x, y and depth (mm) of a grid's presses in an order of chance, so that any first part covers the gel.
 
     A frame without contact stands before a press, at its place.
     """
     random = np.random.default_rng([data.seed, 0])
-    along, depths = (np.arange(PLACES) - (PLACES - 1) / 2) * PITCH_MM, np.arange(1, DEPTHS + 1) * DEPTH_STEP_MM
+    along, depths = _places_mm(data), np.arange(1, DEPTHS + 1) * DEPTH_STEP_MM
     presses = np.stack(np.meshgrid(along, along, depths, indexing='ij'), axis=-1).reshape(-1, 3)
     if data.plan == 'jittered':
         presses += random.uniform(-0.5, 0.5, presses.shape) * (PITCH_MM, PITCH_MM, DEPTH_STEP_MM)
     presses = presses[random.permutation(len(presses))][: data.presses]
     return _with_untouched(presses, press_count(data) - len(presses), random)
+
+
+def _places_mm(data: DataConfig) -> Float[np.ndarray, ' places']:
+    """The places of a grid along one axis, -13.5 to 13.5 mm."""
+    places: np.ndarray = (np.arange(PLACES) - (PLACES - 1) / 2) * PITCH_MM
+    return places[::COARSE_STEP] if data.plan == 'coarse' else places
 
 
 def _with_untouched(

@@ -30,6 +30,13 @@ def test_the_papers_plan_has_its_presses():
     np.testing.assert_allclose(np.unique(plan[:, 2]), np.arange(1, 9) / 4)
 
 
+def test_the_coarse_plan_is_800_presses_at_every_fourth_of_the_papers_places():
+    plan = grid_plan(paper(plan='coarse'))
+    assert len(plan) == press_count(paper(plan='coarse')) == 800
+    np.testing.assert_allclose(np.unique(plan[:, 0]), np.arange(-13.5, 13.51, 3.0))
+    assert {tuple(press) for press in plan.tolist()} <= {tuple(press) for press in grid_plan(paper()).tolist()}
+
+
 def test_the_papers_plan_is_split_into_the_papers_numbers():
     split = simulated_split(as_samples(grid_plan(paper())), paper(), 0.1)
     assert (len(split.train), len(split.validation), len(split.test)) == (7884, 877, 2191)
