@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.cli import completers
-from tactile_nodes.cli.gaps import SequenceGaps
 from tactile_nodes.cli.session import (
     Verbs,
     absolute,
@@ -21,6 +20,7 @@ from tactile_nodes.cli.session import (
     type_of_topic,
 )
 from tactile_nodes.errors import BusError, MessageError
+from tactile_nodes.viewing.gaps import SequenceGaps
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Received

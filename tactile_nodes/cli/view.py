@@ -13,15 +13,12 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.cli import completers
 from tactile_nodes.cli.session import absolute, completed, joined, own_name, positive_float
-from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tactile_nodes.bus.protocol import Bus, Received
-    from tactile_nodes.bus.subscription import Subscription
-    from tactile_nodes.bus.topics import Topic
-    from tactile_nodes.cli.view_state import Snapshot, ViewState
+    from tactile_nodes.bus.protocol import Bus
+    from tactile_nodes.viewing.state import Snapshot, ViewState
 
 DESCRIPTION = 'Watch force, latency and the state of the nodes. Ctrl-C ends it with a summary.'
 EPILOG = """\
@@ -34,7 +31,6 @@ examples:
 FULL_SCALE_N = 1.0  # of the brightest colour, whatever is shown: a scale that moves hides how hard one presses
 REDRAW_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
-QUEUE = 1000  # more than comes between two redraws, so that every frame is counted
 _LOOK_EVERY_S = 1.0
 
 Show = Callable[['Snapshot'], None]
@@ -79,7 +75,7 @@ def print_summary(state: ViewState, now_ns: int) -> None:
 
 def new_state(bus: Bus, namespace: str = '/') -> ViewState:
     """A state that begins now."""
-    from tactile_nodes.cli.view_state import ViewState
+    from tactile_nodes.viewing.state import ViewState
 
     return ViewState(namespace, bus.clock.now_ns())
 
@@ -102,14 +98,14 @@ def run_view(
     end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else math.inf
     period_s = LINE_EVERY_S if plain else REDRAW_EVERY_S
     with ExitStack() as stack:
-        feeds = Feeds(bus, state)
-        stack.callback(feeds.close)
+        watch = Watch(bus, state)
+        stack.callback(watch.close)
         show = _printing if plain else stack.enter_context(_drawing(full_scale_n, console))
         while (now_ns := clock.now_ns()) < end_ns and not stop.wait(min(period_s, (end_ns - now_ns) / 1e9)):
             now_ns = clock.now_ns()
-            feeds.drain(now_ns)
+            watch.drain(now_ns)
             show(state.snapshot(now_ns))
-        feeds.drain(clock.now_ns())
+        watch.drain(clock.now_ns())
 
 
 def _printing(shot: Snapshot) -> None:
@@ -129,48 +125,34 @@ def _drawing(full_scale_n: float, console: Console | None) -> Iterator[Show]:
         yield lambda shot: live.update(picture(shot, full_scale_n), refresh=True)
 
 
-class Feeds:
-    """The subscriptions of the view; what came in goes to the state when `drain` is called."""
+class Watch:
+    """The subscriptions of the view, and who is there; what came in goes to the state when `drain` is called."""
 
     def __init__(self, bus: Bus, state: ViewState) -> None:
         from tactile_nodes.bus import topics
+        from tactile_nodes.viewing.feeds import Feeds
 
         self._bus = bus
         self._state = state
         self._next_look_ns = 0
-        self._force_topic = self._full(topics.FORCE_DISTRIBUTION)
-        takers = (
-            (topics.FORCE_DISTRIBUTION, state.add_force),
-            (topics.TRUE_FORCE, state.add_truth),
-            (topics.DIAGNOSTICS, state.add_diagnostics),
-            (topics.ROSOUT, state.add_log),
-        )
-        self._feeds = [(self._subscribe(topic), take) for topic, take in takers]
+        self._force_topic = self._full(topics.FORCE_DISTRIBUTION.name)
+        self._feeds = Feeds(bus, own_name(), self._full)
+        self._feeds.add(topics.FORCE_DISTRIBUTION, state.add_force)
+        self._feeds.add(topics.TRUE_FORCE, state.add_truth)
+        self._feeds.add(topics.DIAGNOSTICS, state.add_diagnostics)
+        self._feeds.add(topics.ROSOUT, state.add_log)
 
     def drain(self, now_ns: int) -> None:
         """Hand over all that has come in, and look who is there."""
-        for subscription, take in self._feeds:
-            while (received := subscription.take()) is not None:
-                self._hand_over(received, take)
+        self._feeds.drain()
+        self._state.malformed = self._feeds.malformed
         if now_ns >= self._next_look_ns:
             self._next_look_ns = now_ns + round(_LOOK_EVERY_S * 1e9)
             found = self._bus.graph().publishers(self._force_topic)
             self._state.estimators = tuple(sorted({end.node for end in found}))
 
     def close(self) -> None:
-        for subscription, _ in self._feeds:
-            subscription.close()
+        self._feeds.close()
 
-    def _hand_over(self, received: Received, take: Callable[[Received], None]) -> None:
-        try:
-            take(received)
-        except MessageError:
-            self._state.malformed += 1
-
-    def _subscribe(self, topic: Topic) -> Subscription:
-        from tactile_nodes.bus.protocol import Qos
-
-        return self._bus.subscribe(self._full(topic), topic.type_name, Qos('queue', QUEUE), own_name())
-
-    def _full(self, topic: Topic) -> str:
-        return topic.name if topic.name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{topic.name}'
+    def _full(self, name: str) -> str:
+        return name if name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{name}'

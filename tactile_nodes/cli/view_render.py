@@ -13,8 +13,8 @@ from rich.text import Text
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli.view import FULL_SCALE_N
 from tactile_nodes.cli.view_map import MAP_WIDTH, map_lines
-from tactile_nodes.cli.view_measures import STAGES, Scores, strongest
-from tactile_nodes.cli.view_state import NodeHealth, Snapshot, reason_names, silent
+from tactile_nodes.viewing.measures import STAGES, Scores, strongest
+from tactile_nodes.viewing.state import NodeHealth, Snapshot, reason_names, silent
 
 _BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 _LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))

@@ -12,10 +12,10 @@ from running_system import Tactile, wait_until
 
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.zeromq import ZmqBus
-from tactile_nodes.cli.gaps import SequenceGaps
 from tactile_nodes.cli.topic_rate import Bandwidth, Delay, Rate
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.viewing.gaps import SequenceGaps
 
 STRING = 'std_msgs/msg/String'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'

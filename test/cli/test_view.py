@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from running_system import Tactile, wait_until
-from test_view_state import force, received
+from seen import force, received
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
@@ -95,7 +95,7 @@ def test_ctrl_c_ends_the_view_with_a_summary(other: ZmqBus, run_folder: Path, re
 def test_bytes_that_are_no_force_are_counted(other: ZmqBus) -> None:
     topic = topics.FORCE_DISTRIBUTION
     state = view.new_state(other)
-    feeds = view.Feeds(other, state)
+    feeds = view.Watch(other, state)
     other.advertise('/force_distribution', topic.type_name, topic.qos).publish_bytes(b'\x00\x01\x00\x00rubbish')
     feeds.drain(0)
     feeds.close()
@@ -106,7 +106,7 @@ def test_bytes_that_are_no_force_are_counted(other: ZmqBus) -> None:
 def test_every_force_is_counted_however_many_come_between_two_looks(other: ZmqBus) -> None:
     topic = topics.FORCE_DISTRIBUTION
     state = view.new_state(other)
-    feeds = view.Feeds(other, state)
+    feeds = view.Watch(other, state)
     publisher = other.advertise('/force_distribution', topic.type_name, Qos('queue', 100))
     for number in range(50):
         publisher.publish(force(number))

@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 from rich.console import Console
-from test_view_state import MS, diagnostics, force, received
+from seen import MS, diagnostics, force, received
 
 from tactile_nodes.cli import view_map, view_render
-from tactile_nodes.cli.view_state import ViewState
 from tactile_nodes.messages import types
+from tactile_nodes.viewing.state import ViewState
 
 
 def pressed(bins: tuple[float, ...] = (0.0, 0.25, 0.0, 0.0)) -> ViewState:

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactile_nodes.bus.protocol import Received
-from tactile_nodes.cli.gaps import SequenceGaps
-from tactile_nodes.cli.view_measures import (
+from tactile_nodes.errors import MessageError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.viewing.gaps import SequenceGaps
+from tactile_nodes.viewing.measures import (
     NS_PER_S,
     STAGES,
     Comparison,
@@ -22,8 +24,6 @@ from tactile_nodes.cli.view_measures import (
     StampGaps,
     stage_times,
 )
-from tactile_nodes.errors import MessageError
-from tactile_nodes.messages import stamp_ns, types
 
 WINDOW_S = 5.0
 SILENT_AFTER_S = 3.5  # nodes report once a second
