@@ -5,17 +5,18 @@ from __future__ import annotations
 import heapq
 import itertools
 import queue
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from tactile_nodes import params
 from tactile_nodes.bus import topics
+from tactile_nodes.bus.answering import in_turn, trigger
 from tactile_nodes.bus.arguments import Names, NodeArguments
 from tactile_nodes.bus.diagnostics import Diagnostics, Level
 from tactile_nodes.bus.log import Log
-from tactile_nodes.bus.parameters import ParameterServer
-from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received, Reply
+from tactile_nodes.bus.parameters import ParameterServer, from_message
+from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock
@@ -94,28 +95,28 @@ class Node:
         timer = _Timer(max(1, round(period_s * NS_PER_S)), callback)
         self._push(timer, self.clock.now_ns() + timer.period_ns)
 
-    def create_service(self, name: str, type_name: str, answer: Callable[[Any], Any]) -> None:
-        """Answer calls of `name` with what `answer` makes of the request, in this node's thread."""
+    def create_service(
+        self, name: str, type_name: str, answer: Callable[[Any], Any], first: Callable[[Any], None] | None = None
+    ) -> None:
+        """Answer calls of `name` with what `answer` makes of the request, in this node's thread.
 
-        def handle(request: Any, reply: Reply) -> None:
-            self._work.put(lambda: reply(self._answered(answer, request)))
+        `first` is called with the request before that, in a thread of its own: messages do not wait for it.
+        """
 
-        self._ends.append(self.bus.serve(self.names.resolve(name), type_name, handle, self.full_name))
+        handler = in_turn(answer, self.post, first)
+        self._ends.append(self.bus.serve(self.names.resolve(name), type_name, handler, self.full_name))
 
-    def create_trigger(self, name: str, act: Callable[[], str]) -> None:
+    def create_trigger(self, name: str, act: Callable[[], str], first: Callable[[], None] | None = None) -> None:
         """A std_srvs/Trigger: its message is what `act` returns, or the sentence of the TactileError it raises."""
-
-        def answer(_: types.Trigger_Request) -> types.Trigger_Response:
-            try:
-                return types.Trigger_Response(success=True, message=act())
-            except TactileError as error:
-                return types.Trigger_Response(success=False, message=str(error))
-
-        self.create_service(name, services.TRIGGER, answer)
+        self.create_service(name, services.TRIGGER, trigger(act), (lambda _: first()) if first else None)
 
     def age_s(self, received: Received) -> float:
         """Seconds since a message was published, on the time base of the bus (also while time is simulated)."""
         return (self.bus.clock.now_ns() - received.source_ns) / NS_PER_S
+
+    def prepare_parameters(self, values: Mapping[str, object]) -> None:
+        """What takes long about values that are to be set (a file to read), in a thread of its own, before
+        `on_parameters`; for subclasses."""
 
     def on_parameters(self, changed: Any) -> None:
         """Take over new parameters, or refuse them with a ConfigurationError; for subclasses that can change."""
@@ -193,6 +194,9 @@ class Node:
     def _apply_parameters(self, changed: Any) -> None:
         self.on_parameters(changed)
 
+    def _prepare(self, request: types.SetParameters_Request) -> None:
+        self.prepare_parameters({entry.name: from_message(entry.value) for entry in request.parameters})
+
     def _offer_standard_ends(self) -> None:
         self.bus.add_node(self.full_name)
         self.log.publisher = self.create_publisher(topics.ROSOUT)
@@ -201,7 +205,8 @@ class Node:
         server = self._parameters
         self.create_service('~/list_parameters', services.LIST_PARAMETERS, server.list)
         self.create_service('~/get_parameters', services.GET_PARAMETERS, server.get)
-        self.create_service('~/set_parameters', services.SET_PARAMETERS, server.set)
+        first = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
+        self.create_service('~/set_parameters', services.SET_PARAMETERS, server.set, first)
         self.create_service('~/describe_parameters', services.DESCRIBE_PARAMETERS, server.describe)
         if self.params.use_sim_time:
             self.create_subscription(topics.CLOCK, self._on_clock)
@@ -215,12 +220,6 @@ class Node:
             for timer in timers:
                 self._push(timer, now_ns + timer.period_ns)
         self.clock.set_ns(now_ns)
-
-    def _answered(self, answer: Callable[[Any], Any], request: Any) -> Any:
-        try:
-            return answer(request)
-        except TactileError as error:
-            return error
 
     def _run(self, work: Callable[[], None]) -> None:
         try:

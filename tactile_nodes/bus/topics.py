@@ -63,6 +63,9 @@ TRUE_FORCE = Topic(
     _LATEST,
     60.0,
 )
+MODEL_IN_USE = Topic(
+    'model_in_use', 'tactile_nodes/msg/Provenance', 'the model that forces are computed with from now on', _LATCHED
+)
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'how each node is', Qos('queue', 100), 1.0)
 ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'what each node says', Qos('queue', 1000))
 CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'the time while a bag is replayed', _LATEST, recorded=False)
@@ -86,8 +89,8 @@ SYNC_EDGE = Topic('sync_edge', 'tactile_nodes/msg/SyncEdge', 'edges of the digit
 TOPICS = {
     topic.name: topic
     for topic in (
-        IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, DIAGNOSTICS, ROSOUT,
-        CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE,
+        IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
+        DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE,
     )
 }  # fmt: skip
 

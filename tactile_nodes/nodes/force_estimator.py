@@ -1,14 +1,14 @@
 """Features in, force in newtons out.
 
-Subscribes ``flow_features``; publishes ``force_distribution`` and ``wrench``.
+Subscribes ``flow_features``; publishes ``force_distribution``, ``wrench`` and the latched ``model_in_use``. Setting the
+parameter ``model`` lets another model take over between two frames; ``~/undo_calibration`` returns to the one before.
 """
 
 from __future__ import annotations
 
-import math
 import sys
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -17,27 +17,19 @@ from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
-from tactile_nodes.clock import Clock, perf_ns
-from tactile_nodes.messages import types
-from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.clock import Clock
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.estimating import Estimating, Ready
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.model import ForceEstimator, ForceMap
-from tactile_nodes.sensing.quality import ContactDetector
-from tactile_nodes.sensing.reading import Contact
 
-_INVALID = (
-    types.ForceDistribution.REASON_DARK_IMAGE
-    | types.ForceDistribution.REASON_SATURATED_IMAGE
-    | types.ForceDistribution.REASON_OTHER_IMAGE
-    | types.ForceDistribution.REASON_NOT_FINITE
-)
+_PREVIOUS = ''
 
 
 @dataclass(frozen=True)
 class ForceEstimatorParams(NodeParams):
     """Parameters of the force estimator node."""
 
-    model: str = parameter('fast', 'name of a model that ships, or path of a model file', read_only=True)
+    model: str = parameter('fast', 'name of a model that ships, or path of a model file')
     frame_id: str = parameter('gel_surface', 'frame of the forces')
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
@@ -51,75 +43,64 @@ class ForceEstimatorNode(Node):
     PARAMS = ForceEstimatorParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        self._asked: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
-        file: Path = find_model(self.params.model)
-        loaded = load_model(file)
-        self._estimator = ForceEstimator(loaded.model)
-        self._image_size = loaded.image_size
-        self._contact = ContactDetector(loaded.model.contact_threshold_n)
-        self._provenance = types.Provenance(model=file.stem, model_id=loaded.model_id, gel=loaded.gel)
-        self.report('model', Level.OK, f'{file.stem} ({loaded.model_id})', gel=loaded.gel, layout=loaded.model.layout)
+        self._estimating = Estimating(self.params.model)
+        self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
         self._wrench = self.create_publisher(topics.WRENCH)
+        self._tell_model()
+        self.create_trigger('~/undo_calibration', self._undo, first=self._find_previous)
         self.create_subscription(topics.FLOW_FEATURES, self._on_features)
 
+    def prepare_parameters(self, values: Mapping[str, object]) -> None:
+        if isinstance(name := values.get('model'), str):
+            self._ask(name, lambda: self._estimating.prepared(name))
+
+    def on_parameters(self, changed: ForceEstimatorParams) -> None:
+        asked = self._asked.pop(changed.model, None)
+        if asked is None and changed.model == self.params.model:
+            return
+        try:
+            self._estimating.take(_found(asked) if asked else self._estimating.prepared(changed.model))
+        except ModelError as error:
+            raise ConfigurationError(str(error)) from error
+        self._tell_model()
+        self.log.info(f'from now on with model {changed.model}')
+
     def _on_features(self, received: Received) -> None:
-        message: types.FlowFeatures = received.message
-        start_ns = perf_ns()
-        found = self._estimator.predict(conversions.features_array(message))
-        predict_s = (perf_ns() - start_ns) * 1e-9
-        force = self._message(message, found, predict_s, self.age_s(received))
+        age_s = max(0.0, self.age_s(received))
+        force = self._estimating.answer(received.message, self.params.frame_id, self.params.least_confidence, age_s)
         self._force.publish(force)
         self._wrench.publish(conversions.wrench_message(force))
 
-    def _message(
-        self, features: types.FlowFeatures, found: ForceMap, predict_s: float, since_s: float
-    ) -> types.ForceDistribution:
-        reasons = int(features.reasons | self._reasons(features, found))
-        touching = not reasons & _INVALID and self._contact.update(found.total_n)
-        bins = self._estimator.model.bins
-        stages: types.StageTimes = features.stages
-        return types.ForceDistribution(
-            header=types.Header(stamp=features.header.stamp, frame_id=self.params.frame_id),
-            status=_status(reasons),
-            reasons=reasons,
-            provenance=replace(self._provenance, reference_id=features.reference_id),  # type: ignore[type-var]
-            stages=types.StageTimes(
-                acquire=stages.acquire,
-                flow=stages.flow,
-                features=stages.features,
-                predict=predict_s,
-                transport=stages.transport + max(0.0, since_s - predict_s),
-            ),
-            **conversions.force_fields(
-                found.normal_force_n,
-                bins,
-                self._touching(found) if touching else (),
-                total_sigma_n=found.total_sigma_n,
-                unlikeness=found.unlikeness,
-            ),
-        )
+    def _ask(self, name: str, find: Callable[[], Ready]) -> None:
+        """In a thread of its own: what comes of it is taken, or refused, between two frames."""
+        try:
+            self._asked[name] = find()
+        except ModelError as error:
+            self._asked[name] = error
 
-    def _touching(self, found: ForceMap) -> tuple[Contact, ...]:
-        """The strongest contact, and the others that are above the threshold."""
-        least_n = self._contact.threshold_n
-        return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
+    def _find_previous(self) -> None:
+        self._ask(_PREVIOUS, self._estimating.previous)
 
-    def _reasons(self, features: types.FlowFeatures, found: ForceMap) -> int:
-        kind = types.ForceDistribution
-        faults = {
-            kind.REASON_NOT_FINITE: not math.isfinite(found.total_n),
-            kind.REASON_LOW_CONFIDENCE: found.confidence < self.params.least_confidence,
-            kind.REASON_UNLIKE_TRAINING: found.unlikeness > 1,
-            kind.REASON_OTHER_IMAGE: (features.image_width, features.image_height) != self._image_size,
-        }
-        return sum(bit for bit, present in faults.items() if present)
+    def _undo(self) -> str:
+        ready = _found(self._asked.pop(_PREVIOUS))
+        self._asked[ready.name] = ready
+        self._parameters.change({'model': ready.name})
+        return f'back to {ready.file.stem} ({ready.loaded.model_id})'
+
+    def _tell_model(self) -> None:
+        now = self._estimating.now
+        self._in_use.publish(now.provenance)
+        text = f'{now.file.stem} ({now.loaded.model_id})'
+        self.report('model', Level.OK, text, gel=now.loaded.gel, layout=now.inputs.layout)
 
 
-def _status(reasons: int) -> int:
-    if reasons & _INVALID:
-        return types.ForceDistribution.STATUS_INVALID
-    return types.ForceDistribution.STATUS_DEGRADED if reasons else types.ForceDistribution.STATUS_OK
+def _found(asked: Ready | ModelError) -> Ready:
+    if isinstance(asked, ModelError):
+        raise asked
+    return asked
 
 
 def main() -> int:

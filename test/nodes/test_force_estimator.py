@@ -139,11 +139,6 @@ def test_missing_model_names_those_that_ship(bus: InProcessBus, clock: SteppedCl
         node(bus, clock, 'none')
 
 
-def test_model_cannot_be_changed_while_running_and_a_typo_in_its_own_block_is_an_error(
-    bus: InProcessBus, clock: SteppedClock, small_model: Path
-) -> None:
-    tested = node(bus, clock, small_model)
-    with pytest.raises(ConfigurationError, match='only be set when the node starts'):
-        tested._parameters.change({'model': 'other'})
+def test_a_typo_in_its_own_block_is_an_error(bus: InProcessBus, clock: SteppedClock) -> None:
     with pytest.raises(ConfigurationError, match="unknown parameter 'modell'"):
         ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', 'force_estimator:modell:=x']), clock)

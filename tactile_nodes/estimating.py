@@ -1,0 +1,189 @@
+"""The model in use: features in, a force message out; and how another model takes its place between two frames."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import perf_ns
+from tactile_nodes.errors import ModelError
+from tactile_nodes.messages import types
+from tactile_nodes.methods import told
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap
+from tactile_nodes.sensing.quality import ContactDetector
+from tactile_nodes.sensing.reading import Contact
+
+FORCE = types.ForceDistribution
+INVALID = FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_NOT_FINITE
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What features are like: how motion is measured, how it is summed up, and in images of which size (px)."""
+
+    method: str
+    layout: FeatureLayout
+    image_size: tuple[int, int]
+
+    @classmethod
+    def of_model(cls, loaded: LoadedModel) -> Inputs:
+        """Those that a model learned from."""
+        return cls(told(make_flow(*loaded.flow)), loaded.model.layout, loaded.image_size)
+
+    @classmethod
+    def of_message(cls, message: types.FlowFeatures) -> Inputs:
+        """Those that come in."""
+        layout = FeatureLayout(message.encoding, message.rows, message.cols, message.channels)
+        return cls(message.method, layout, (message.image_width, message.image_height))
+
+    def __str__(self) -> str:
+        width, height = self.image_size
+        return f'{self.layout} by {self.method} in {width}x{height} pixels'
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A model that was read, checked and run once, so that its first frame takes no longer than the others.
+
+    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too.
+    """
+
+    name: str
+    file: Path
+    loaded: LoadedModel
+    estimator: ForceEstimator
+    inputs: Inputs
+    provenance: types.Provenance
+
+    @classmethod
+    def read(cls, name: str) -> Ready:
+        """From a file, or one that ships. Raises ModelError."""
+        file = find_model(name)
+        loaded = load_model(file)
+        estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
+        still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
+        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+        calibrated = loaded.card.get('data', {}).get('origin') == 'calibration'
+        provenance = types.Provenance(
+            model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
+            calibration_id=loaded.model_id if calibrated else '',
+        )  # fmt: skip
+        return cls(name, file, loaded, estimator, Inputs.of_model(loaded), provenance)
+
+
+class Estimating:
+    """Answers features with forces by the model in use. `prepared` and `previous` may be called from any thread.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.now = Ready.read(name)
+        self._earlier: list[Ready] = []
+        self._back: Ready | None = None
+        self._last: types.FlowFeatures | None = None
+        self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
+
+    def prepared(self, name: str) -> Ready:
+        """A model that can take over.
+
+        Raises:
+            ModelError: there is no such model, or it needs other features than come in.
+        """
+        ready, last = Ready.read(name), self._last
+        known = self.now.inputs if last is None else Inputs.of_message(last)
+        if ready.inputs != known:
+            raise ModelError(
+                f'model {name} needs {ready.inputs}, and what comes in is {known}; choose a model of these features, '
+                'or start flow features and force estimator with that one'
+            )
+        return ready
+
+    def previous(self) -> Ready:
+        """The model in use before this one; after a restart the one whose place this one took, as its card says.
+
+        Raises:
+            ModelError: there was none, or it is there no more.
+        """
+        self._back = self._earlier[-1] if self._earlier else self._replaced()
+        return self._back
+
+    def take(self, ready: Ready) -> None:
+        """From the next frame on with this model."""
+        if ready is not self._back:
+            self._earlier.append(self.now)
+        elif self._earlier:
+            self._earlier.pop()
+        self._back = None
+        self.now = ready
+        self._contact = replace(self._contact, threshold_n=ready.loaded.model.contact_threshold_n)
+
+    def answer(
+        self, features: types.FlowFeatures, frame_id: str, least_confidence: float, age_s: float
+    ) -> types.ForceDistribution:
+        """The force of one frame, whose features were published `age_s` ago.
+
+        Raises:
+            ModelError, MessageError: the features are none that the model can read.
+        """
+        self._last, start_ns = features, perf_ns()
+        found = self.now.estimator.predict(conversions.features_array(features))
+        stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
+        reasons = int(features.reasons | self._reasons(features, found, least_confidence))
+        touching = not reasons & INVALID and self._contact.update(found.total_n)
+        fields = conversions.force_fields(
+            found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
+            total_sigma_n=found.total_sigma_n, unlikeness=found.unlikeness,
+        )  # fmt: skip
+        return types.ForceDistribution(
+            header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
+            status=status_of(reasons),
+            reasons=reasons,
+            provenance=replace(self.now.provenance, reference_id=features.reference_id),  # type: ignore[type-var]
+            stages=replace(stages, predict=predict_s, transport=stages.transport + age_s),  # type: ignore[type-var]
+            **fields,
+        )
+
+    def _replaced(self) -> Ready:
+        card, file = self.now.loaded.card, self.now.file
+        old = card.get('replaces') or card.get('source') or {}
+        if not (name := str(old.get('model', ''))):
+            raise ModelError(f'{file.name} took the place of no other model, so there is nothing to return to')
+        beside = file.parent / name
+        ready = self.prepared(str(beside) if beside.is_file() else name)
+        if ready.loaded.model_id != old['model_id']:
+            raise ModelError(
+                f'{file.name} took the place of model {old["model_id"]}, and {name} is {ready.loaded.model_id} now; '
+                'set the parameter model to the file that is meant'
+            )
+        return ready
+
+    def _touching(self, found: ForceMap) -> tuple[Contact, ...]:
+        """The strongest contact, and the others that are above the threshold."""
+        least_n = self._contact.threshold_n
+        return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
+
+    def _reasons(self, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
+        size = features.image_width, features.image_height
+        faults = {
+            FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
+            FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
+            FORCE.REASON_UNLIKE_TRAINING: found.unlikeness > 1,
+            FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
+        }
+        return sum(bit for bit, present in faults.items() if present)
+
+
+def status_of(reasons: int) -> int:
+    """What some reasons make of a force: ok, degraded or invalid."""
+    if reasons & INVALID:
+        return FORCE.STATUS_INVALID
+    return FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK
