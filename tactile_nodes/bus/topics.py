@@ -66,6 +66,13 @@ TRUE_FORCE = Topic(
 MODEL_IN_USE = Topic(
     'model_in_use', 'tactile_nodes/msg/Provenance', 'the model that forces are computed with from now on', _LATCHED
 )
+CALIBRATION_STATE = Topic(
+    'calibration_state',
+    'tactile_nodes/msg/CalibrationState',
+    'whether the calibration still holds, and what to do where it does not',
+    _LATCHED,
+    1.0,
+)
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'how each node is', Qos('queue', 100), 1.0)
 ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'what each node says', Qos('queue', 1000))
 CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'the time while a bag is replayed', _LATEST, recorded=False)

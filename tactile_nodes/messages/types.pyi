@@ -786,6 +786,39 @@ class Trigger_Response(Message):
     message: str
     def __init__(self, success: bool = ..., message: str = ...) -> None: ...
 
+class CalibrationState(Message):
+    LEVEL_VALID: ClassVar[int]
+    LEVEL_AGEING: ClassVar[int]
+    LEVEL_INVALID: ClassVar[int]
+    LEVEL_UNKNOWN: ClassVar[int]
+    REASON_PICTURE_MOVED: ClassVar[int]
+    REASON_MOVED_SINCE_CALIBRATION: ClassVar[int]
+    REASON_LIGHT: ClassVar[int]
+    REASON_LOST_REGIONS: ClassVar[int]
+    REASON_OTHER_GEL: ClassVar[int]
+    REASON_UNLIKE_CONTACTS: ClassVar[int]
+    REASON_FORCE_RATIO: ClassVar[int]
+    header: Header
+    valid_from: Time
+    level: int
+    reasons: int
+    text: str
+    model_id: str
+    calibration: str
+    reference_id: str
+    moved: float
+    contrast: float
+    lost: float
+    since_calibration_moved: float
+    since_calibration_contrast: float
+    since_calibration_lost: float
+    force_ratio: float
+    force_ratio_sigma: float
+    force_ratio_contacts: int
+    unlike_share: float
+    untouched: Time
+    def __init__(self, header: Header = ..., valid_from: Time = ..., level: int = ..., reasons: int = ..., text: str = ..., model_id: str = ..., calibration: str = ..., reference_id: str = ..., moved: float = ..., contrast: float = ..., lost: float = ..., since_calibration_moved: float = ..., since_calibration_contrast: float = ..., since_calibration_lost: float = ..., force_ratio: float = ..., force_ratio_sigma: float = ..., force_ratio_contacts: int = ..., unlike_share: float = ..., untouched: Time = ...) -> None: ...
+
 class Contact(Message):
     position: Point
     position_sigma: float
@@ -806,9 +839,10 @@ class FlowFeatures(Message):
     method: str
     reference_id: str
     image_level: float
+    untouched: bool
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]
@@ -823,6 +857,8 @@ class ForceDistribution(Message):
     REASON_STALE: ClassVar[int]
     REASON_OTHER_IMAGE: ClassVar[int]
     REASON_UNLIKE_TRAINING: ClassVar[int]
+    REASON_CALIBRATION_AGEING: ClassVar[int]
+    REASON_CALIBRATION_INVALID: ClassVar[int]
     header: Header
     rows: int
     cols: int

@@ -1,0 +1,65 @@
+"""From a number that wavers to a level that does not: the median over seconds, held until it is clearly better."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import IntEnum
+
+import numpy as np
+
+NS_PER_S = 1_000_000_000
+RELEASE = 0.7
+"""A level ends when the number is below this share of the limit that began it."""
+WINDOW_S, LEAST_S, LEAST_VALUES = 6.0, 3.0, 3
+"""The median is over the last seconds of evidence, and says nothing before it spans some of them."""
+
+
+class Level(IntEnum):
+    """How far a calibration is to be trusted."""
+
+    VALID = 0
+    AGEING = 1
+    INVALID = 2
+    UNKNOWN = 3
+
+
+class Alarm:
+    """The level of one number, which is 0 where all is well and grows.
+
+    With limits of 0.03 and 0.1 a median of 0.05 is ageing and becomes valid again below 0.021. A value alone, however
+    large, changes nothing: half of a window of evidence must agree. Without new evidence the level stays.
+    """
+
+    def __init__(self, ageing: float, invalid: float = math.inf) -> None:
+        self.limits = ageing, invalid
+        self.level = Level.VALID
+        self.value = math.nan
+        self._values: deque[tuple[int, float]] = deque()
+
+    def feed(self, stamp_ns: int, value: float) -> None:
+        """Take the number at a time; a time before the last one begins anew."""
+        if self._values and stamp_ns < self._values[-1][0]:
+            self._values.clear()
+        self._values.append((stamp_ns, value))
+        while stamp_ns - self._values[0][0] > WINDOW_S * NS_PER_S:
+            self._values.popleft()
+        span_s = (stamp_ns - self._values[0][0]) / NS_PER_S
+        if len(self._values) >= LEAST_VALUES and span_s >= LEAST_S:
+            self.set(float(np.median([each for _, each in self._values])))
+
+    def set(self, value: float) -> None:
+        """Take a number that needs no more of its kind, such as the mean of many."""
+        self.value = value
+        held = (0.0, *(RELEASE * limit for limit in self.limits))
+        risen = self._level_by((0.0, *self.limits))
+        kept = min(self.level, self._level_by(held))
+        self.level = max(risen, kept)
+
+    def clear(self) -> None:
+        """Forget everything: what it was measured against is no more."""
+        self._values.clear()
+        self.level, self.value = Level.VALID, math.nan
+
+    def _level_by(self, limits: tuple[float, ...]) -> Level:
+        return max(level for level, limit in zip(Level, limits, strict=False) if self.value >= limit or level == 0)
