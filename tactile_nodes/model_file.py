@@ -24,7 +24,8 @@ from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION = 2
+FORMAT_VERSION, LAYERED_VERSION = 2, 3
+"""A network with a calibration layer has a version of its own: earlier releases would read it without the layer."""
 NO_CHECKSUM = '0' * 64
 
 
@@ -107,17 +108,17 @@ def load_model(path: Path | str) -> LoadedModel:
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
-    if card.get('format_version') != FORMAT_VERSION:
+    if card.get('format_version') not in (FORMAT_VERSION, LAYERED_VERSION):
         raise ModelError(
-            f'{path} has format version {card.get("format_version")}, and this release reads version {FORMAT_VERSION}; '
-            'update tactile_nodes or train the model again'
+            f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
+            f'and {LAYERED_VERSION}; update tactile_nodes or train the model again'
         )
     return LoadedModel(_model(path, data, card, checksum[:12]), card)
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
     return {
-        'format_version': FORMAT_VERSION,
+        'format_version': LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION,
         'layout': asdict(model.layout),
         'bins': asdict(model.bins),
         'readout': readout,

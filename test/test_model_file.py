@@ -19,7 +19,7 @@ from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
 
@@ -78,7 +78,15 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-@pytest.mark.parametrize('make', [small_model, small_response])
+def layered_model() -> ForceModel:
+    """The small network behind a calibration layer."""
+    random, model = np.random.default_rng(3), small_model()
+    change = (0.01 * random.normal(size=(8, 8))).astype(np.float16)
+    layer = CalibrationLayer.of_change(change, random.normal(size=8).astype(np.float32))
+    return replace(model, readout=replace(model.readout, layer=layer))
+
+
+@pytest.mark.parametrize('make', [small_model, layered_model, small_response])
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
     save_model(file, make(), CARD)
@@ -89,6 +97,12 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
     assert after.contacts == before.contacts
     assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
+
+
+def test_a_layer_has_a_version_that_earlier_releases_refuse(file: Path, tmp_path: Path):
+    save_model(tmp_path / 'layered.safetensors', layered_model(), CARD)
+    assert load_model(file).card['format_version'] == 2
+    assert load_model(tmp_path / 'layered.safetensors').card['format_version'] == 3
 
 
 def test_a_network_that_knows_no_uncertainty_comes_back_not_knowing(tmp_path: Path):
@@ -182,10 +196,10 @@ def test_a_pickle_is_refused_without_being_run(tmp_path: Path):
 
 
 def test_a_newer_format_says_to_update(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr('tactile_nodes.model_file.FORMAT_VERSION', 3)
+    monkeypatch.setattr('tactile_nodes.model_file.FORMAT_VERSION', 4)
     save_model(tmp_path / 'new.safetensors', small_model(), CARD)
     monkeypatch.undo()
-    with pytest.raises(ModelError, match='format version 3, and this release reads version 2; update'):
+    with pytest.raises(ModelError, match='format version 4, and this release reads versions 2 and 3; update'):
         load_model(tmp_path / 'new.safetensors')
 
 

@@ -117,6 +117,7 @@ def _torch(model: Path, exported: Path) -> Answer:
     torch.set_num_threads(1)
     readout = load_model(model).model.readout
     assert isinstance(readout, NetworkReadout)
+    assert readout.layer is None  # the models that ship have none
     scaling, shape = readout.scaling, (readout.bins.rows, readout.bins.cols)
     mean, gain, trusted = (torch.from_numpy(each) for each in (scaling.mean, scaling.gain, scaling.trusted))
     layers = [

@@ -28,7 +28,8 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
         ConfigurationError: the package onnx is not installed.
     """
     writer, readout = Writer(), loaded.model.readout
-    inputs = write_inputs(writer, loaded.model.layout, readout.scaling)
+    layer = readout.layer if isinstance(readout, NetworkReadout) else None
+    inputs = write_inputs(writer, loaded.model.layout, readout.scaling, layer)
     if isinstance(readout, NetworkReadout):
         answer = write_network(writer, readout, inputs)
     else:

@@ -9,7 +9,7 @@ import numpy as np
 from tactile_nodes.learning.onnx_graph import Operand, Value, Writer
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout
-from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.network import CalibrationLayer, InputScaling
 
 
 @dataclass(frozen=True)
@@ -32,19 +32,30 @@ class Answer:
     unlikeness: Value
 
 
-def write_inputs(writer: Writer, layout: FeatureLayout, scaling: InputScaling) -> Inputs:
-    """The graph's inputs, as `InputScaling` makes them: silent where no markers are to be followed."""
+def write_inputs(
+    writer: Writer, layout: FeatureLayout, scaling: InputScaling, layer: CalibrationLayer | None = None
+) -> Inputs:
+    """The graph's inputs, as `InputScaling` makes them: silent where no markers are to be followed.
+
+    A calibration layer comes before the scaling.
+    """
     grid = layout.rows, layout.cols
     meaning = f'{layout.encoding} of each region, row by row'
     features = writer.input('features', np.float32, (1, *grid, layout.channels), meaning)
     confidence = writer.input('confidence', np.float32, grid, 'how far each region can be believed, 0 to 1')
     followed = (confidence >= float(scaling.confidence_floor)).cast(np.float32)
     used = followed * scaling.trusted
-    scaled = (features - scaling.mean) * scaling.gain
+    adjusted = _adjusted(features, layer).reshape(1, *grid, layout.channels) if layer else features
+    scaled = (adjusted - scaling.mean) * scaling.gain
     each = used.reshape(*grid, 1)
     lost = (1 - followed) * (scaling.trusted > 0).astype(np.float32)
     missing = writer.op('Expand', lost.reshape(*grid, 1), writer.constant(np.array((*grid, layout.channels))))
     return Inputs((scaled * each).reshape(-1), missing.reshape(-1), used.sum() / max(float(scaling.trusted.sum()), 1.0))
+
+
+def _adjusted(features: Value, layer: CalibrationLayer) -> Value:
+    summed = features.writer.op('Gemm', features.reshape(1, -1), layer.weight, layer.bias, transB=1)
+    return features.writer.op('Relu', summed)
 
 
 def write_answer(writer: Writer, answer: Answer, inputs: Inputs, bins: BinGrid) -> None:

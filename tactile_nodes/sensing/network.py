@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float16, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
@@ -56,6 +56,36 @@ class Mlp:
 
 
 @dataclass(frozen=True)
+class CalibrationLayer:
+    """The paper's layer for another gel, in front of a network that was trained on the first (section V).
+
+    Rectified units, one for each feature, on the features as they are measured, before any scaling: max(0, W v + b).
+    With W the identity and b zero it changes no feature that is never negative, to the bit; a magnitude and an angle in
+    [0, 2 pi) are such, motion along x and y is not.
+    """
+
+    weight: Float32[np.ndarray, 'features features']
+    bias: Float32[np.ndarray, ' features']
+
+    @classmethod
+    def of_change(
+        cls, change: Float16[np.ndarray, 'features features'], bias: Float32[np.ndarray, ' features']
+    ) -> CalibrationLayer:
+        """With weights that are the identity and a change; none makes the layer that changes nothing."""
+        return cls(np.eye(len(bias), dtype=np.float32) + change.astype(np.float32), bias)
+
+    @property
+    def change(self) -> Float16[np.ndarray, 'features features']:
+        """What the weights add to the identity. It is small, so that half floats hold it to the last digits."""
+        added: np.ndarray = (self.weight - np.eye(len(self.bias), dtype=np.float32)).astype(np.float16)
+        return added
+
+    def __call__(self, values: Float32[np.ndarray, 'rows cols channels']) -> Float32[np.ndarray, 'rows cols channels']:
+        adjusted: np.ndarray = rectified(self.weight @ values.reshape(-1) + self.bias).reshape(values.shape)
+        return adjusted
+
+
+@dataclass(frozen=True)
 class InputScaling:
     """How features become network inputs: subtract, multiply, and silence the regions without markers.
 
@@ -96,6 +126,7 @@ class TotalSpread:
 class NetworkReadout:
     """Scaled features through a network to forces in units of `output_scale_n`, one a bin, row-major.
 
+    A network that serves another gel than its own has a calibration layer before the scaling.
     Its one contact is the force-weighted mean of the strongest bin and its neighbours. With the paper's labels (all
     force in the bin of the indentation's centre) it says in which bin the contact lies and hints at the side of it:
     expect an error of about a millimetre, which it does not know (`sigma_mm` is NaN).
@@ -107,13 +138,15 @@ class NetworkReadout:
     output_scale_n: float = 1.0
     spread: TotalSpread = TotalSpread()
     likeness: Likeness | None = None
+    layer: CalibrationLayer | None = None
 
     kind = 'network'
 
     @property
     def parameter_count(self) -> int:
-        """Weights and biases: 3 074 081 of the paper's network."""
-        return sum(each.size for each in (*self.network.weights, *self.network.biases))
+        """Weights and biases: 3 074 081 of the paper's network, 10 243 200 of its calibration layer."""
+        added = (self.layer.weight, self.layer.bias) if self.layer else ()
+        return sum(each.size for each in (*self.network.weights, *self.network.biases, *added))
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
         sizes = self.network.sizes
@@ -123,12 +156,20 @@ class NetworkReadout:
                 f'{bins.count} bins; train it again or use another model file'
             )
 
+    def inputs(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Float32[np.ndarray, ' inputs']:
+        """What the network is shown of one frame; all NaN if a feature is not finite."""
+        if not np.isfinite(values).all():  # units that saturate would make a finite force of it
+            return np.full(values.size, np.nan, np.float32)
+        adjusted = self.layer(values) if self.layer else values
+        inputs: np.ndarray = self.scaling(adjusted, confidence).reshape(-1)
+        return inputs
+
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        inputs = self.scaling(values, confidence).reshape(-1)
-        if not np.isfinite(inputs).all():  # units that saturate would make a finite force of it
-            inputs = np.full_like(inputs, np.nan)
+        inputs = self.inputs(values, confidence)
         forces = (self.network(inputs) * np.float32(self.output_scale_n)).reshape(self.bins.rows, self.bins.cols)
         total_n = float(forces.sum(dtype=np.float64))
         sigma_n = self.spread.sigma_n(total_n)

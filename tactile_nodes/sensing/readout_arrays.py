@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
 
@@ -39,6 +39,8 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
     for i, (weight, bias) in enumerate(zip(readout.network.weights, readout.network.biases, strict=True)):
         arrays[f'layer{i}.weight'] = weight.astype(np.float16)
         arrays[f'layer{i}.bias'] = bias
+    if readout.layer:
+        arrays |= {'calibration.change': readout.layer.change, 'calibration.bias': readout.layer.bias}
     return arrays, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'sizes': list(readout.network.sizes),
@@ -46,6 +48,7 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
         'output': 'identity',
         'output_scale_n': readout.output_scale_n,
         'spread': _finite(asdict(readout.spread)),
+        **({'calibration_layer': 'relu'} if readout.layer else {}),
     }
 
 
@@ -57,9 +60,11 @@ def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: Bi
         said['hidden'],
     )
     spread = TotalSpread(**{name: value for name, value in said['spread'].items() if value is not None})
-    return NetworkReadout(
-        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, _likeness(arrays, said['likeness'])
-    )
+    likeness = _likeness(arrays, said['likeness'])
+    layer = None
+    if 'calibration_layer' in said:
+        layer = CalibrationLayer.of_change(arrays['calibration.change'], arrays['calibration.bias'])
+    return NetworkReadout(_scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer)
 
 
 def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:

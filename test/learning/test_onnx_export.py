@@ -27,7 +27,7 @@ from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
 
@@ -102,6 +102,23 @@ def test_a_network_answers_as_numpy_does(hidden: str) -> None:
     found = compare(loaded, onnx_bytes(loaded), shown(loaded))
     assert (found.bin_n, found.place_mm, found.force_n) == pytest.approx((0, 0, 0), abs=2e-5)
     assert max(found.sigma_share, found.unlikeness_share) < 1e-5
+
+
+def test_a_calibration_layer_answers_as_numpys_does() -> None:
+    random, loaded = np.random.default_rng(5), network()
+    layer = CalibrationLayer.of_change(
+        random.normal(0, 0.1, (40, 40)).astype('f2'), random.normal(size=40).astype(np.float32)
+    )
+    layered = replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, layer=layer)))
+    frames = shown(loaded)
+    assert np.abs(_bins(layered, frames) - _bins(loaded, frames)).max() > 0.01
+    found = compare(layered, onnx_bytes(layered), frames)
+    assert (found.bin_n, found.place_mm, found.force_n) == pytest.approx((0, 0, 0), abs=2e-5)
+    assert max(found.sigma_share, found.unlikeness_share) < 1e-5
+
+
+def _bins(loaded: LoadedModel, frames: list[Features]) -> np.ndarray:
+    return np.stack([ForceEstimator(loaded.model).predict(each).normal_force_n for each in frames])
 
 
 def test_a_network_that_knows_no_uncertainty_does_not_make_one_up() -> None:

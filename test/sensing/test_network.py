@@ -11,7 +11,14 @@ import pytest
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread, rectified
+from tactile_nodes.sensing.network import (
+    CalibrationLayer,
+    InputScaling,
+    Mlp,
+    NetworkReadout,
+    TotalSpread,
+    rectified,
+)
 
 BINS = BinGrid(1, 2, 20.0, 10.0)
 SCALING = InputScaling(
@@ -38,6 +45,33 @@ def test_features_are_scaled_and_outputs_have_their_unit() -> None:
     contact = reading.contacts[0]
     assert contact.force_n == pytest.approx(1.5)
     assert contact.x_mm == pytest.approx((0.5 * -5 + 1.0 * 5) / 1.5)
+
+
+def test_a_layer_of_the_identity_changes_no_bit_of_features_that_are_not_negative() -> None:
+    layer = CalibrationLayer.of_change(np.zeros((2, 2), np.float16), np.zeros(2, np.float32))
+    for shown in (values(0.1, 6.28), values(0.0, 1e-7), values(3.3, 0.7)):
+        before = READER.read(shown, sure())
+        after = dataclasses.replace(READER, layer=layer).read(shown, sure())
+        assert after.normal_force_n.tobytes() == before.normal_force_n.tobytes()
+
+
+def test_a_layer_acts_on_features_before_they_are_scaled() -> None:
+    change = np.array([[0, 0.5], [0, -2]], np.float16)
+    layered = dataclasses.replace(READER, layer=CalibrationLayer.of_change(change, np.array([0.25, 0], np.float32)))
+    # 2 + 0.5 * 1 + 0.25 = 2.75 and max(0, 1 - 2 * 1) = 0, then (2.75 - 1) * 2 and (0 - 1) * 2.
+    np.testing.assert_allclose(layered.inputs(values(2.0, 1.0), sure()), [3.5, -2.0])
+    assert layered.parameter_count == READER.parameter_count + 6
+
+
+def test_a_layer_cuts_off_what_is_negative() -> None:
+    layer = CalibrationLayer.of_change(np.zeros((2, 2), np.float16), np.zeros(2, np.float32))
+    assert layer(values(-0.5, 2.0)).reshape(-1).tolist() == [0.0, 2.0]
+
+
+def test_behind_a_layer_an_infinite_feature_gives_no_force_either() -> None:
+    layer = CalibrationLayer.of_change(np.array([[-2, 0], [0, 0]], np.float16), np.zeros(2, np.float32))
+    reading = dataclasses.replace(READER, layer=layer).read(values(np.inf, 1.0), sure())
+    assert np.isnan(reading.normal_force_n).all()
 
 
 def test_an_infinite_feature_gives_no_force_that_looks_like_one() -> None:
