@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -76,20 +76,17 @@ def build(
                 progress.say(f'{bag.path}: {warning}; its stamps are taken as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
-        builder = _Builder(options, measurer, bar)
+        builder = Builder(options, measurer, bar)
         for number, bag in enumerate(opened):
             for press in bag.presses():
                 builder.take(number, press)
-    samples = builder.finish()
-    if not samples:
-        raise DatasetError(f'no press of {_listed(bags)} can be used: {_reasons(builder.left_out)}')
-    return builder.shelf.recordings(samples, {**_card(options, opened, builder), 'command': command})
+    return builder.recordings([told_of(bag, options.gel['id']) for bag in opened], list(bags), command=command)
 
 
-class _Builder:
-    """Takes presses as they come, bag after bag."""
+class Builder:
+    """Takes presses as they come, bag after bag, and gives the data set of those that came so far."""
 
-    def __init__(self, options: BuildOptions, measurer: Measurer, bar: Bar) -> None:
+    def __init__(self, options: BuildOptions, measurer: Measurer, bar: Bar | None = None) -> None:
         self.options, self.measurer, self.bar = options, measurer, bar
         self.shelf = Shelf(options.bins)
         self.left_out: list[LeftOut] = []
@@ -99,12 +96,17 @@ class _Builder:
         self._suspects: dict[tuple[str, int, int], str] = {}
         self._without_contact = 0.0
 
-    def take(self, bag: int, press: RecordedPress) -> None:
-        """Judge and measure one attempt."""
+    @property
+    def presses(self) -> int:
+        """How many can be used so far."""
+        return len(self._usable)
+
+    def take(self, bag: int, press: RecordedPress) -> list[Sample]:
+        """Judge and measure one attempt; its samples, none if it cannot be used."""
         told = press.told
         if told.status == types.Press.STATUS_SUSPECT:
             self._suspects[told.plan_id, told.press, told.attempt] = told.reason
-            return
+            return []
         entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
         verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
         samples: list[Sample] = []
@@ -117,7 +119,28 @@ class _Builder:
             self._keep(entry, samples)
         else:
             self._leave_out(entry, *verdict)
-        self.bar.advance(1, f'{self.measurer.computed} measured, {self.measurer.found} known, {len(self.left_out)} out')
+        if self.bar is not None:
+            measurer, out = self.measurer, len(self.left_out)
+            self.bar.advance(1, f'{measurer.computed} measured, {measurer.found} known, {out} out')
+        return samples
+
+    def recordings(
+        self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path], *, command: str = ''
+    ) -> RecordedPresses:
+        """The data set so far.
+
+        Args:
+            told: an entry of the card for each bag, as `told_of` makes it.
+            bags: where they are.
+            command: what was typed.
+
+        Raises:
+            DatasetError: no press can be used.
+        """
+        samples = self.finish()
+        if not samples:
+            raise DatasetError(f'no press of {_listed(bags)} can be used: {_reasons(self.left_out)}')
+        return self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
 
     def finish(self) -> list[Sample]:
         """All samples, in the order in which their presses were first told, but for those that became suspect."""
@@ -176,8 +199,19 @@ def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
     return [frames[:1] if mode == 'first' else frames]
 
 
-def _card(options: BuildOptions, bags: Sequence[CollectionBag], builder: _Builder) -> dict[str, Any]:
-    measurer = builder.measurer
+def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:
+    """What a card says of a bag whose presses were all read."""
+    return {
+        'id': bag.bag_id,
+        'gel': gel,
+        'attempts': bag.press_count,
+        'problems': bag.problems,
+        'clocks': bag.clocks.as_list(),
+    }
+
+
+def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Path]) -> dict[str, Any]:
+    options, measurer = builder.options, builder.measurer
     return {
         'format': FORMAT,
         'format_version': FORMAT_VERSION,
@@ -195,17 +229,8 @@ def _card(options: BuildOptions, bags: Sequence[CollectionBag], builder: _Builde
         'labels': {**asdict(options.bins), 'reading': describe(options.bins)},
         'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
         'gel': json.loads(json.dumps(options.gel)),
-        'bags': [
-            {
-                'id': bag.bag_id,
-                'gel': options.gel['id'],
-                'attempts': bag.press_count,
-                'problems': bag.problems,
-                'clocks': bag.clocks.as_list(),
-            }
-            for bag in bags
-        ],
-        'bag_names': [bag.path.name for bag in bags],
+        'bags': list(told),
+        'bag_names': [path.name for path in bags],
         'left_out': [each.as_dict() for each in builder.left_out],
     }
 
