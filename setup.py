@@ -20,6 +20,7 @@ NODES = [
     'rig',
     'emulated_rig',
     'sync_input',
+    'live_view',
     'composed',
 ]
 
@@ -44,9 +45,13 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=['tactile_nodes', 'tactile_nodes.*']),
-    package_data={'tactile_nodes.messages': ['types.pyi']},
+    package_data={
+        'tactile_nodes.messages': ['types.pyi'],
+        'tactile_nodes.web': ['static/*', 'static/js/*', 'static/uplot/*'],
+    },
     data_files=shared_files(),
     install_requires=[
+        'aiohttp>=3.9,<4',
         'argcomplete>=3.5,<4',
         'jaxtyping>=0.3,<0.4',
         'mcap>=1.5,<2',
@@ -71,6 +76,7 @@ setup(
             'mypy>=2.4,<3',
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',
+            'playwright>=1.50,<2',
             'pynetft>=2.1,<3',
             'pytest>=9,<10',
             'pytest-timeout>=2.3,<3',

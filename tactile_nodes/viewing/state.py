@@ -83,6 +83,12 @@ class ViewState:
         self.malformed = 0
         self.estimators: tuple[str, ...] = ()
         self.advice = 'start a sensor with: tactile launch live'
+        self._health: dict[str, _Heard] = {}
+        self._logs: deque[_Said] = deque(maxlen=4)
+        self.count_anew(start_ns)
+
+    def count_anew(self, start_ns: int) -> None:
+        """Forget all frames, as one does who has looked away: what nobody received was not lost on its way."""
         self._start_ns = start_ns
         self.frames = self._invalid = 0
         self._force: Any = None
@@ -95,8 +101,6 @@ class ViewState:
         self._skipped = StampGaps()
         self._comparison = Comparison()
         self._truth_ns = -math.inf
-        self._health: dict[str, _Heard] = {}
-        self._logs: deque[_Said] = deque(maxlen=4)
 
     def add_force(self, received: Received) -> None:
         """A force distribution came in.
@@ -152,6 +156,15 @@ class ViewState:
             self._logs[-1].times += 1
         else:
             self._logs.append(_Said(text))
+
+    def force_within(self, now_ns: int, seconds: float) -> Any:
+        """The last ForceDistribution if it came in the last `seconds`, else None; from any thread."""
+        force, arrival_ns = self._force, self._arrival_ns
+        return force if now_ns - arrival_ns < seconds * NS_PER_S else None
+
+    def current(self, now_ns: int) -> Snapshot:
+        """What to show now, without the rates and latencies, which take the most time to find."""
+        return self._picture(now_ns, (math.nan, math.nan), {})
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """What to show now; rates and latencies are those of the last `WINDOW_S` seconds."""

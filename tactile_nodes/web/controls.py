@@ -1,0 +1,55 @@
+"""What the page's buttons do: they call the services of the nodes, and say what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.errors import TactileError
+from tactile_nodes.messages import services, types
+from tactile_nodes.web.recording import RECORDER
+
+REST_IMAGE, START, STOP = 'rest_image', 'recording_start', 'recording_stop'
+_SERVICES = {
+    REST_IMAGE: 'flow_features/capture_reference',
+    START: f'{RECORDER}/start',
+    STOP: f'{RECORDER}/stop',
+}
+TIMEOUT_S = 5.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Whether it was done, and a sentence. `insistable`: it was refused by us, and the person may know better."""
+
+    done: bool
+    text: str
+    insistable: bool = False
+
+
+class Controls:
+    """The actions of the nodes of one namespace; each is a std_srvs/Trigger."""
+
+    def __init__(self, bus: Bus, namespace: str = '/') -> None:
+        self._bus = bus
+        self._services = {action: f'{namespace.rstrip("/")}/{name}' for action, name in _SERVICES.items()}
+
+    def available(self) -> dict[str, bool]:
+        """Which actions somebody serves."""
+        served = {end.name for end in self._bus.graph().services() if end.type_name == services.TRIGGER}
+        return {action: name in served for action, name in self._services.items()}
+
+    def act(self, action: str, touching_n: float | None = None, *, insist: bool = False) -> Outcome:
+        """Do it, from any thread; a rest image is refused while something touches, unless a person insists."""
+        if action not in self._services:
+            return Outcome(False, f'There is no action {action!r}.')
+        if action == REST_IMAGE and touching_n is not None and not insist:
+            text = f'Something seems to touch the gel ({touching_n:.3f} N): lift it first.'
+            return Outcome(False, text, insistable=True)
+        try:
+            answer = self._bus.call(
+                self._services[action], services.TRIGGER, types.Trigger_Request(), timeout_s=TIMEOUT_S
+            )
+        except TactileError as error:
+            return Outcome(False, str(error))
+        return Outcome(bool(answer.success), answer.message)

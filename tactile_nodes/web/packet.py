@@ -1,0 +1,70 @@
+"""What travels to the page: one binary WebSocket message a look, which the page takes apart again (js/packet.js).
+
+::
+
+    uint32                length of the JSON text, little-endian
+    JSON, UTF-8           numbers and words; `sections` lists name and length [bytes] of what follows
+    the sections          bins (float32 [N]), motion (float32, dx dy confidence a region), image (JPEG)
+    samples               the rest: stamp (float64 [s]), total and true total (float32 [N]) each
+
+The samples come last because they differ from viewer to viewer: who was passed over gets those that it missed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+_LENGTH = struct.Struct('<I')
+_SAMPLE = struct.Struct('<dff')
+
+
+@dataclass(frozen=True)
+class Packet:
+    """The same `body` for all viewers, and what is new in the course of the force since the packet before."""
+
+    body: bytes
+    samples: bytes = b''
+
+
+def body(told: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
+    """JSON and sections as above; numbers that are none become null."""
+    lengths = [[name, len(data)] for name, data in sections.items()]
+    text = json.dumps(finite({**told, 'sections': lengths}), separators=(',', ':'), ensure_ascii=False).encode()
+    return b''.join((_LENGTH.pack(len(text)), text, *sections.values()))
+
+
+def samples(found: Iterable[tuple[float, float, float]]) -> bytes:
+    """(stamp [s], total [N], true total [N] or NaN) of each frame."""
+    return b''.join(_SAMPLE.pack(*each) for each in found)
+
+
+def finite(value: Any) -> Any:
+    """`value` without NaN and infinities, which JSON does not have.
+
+    >>> finite({'force': [1.5, math.nan]})
+    {'force': [1.5, None]}
+    """
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(each) for each in value]
+    return value
+
+
+def taken_apart(message: bytes) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
+    """What the page makes of a message: JSON, sections, samples. For whoever watches without a browser."""
+    (length,) = _LENGTH.unpack_from(message)
+    place = _LENGTH.size + length
+    told = json.loads(message[_LENGTH.size : place])
+    sections = {}
+    for name, size in told.pop('sections'):
+        sections[name] = message[place : place + size]
+        place += size
+    return told, sections, list(_SAMPLE.iter_unpack(message[place:]))

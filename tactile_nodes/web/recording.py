@@ -1,0 +1,44 @@
+"""Whether the sensor is being recorded, from what the recorder says of itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_nodes.bus.protocol import Received
+
+RECORDER = 'recorder'
+_PART = 'bag'
+_OK = 0
+
+
+class Recording:
+    """Listens to the recorder of one namespace."""
+
+    def __init__(self, namespace: str = '/') -> None:
+        self._name = f'{namespace.strip("/")}/{RECORDER}: {_PART}'.lstrip('/')
+        self._status: Any = None
+        self._heard_ns = 0
+
+    def add_diagnostics(self, received: Received) -> None:
+        for status in received.message.status:
+            if status.name.lstrip('/') == self._name:
+                self._status = status
+                self._heard_ns = received.received_ns
+
+    def told(self) -> dict[str, Any] | None:
+        """On or off, how much, and in the recorder's own words; None when no recorder was heard."""
+        if self._status is None:
+            return None
+        values = {each.key: each.value for each in self._status.values}
+        return {
+            'on': 'seconds' in values,
+            'seconds': float(values.get('seconds', 0.0)),
+            'messages': int(values.get('messages', 0)),
+            'lost': int(values.get('missed', 0)) + int(values.get('dropped', 0)),
+            'well': _is_ok(self._status.level),
+            'text': self._status.message,
+        }
+
+
+def _is_ok(level: Any) -> bool:
+    return (level[0] if isinstance(level, bytes) else int(level)) == _OK

@@ -1,0 +1,99 @@
+"""Snapshots in the page's own terms: millimetres, newtons, milliseconds, words. NaN stands for what nobody knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tactile_nodes.messages import stamp_ns
+from tactile_nodes.viewing.measures import NS_PER_S
+from tactile_nodes.viewing.reasons import sentences
+from tactile_nodes.viewing.state import SILENT_AFTER_S, NodeHealth, Snapshot
+
+_STATUSES = ('ok', 'degraded', 'invalid')
+_LEVELS = ('ok', 'warning', 'error', 'stale')
+_MM = 1000.0
+
+
+def force(message: Any) -> dict[str, Any] | None:
+    """A ForceDistribution but for its bins."""
+    if message is None:
+        return None
+    return {
+        'stamp_s': stamp_ns(message.header.stamp) / NS_PER_S,
+        'status': _STATUSES[min(message.status, 2)],
+        'reasons': sentences(message.reasons),
+        'total_n': message.total,
+        'sigma_n': message.total_sigma or None,
+        'peak_n': message.peak,
+        'unlikeness': message.unlikeness,
+        'in_contact': bool(message.in_contact),
+        'contacts': [_contact(each) for each in message.contacts],
+        'rows': message.rows,
+        'cols': message.cols,
+        'bin_mm': [message.bin_width * _MM, message.bin_height * _MM],
+        'origin_mm': [message.origin.x * _MM, message.origin.y * _MM],
+    }
+
+
+def truth(message: Any) -> dict[str, Any] | None:
+    """What really presses, where a simulator knows it."""
+    if message is None:
+        return None
+    place = [message.contact.x * _MM, message.contact.y * _MM] if message.in_contact else None
+    return {'total_n': message.total, 'place_mm': place}
+
+
+def motion(message: Any) -> dict[str, Any] | None:
+    """The grid of a FlowFeatures; its arrows travel beside."""
+    if message is None:
+        return None
+    return {
+        'rows': message.rows,
+        'cols': message.cols,
+        'width_px': message.image_width,
+        'height_px': message.image_height,
+    }
+
+
+def slowly(shot: Snapshot, recording: Mapping[str, Any] | None, controls: Mapping[str, bool]) -> dict[str, Any]:
+    """What a person reads: it changes a few times a second at most."""
+    return {
+        'rates': {
+            'arriving_hz': shot.arrivals_hz,
+            'stamps_hz': shot.stamps_hz,
+            'frames': shot.frames,
+            'lost': shot.lost,
+            'skipped': shot.skipped,
+            'malformed': shot.malformed,
+        },
+        'latency_ms': [[stage, 1e3 * found.p50, 1e3 * found.p99] for stage, found in shot.latencies.items()],
+        'rmse_n': shot.scores.rmse_n,
+        'health': [_health(each) for each in shot.health],
+        'logs': list(shot.logs),
+        'provenance': _provenance(shot.force),
+        'recording': dict(recording) if recording is not None else None,
+        'controls': dict(controls),
+    }
+
+
+def _contact(each: Any) -> dict[str, float]:
+    return {
+        'x_mm': each.position.x * _MM,
+        'y_mm': each.position.y * _MM,
+        'sigma_mm': each.position_sigma * _MM,
+        'force_n': each.force,
+        'sigma_n': each.force_sigma,
+    }
+
+
+def _health(each: NodeHealth) -> dict[str, Any]:
+    silent_s = each.age_s if each.age_s > SILENT_AFTER_S else None
+    return {'node': each.node, 'level': _LEVELS[min(each.level, 3)], 'text': each.text, 'silent_s': silent_s}
+
+
+def _provenance(message: Any) -> dict[str, str]:
+    if message is None:
+        return {}
+    names = ('model', 'model_id', 'calibration_id', 'gel', 'reference_id', 'tare_id')
+    return {name: getattr(message.provenance, name) for name in names}

@@ -1,0 +1,95 @@
+"""Who watches, and what each is sent next. Plain objects; times are handed in.
+
+A viewer says when it has drawn what it was sent, and has at most `IN_FLIGHT` messages on their way to it. So a slow
+one sees fewer frames, never older ones, and one that hangs, or whose window is hidden, is sent nothing more: for it
+nothing is computed, encoded or kept but the course of the force.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from tactile_nodes.web.packet import Packet
+
+IN_FLIGHT = 2
+HISTORY_PACKETS = 1800  # of samples: a minute at 30 a second
+STUCK_AFTER_S = 3.0
+
+
+class Viewer:
+    """One page: the newest packet that it has not been sent, with the samples of all those it was passed over for."""
+
+    def __init__(self, history: deque[bytes], now_s: float) -> None:
+        self.sent = self.passed_over = 0
+        self._samples = deque(history, HISTORY_PACKETS)
+        self._body: bytes | None = None
+        self._in_flight = 0
+        self._heard_s = now_s
+
+    def offer(self, packet: Packet) -> None:
+        """There is something new to see."""
+        self.passed_over += self._body is not None
+        self._body = packet.body
+        self._samples.append(packet.samples)
+
+    def take(self) -> bytes | None:
+        """What to send now, if anything."""
+        if self._body is None or not self.has_room:
+            return None
+        message = b''.join((self._body, *self._samples))
+        self._body = None
+        self._samples.clear()
+        self._in_flight += 1
+        self.sent += 1
+        return message
+
+    def acknowledge(self, now_s: float) -> None:
+        """It has drawn a message."""
+        self._in_flight = max(0, self._in_flight - 1)
+        self._heard_s = now_s
+
+    @property
+    def has_room(self) -> bool:
+        return self._in_flight < IN_FLIGHT
+
+    def is_watching(self, now_s: float) -> bool:
+        """Whether it takes what it is sent."""
+        return self.has_room or now_s - self._heard_s < STUCK_AFTER_S
+
+
+class Audience:
+    """All viewers, and the last minute of the force for those who come. One thread changes it, any may ask."""
+
+    def __init__(self, most: int = 16) -> None:
+        self.viewers: list[Viewer] = []
+        self._most = most
+        self._history: deque[bytes] = deque(maxlen=HISTORY_PACKETS)
+
+    @property
+    def is_full(self) -> bool:
+        return len(self.viewers) >= self._most
+
+    def join(self, now_s: float) -> Viewer:
+        """Somebody opens the page."""
+        made = Viewer(self._history, now_s)
+        self.viewers.append(made)
+        return made
+
+    def leave(self, viewer: Viewer) -> None:
+        self.viewers.remove(viewer)
+
+    def offer(self, packet: Packet) -> None:
+        """Show it to all."""
+        if packet.samples:
+            self._history.append(packet.samples)
+        for viewer in self.viewers:
+            viewer.offer(packet)
+
+    def watching(self, now_s: float) -> int:
+        """How many take what they are sent."""
+        return sum(viewer.is_watching(now_s) for viewer in list(self.viewers))
+
+    @property
+    def has_room(self) -> bool:
+        """Whether anybody could be sent something now; else there is no need to make it."""
+        return any(viewer.has_room for viewer in list(self.viewers))
