@@ -11,7 +11,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
-from tactile_nodes.messages import types
+from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.features import Features
@@ -19,6 +19,7 @@ from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap
 from tactile_nodes.sensing.quality import ContactDetector
 from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.sensing.stamped import ByStamp
 
 FORCE = types.ForceDistribution
 INVALID = FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_NOT_FINITE
@@ -91,6 +92,7 @@ class Estimating:
         self._back: Ready | None = None
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
+        self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
         """A model that can take over.
@@ -135,10 +137,12 @@ class Estimating:
             ModelError, MessageError: the features are none that the model can read.
         """
         self._last, start_ns = features, perf_ns()
-        found = self.now.estimator.predict(conversions.features_array(features))
+        estimator, seen = self.now.estimator, conversions.features_array(features)
+        found = estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
         touching = not reasons & INVALID and self._contact.update(found.total_n)
+        reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
             total_sigma_n=found.total_sigma_n, unlikeness=found.unlikeness,
@@ -182,8 +186,19 @@ class Estimating:
         return sum(bit for bit, present in faults.items() if present)
 
 
+def calibration_reasons(state: types.CalibrationState) -> int:
+    """What a calibration's state adds to the reasons of every force."""
+    kind = types.CalibrationState
+    by_level = {
+        kind.LEVEL_AGEING: FORCE.REASON_CALIBRATION_AGEING,
+        kind.LEVEL_INVALID: FORCE.REASON_CALIBRATION_INVALID,
+    }
+    moved = FORCE.REASON_FOREIGN_MOTION if state.reasons & kind.REASON_PICTURE_MOVED else 0
+    return int(by_level.get(state.level, 0) | moved)
+
+
 def status_of(reasons: int) -> int:
     """What some reasons make of a force: ok, degraded or invalid."""
-    if reasons & INVALID:
+    if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
         return FORCE.STATUS_INVALID
     return FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK

@@ -8,6 +8,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
+from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,31 @@ class MethodParams:
     encoding: str = parameter('cartesian_mean', 'how motion is summed up by region', read_only=True)
     rows: int = parameter(10, 'regions along y', minimum=1, read_only=True)
     cols: int = parameter(10, 'regions along x', minimum=1, read_only=True)
+
+
+@dataclass(frozen=True)
+class StillnessParams:
+    """How frames in which nothing touches are told, and answered without measuring motion."""
+
+    check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion', read_only=True)
+    limit: float = parameter(
+        4.7, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
+    )
+    most_noise_grey: float = parameter(
+        3.0, 'noise of a pixel (standard deviation, grey levels) from which every frame is measured', minimum=0.1,
+        read_only=True,
+    )  # fmt: skip
+    full_every: int = parameter(
+        16, 'of frames in which nothing touches one in so many is measured all the same; 1: all', minimum=1,
+        read_only=True,
+    )  # fmt: skip
+
+
+def make_check(params: StillnessParams) -> StillnessCheck | None:
+    """The check that parameters ask for; None where every frame is to be measured."""
+    if not params.check:
+        return None
+    return StillnessCheck(StillnessOptions(params.limit, params.most_noise_grey, params.full_every))
 
 
 def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ from tactile_nodes.clock import Clock, perf_ns
 from tactile_nodes.drivers.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.methods import MethodParams, make_methods, told
+from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.quality import picture_faults
@@ -52,6 +52,7 @@ class FlowFeaturesParams(MethodParams, NodeParams):
     overlay_every: int = parameter(
         0, 'save a picture of the motion every so many frames; 0: only when asked', minimum=0
     )
+    stillness: StillnessParams = field(default_factory=StillnessParams)
 
 
 class FlowFeaturesNode(Node):
@@ -66,7 +67,11 @@ class FlowFeaturesNode(Node):
         flow, encoding = make_methods(chosen)
         self._method = told(flow)
         self._tracker = FeatureTracker(
-            flow, encoding, rest_frames=chosen.reference_frames, marked_share=chosen.marked_share
+            flow,
+            encoding,
+            rest_frames=chosen.reference_frames,
+            marked_share=chosen.marked_share,
+            check=make_check(chosen.stillness),
         )
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0
@@ -125,6 +130,7 @@ class FlowFeaturesNode(Node):
                 method=self._method,
                 reference_id=self._tracker.reference_id,
                 image_level=faults.level,
+                untouched=self._tracker.untouched(field_px),
                 reasons=faults.dark * _DARK | faults.saturated * _SATURATED,
                 stages=stages,
                 **conversions.feature_fields(features),

@@ -5,7 +5,7 @@ Its numbers live in a file (`tactile_nodes.model_file`), training in `tactile_no
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float32
@@ -79,6 +79,7 @@ class ForceEstimator:
 
     def __init__(self, model: ForceModel) -> None:
         self.model = model
+        self._at_rest: tuple[Features, ForceMap] | None = None
 
     def predict(self, features: Features) -> ForceMap:
         """The force distribution for one frame's features.
@@ -90,6 +91,21 @@ class ForceEstimator:
         require_layout(model.layout, features, model.model_id)
         reading = model.readout.read(features.values, features.confidence)
         return _force_map(reading, _share_trusted(model.readout.scaling, features))
+
+    def at_rest(self, features: Features) -> ForceMap:
+        """No force, with the uncertainty that the model states for these features, which are those of no motion.
+
+        They are the same in frame after frame, so the model is asked once.
+
+        Raises:
+            ModelError: as above.
+        """
+        known = self._at_rest
+        if known is None or not np.array_equal(known[0].confidence, features.confidence):
+            found = self.predict(features)
+            none = np.zeros_like(found.normal_force_n)
+            self._at_rest = known = features, replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
+        return known[1]
 
 
 def _force_map(reading: Reading, confidence: float) -> ForceMap:

@@ -27,7 +27,7 @@ class PictureFaults:
 
 def picture_faults(image: UInt8[np.ndarray, 'h w']) -> PictureFaults:
     """Judge an image by every fourth pixel of every fourth row."""
-    sample = image[::4, ::4]
+    sample = np.ascontiguousarray(image[::4, ::4])  # in one piece it is counted three times as fast
     # A percentile by counting: sorting would cost ten times as much, for each frame.
     bright = np.count_nonzero(sample >= DARK_GREY) > 0.01 * sample.size
     saturated = np.count_nonzero(sample == 255) > SATURATED_SHARE * sample.size

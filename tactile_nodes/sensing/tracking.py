@@ -11,6 +11,7 @@ from tactile_nodes.sensing.features import FeatureEncoding, Features
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
 from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
+from tactile_nodes.sensing.stillness import StillnessCheck
 
 
 class FeatureTracker:
@@ -21,13 +22,22 @@ class FeatureTracker:
         encoding: how it is summed up by region.
         rest_frames: how many frames are averaged into a rest image.
         marked_share: share of the regions that must show structure in a rest image; sparse patterns need less.
+        check: tells frames in which nothing touches, whose motion is then zero without being measured.
     """
 
     def __init__(
-        self, flow: FlowMethod, encoding: FeatureEncoding, *, rest_frames: int = 10, marked_share: float = 0.1
+        self,
+        flow: FlowMethod,
+        encoding: FeatureEncoding,
+        *,
+        rest_frames: int = 10,
+        marked_share: float = 0.1,
+        check: StillnessCheck | None = None,
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
+        self._check = check
+        self._still: tuple[DisplacementField, Features] | None = None
         self._flow = flow
         self._encoding = encoding
         self._rest_frames = rest_frames
@@ -74,7 +84,10 @@ class FeatureTracker:
         self._encoding.set_reference(image)
         still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
         require_rest_image(image, self._encoding.encode(still).confidence, self._marked_share)
+        if self._check is not None:
+            self._check.set_reference(image)
         self._flow.set_reference(image)
+        self._still = None
         self.reference, self.reference_id = image, content_id(image)
 
     def field(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
@@ -85,11 +98,26 @@ class FeatureTracker:
         """
         if self.reference is None:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
+        if self._check is not None and self._check(image):
+            return self._at_rest()[0]
         return self._flow.displacement(image)
+
+    def untouched(self, field: DisplacementField) -> bool:
+        """Whether that field is the one of all frames in which nothing touches, and was not measured."""
+        return self._still is not None and field is self._still[0]
 
     def features(self, field: DisplacementField) -> Features:
         """The features of a displacement field."""
-        return self._encoding.encode(field)
+        return self._at_rest()[1] if self.untouched(field) else self._encoding.encode(field)
+
+    def _at_rest(self) -> tuple[DisplacementField, Features]:
+        """No motion, with the confidence that the rest image has in itself."""
+        if self._still is None:
+            assert self.reference is not None
+            own = self._flow.displacement(self.reference)
+            field = DisplacementField(np.zeros_like(own.displacement_px), own.confidence)
+            self._still = field, self._encoding.encode(field)
+        return self._still
 
 
 def overlay(

@@ -160,6 +160,33 @@ def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Li
     assert received.message.image_level == 0.0
 
 
+def test_a_frame_like_the_rest_image_is_told_as_untouched_and_one_that_moved_is_not(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
+    tested = node(bus, clock, 'stillness.full_every:=1000000')
+    found = []
+    for pixels in (PATTERN, PATTERN, np.roll(PATTERN, 2, axis=1)):
+        camera.publish(image(pixels))
+        run(tested)
+    while (received := features.take()) is not None:
+        found.append((received.message.untouched, bool(received.message.values.any())))
+    assert found == [(True, False), (False, True)]
+
+
+def test_every_frame_is_measured_when_the_check_is_off(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
+    tested = node(bus, clock, 'stillness.check:=false')
+    for pixels in (PATTERN, PATTERN):
+        camera.publish(image(pixels))
+        run(tested)
+    received = features.take()
+    assert received is not None
+    assert not received.message.untouched
+
+
 def test_overlay_is_saved_on_request(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -81,6 +82,17 @@ def test_force_says_when_where_and_with_what(chain: Callable[[types.FlowFeatures
     provenance = force.provenance
     assert (provenance.model, provenance.gel, provenance.reference_id) == ('small', 'gel of the test', '0123456789ab')
     assert len(provenance.model_id) == 12
+
+
+def test_an_untouched_frame_is_no_force_whatever_the_model_makes_of_no_motion(
+    chain: Callable[[types.FlowFeatures], types.ForceDistribution],
+) -> None:
+    still = dataclasses.replace(features(), untouched=True)
+    force = chain(still)
+    assert (force.total, force.peak, force.in_contact) == (0.0, 0.0, False)
+    assert not np.asarray(force.normal_force).any()
+    assert (force.status, force.reasons) == (FORCE.STATUS_OK, 0)
+    assert chain(features()).total == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

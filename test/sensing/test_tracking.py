@@ -8,13 +8,14 @@ import pytest
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
 from tactile_nodes.sensing.tracking import FeatureTracker, overlay
 
 RNG = np.random.default_rng(5)
 PATTERN = np.repeat(np.repeat(RNG.integers(0, 200, (40, 40), dtype=np.uint8), 4, 0), 4, 1)
 
 
-def tracker(**options: int) -> FeatureTracker:
+def tracker(**options: object) -> FeatureTracker:
     flow, encoding = make_flow('dis'), make_encoding('cartesian_mean', {'rows': 10, 'cols': 10})
     return FeatureTracker(flow, encoding, **options)  # type: ignore[arg-type]
 
@@ -95,3 +96,25 @@ def test_overlay_draws_motion_by_patches_where_the_patches_are() -> None:
     picture = overlay(np.zeros((160, 160), np.uint8), field)
     assert picture[:70, :70].max() == 0
     assert picture[90:150, 90:150].max() > 0
+
+
+def test_a_frame_in_which_nothing_touches_has_no_motion_and_is_not_measured() -> None:
+    flow = make_flow('inverse_compositional', {'rows': 10, 'cols': 10})
+    encoding = make_encoding('cartesian_mean', {'rows': 10, 'cols': 10})
+    found = FeatureTracker(flow, encoding, check=StillnessCheck(StillnessOptions(full_every=1000)))
+    found.use_reference(PATTERN)
+    field = found.field(PATTERN)
+    features = found.features(field)
+    assert found.untouched(field)
+    assert not features.values.any()
+    assert features.confidence.min() > 0.9
+
+
+def test_a_frame_that_moved_is_measured_as_without_the_check() -> None:
+    checked, plain = tracker(check=StillnessCheck()), tracker()
+    moved = np.roll(PATTERN, 2, axis=1)
+    for each in (checked, plain):
+        each.use_reference(PATTERN)
+    field = checked.field(moved)
+    assert not checked.untouched(field)
+    assert (field.displacement_px == plain.field(moved).displacement_px).all()

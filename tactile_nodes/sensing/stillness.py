@@ -1,0 +1,197 @@
+"""Does anything touch the gel at all? A look at one frame that costs a fraction of measuring its motion.
+
+The image at half size is cut into blocks, and what differs from the rest image is split, in each, into four parts that
+are known beforehand (brightness, contrast, and motion along x and y: the first step of inverse compositional
+Lucas-Kanade) and what is left over. Of noise alone each part is as large as one pixel's noise, which what is left over
+tells; motion under a touch is alike in blocks side by side, where noise is not. So a frame is still when the motion,
+averaged over neighbours, is what noise makes, and when nothing else has changed: neither light, nor sharpness, nor a
+part of the picture. The answer follows from the two images and the options alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.fixed_reference_patches import SLOPE_STEP_PX, moved_image, shrunk
+from tactile_nodes.sensing.flow import require_grey, require_like
+
+LARGEST_LIGHT_SHARE = 0.03
+"""Blocks whose brightness or contrast changed by more than this show another light."""
+
+LARGEST_UNEVENNESS = 2.0
+"""Left over in one block, at most so many times the variance left over in the middle one."""
+
+SPREAD_BLOCKS = 1.0
+"""Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
+
+SMALLEST_BLOCK_PX = 6
+"""Side of a block at half size under which four parts leave too little over to tell the noise by."""
+
+
+@dataclass(frozen=True)
+class StillnessOptions:
+    """When a frame counts as still.
+
+    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 4.7 in one frame
+    of fifty). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
+    frame is called still at all. Of the frames that are still, one in `full_every` is measured all the same, so that
+    whatever watches motion for slow changes goes on seeing some; 1 measures all. `blocks` x `blocks` cover the image.
+    """
+
+    limit: float = 4.7
+    most_noise_grey: float = 3.0
+    full_every: int = 16
+    blocks: int = 10
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """How still one frame is: motion in units of what noise makes of it, and what else changed.
+
+    `noise_grey` is that of a pixel of the image, `light_share` the largest change of light of any block, and
+    `unevenness` the most left over in any block, over what is left in the middle one (variances).
+    """
+
+    motion: float
+    noise_grey: float
+    light_share: float
+    unevenness: float
+
+    def within(self, options: StillnessOptions) -> bool:
+        """Whether nothing touches and nothing has changed; never for numbers that are none."""
+        return (
+            self.motion <= options.limit
+            and self.noise_grey <= options.most_noise_grey
+            and self.light_share <= LARGEST_LIGHT_SHARE
+            and self.unevenness <= LARGEST_UNEVENNESS
+        )
+
+
+class StillnessCheck:
+    """Compares images with one rest image, about which all is computed beforehand."""
+
+    def __init__(self, options: StillnessOptions | None = None) -> None:
+        self.options = options or StillnessOptions()
+        _require_possible(self.options)
+        self._reference: np.ndarray | None = None
+        self._able = False
+        self._parts: np.ndarray
+        self._rest: np.ndarray
+        self._light: np.ndarray
+        self._most_change: float
+        self._average = _averaging(self.options.blocks)
+
+    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Take `image` as the gel at rest. Of images that are too small for the blocks none is called still.
+
+        Raises:
+            ImageError: not an 8 bit grey image, or too small for any motion.
+        """
+        require_grey(image)
+        self._reference = image.copy()
+        self._able = min(image.shape) // 2 // self.options.blocks >= SMALLEST_BLOCK_PX
+        if not self._able:
+            return
+        model = self._model(image.astype(np.float32))
+        basis, triangle = np.linalg.qr(model)
+        # As it comes an axis may point either way; neighbours are averaged, so right must be right everywhere.
+        basis *= np.where(np.einsum('bkk->bk', triangle) < 0, -1.0, 1.0)[:, None]
+        self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
+        self._rest = shrunk(image)
+        self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
+        # A pixel at half size has a quarter of the variance of the image's noise.
+        noise = 0.25 * self.options.most_noise_grey**2 * self._rest.size
+        self._most_change = LARGEST_UNEVENNESS * noise + LARGEST_LIGHT_SHARE**2 * float(self._light.sum())
+
+    def __call__(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether a frame is still and need not be measured.
+
+        Raises:
+            ImageError: another size or type than the rest image, or no rest image yet.
+        """
+        require_like(self._reference, image)
+        if not self._able:
+            return False
+        options, small = self.options, shrunk(image)
+        change = self._change(small)
+        if (
+            cv2.norm(change, cv2.NORM_L2SQR) > self._most_change
+        ):  # as under most presses; the rest would not change that
+            return False
+        if not self._look(change).within(options):
+            return False
+        # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
+        return int(cv2.sumElems(small)[0]) % options.full_every > 0
+
+    def look(self, image: UInt8[np.ndarray, 'h w']) -> Stillness:
+        """How still a frame is; the rest image must not be too small.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self._reference, image)
+        assert self._able
+        return self._look(self._change(shrunk(image)))
+
+    def _change(self, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
+        change: np.ndarray = cv2.subtract(small, self._rest, dtype=cv2.CV_32F)
+        return change
+
+    def _look(self, plane: Float32[np.ndarray, 'h w']) -> Stillness:
+        change = self._blocks(plane)
+        part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
+        squared = np.square(part)
+        left = np.maximum(np.einsum('bn,bn->b', change, change) - squared.sum(axis=1), 1e-6)
+        left /= change.shape[1] - part.shape[1]
+        middle = float(np.partition(left, len(left) // 2)[len(left) // 2])
+        return Stillness(
+            motion=self._largest(part[:, 2:]) / middle**0.5,
+            noise_grey=2 * middle**0.5,  # a pixel at half size is the mean of four
+            light_share=float((squared[:, :2].sum(axis=1) / self._light).max()) ** 0.5,
+            unevenness=float(left.max()) / middle,
+        )
+
+    def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+        """The largest of the neighbours' averages, of which noise of 1 makes 1 along each axis."""
+        return math.sqrt(np.square(self._average @ motion).sum(axis=1).max())
+
+    def _model(self, full: Float32[np.ndarray, 'h w']) -> np.ndarray:
+        """Brightness, contrast and motion along x and y: (blocks, pixels, 4), the third and fourth per pixel moved."""
+
+        def moved(right_px: float, down_px: float) -> np.ndarray:
+            return shrunk(moved_image(full, 2 * right_px, 2 * down_px)).astype(np.float64)
+
+        step = SLOPE_STEP_PX
+        still = moved(0.0, 0.0)
+        along_x = (moved(step, 0.0) - moved(-step, 0.0)) / (2 * step)
+        along_y = (moved(0.0, step) - moved(0.0, -step)) / (2 * step)
+        return np.stack([self._blocks(each) for each in (np.ones_like(still), still, along_x, along_y)], axis=-1)
+
+    def _blocks(self, small: np.ndarray) -> np.ndarray:
+        """The pixels of each block; what is left at the right and lower rim, fewer than blocks, belongs to none."""
+        count = self.options.blocks
+        height, width = (side // count for side in small.shape)
+        cut = small[: height * count, : width * count].reshape(count, height, count, width)
+        blocks: np.ndarray = cut.swapaxes(1, 2).reshape(count * count, height * width)
+        return blocks
+
+
+def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
+    """Averages over neighbours, scaled such that independent noise of 1 gives 1."""
+    apart = np.arange(count) - np.arange(count)[:, None]
+    along = np.exp(-0.5 * np.square(apart / SPREAD_BLOCKS))
+    along /= np.sqrt(np.square(along).sum(axis=1, keepdims=True))
+    return np.kron(along, along).astype(np.float32)
+
+
+def _require_possible(options: StillnessOptions) -> None:
+    if options.blocks < 1 or options.full_every < 1 or not options.limit > 0 or not options.most_noise_grey > 0:
+        raise ConfigurationError(
+            f'a look for touches needs at least one block, full_every of at least 1, and limits above 0, got {options}'
+        )

@@ -1,0 +1,133 @@
+"""Is anything touching? A look at one frame, which must never overlook a touch nor hide a disturbance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.sensing.fixed_reference_patches import moved_image
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+RANDOM = np.random.default_rng(3)
+PATTERN = cv2.GaussianBlur(RANDOM.uniform(0, 255, (240, 240)).astype(np.float32), (0, 0), 1.5) * 2 - 155
+"""Grey levels of about 100, give or take 28: no noise is cut off at black or white."""
+NOISE_GREY = 2.0
+
+
+def frame(light: np.ndarray = PATTERN, seed: int = 0, noise_grey: float = NOISE_GREY) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0, noise_grey, light.shape)
+    picture: np.ndarray = np.clip(np.round(light + noise), 0, 255).astype(np.uint8)
+    return picture
+
+
+def check(**options: float) -> StillnessCheck:
+    made = StillnessCheck(StillnessOptions(**{'full_every': 1000, **options}))  # type: ignore[arg-type]
+    made.set_reference(average([frame(seed=seed) for seed in range(100, 116)]))
+    return made
+
+
+def test_noise_is_still_and_its_size_is_told() -> None:
+    looked = [check().look(frame(seed=seed)) for seed in range(5)]
+    # A variance of 4, a sixteenth more for the mean of 16 frames at rest, and what rounding adds: a twelfth to a pixel,
+    # and at half size a twelfth to each of the two images, which count for four pixels: 4.25 + 0.09 + 0.67.
+    assert [each.noise_grey for each in looked] == pytest.approx([5.0**0.5] * 5, rel=0.03)
+    assert all(each.within(StillnessOptions()) for each in looked)
+
+
+def test_noise_moves_as_much_as_noise_makes_whatever_its_size() -> None:
+    made, twice = check(), check(most_noise_grey=5.0)
+    single = np.mean([made.look(frame(seed=seed)).motion for seed in range(10)])
+    double = np.mean([twice.look(frame(seed=seed, noise_grey=4.0)).motion for seed in range(10)])
+    # The largest of some thirty independent lengths with Rayleigh's distribution is about sqrt(2 ln 30) = 2.6.
+    assert 2.0 < single < 4.0
+    assert double == pytest.approx(single, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ('name', 'change'),
+    [
+        ('a shift of a twentieth of a pixel', lambda light: moved_image(light, 0.05, 0.0)),
+        ('the light 10 % darker', lambda light: 0.9 * light),
+        ('blur', lambda light: cv2.GaussianBlur(light, (0, 0), 1.0)),
+        ('another picture', lambda light: light[::-1]),
+        ('no picture', np.zeros_like),
+    ],
+)
+def test_disturbances_are_not_still(name: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    made = check()
+    assert not any(made(frame(change(PATTERN), seed)) for seed in range(5)), name
+
+
+def test_a_speck_of_dirt_is_not_still() -> None:
+    dirty = PATTERN.copy()
+    dirty[100:112, 60:72] = 20
+    assert not check()(frame(dirty))
+
+
+def test_light_is_told_as_a_share() -> None:
+    assert check().look(frame(0.9 * PATTERN)).light_share == pytest.approx(0.1, abs=0.01)
+
+
+def test_light_that_flickers_a_little_is_still() -> None:
+    made = check()
+    assert all(made(frame(gain * PATTERN, seed)) for seed, gain in enumerate((0.98, 0.99, 1.01, 1.02)))
+
+
+def test_more_noise_than_allowed_is_never_still() -> None:
+    made = check(most_noise_grey=1.5)
+    assert not any(made(frame(seed=seed)) for seed in range(5))
+
+
+def test_one_in_so_many_still_frames_is_measured_all_the_same() -> None:
+    made = check(full_every=2)
+    still = sum(made(frame(seed=seed)) for seed in range(200))
+    assert 60 < still < 140  # a coin thrown 200 times is outside of this once in 10^8
+    assert not any(check(full_every=1)(frame(seed=seed)) for seed in range(5))
+
+
+def test_the_answer_depends_on_the_two_images_alone() -> None:
+    used, frames = check(full_every=2), [frame(seed=seed) for seed in range(20)]
+    used(frame(moved_image(PATTERN, 3.0, 0.0)))
+    assert [used(each) for each in frames] == [check(full_every=2)(each) for each in frames]
+
+
+def test_no_touch_of_20_mn_is_called_still() -> None:
+    optics = Optics(Gel(), contact_table(Gel()))
+
+    def seen(presses: tuple[Press, ...], seed: int) -> np.ndarray:
+        return centre_crop(optics.render(presses, seed), 440, 440)
+
+    made = StillnessCheck()
+    made.set_reference(average([seen((), seed) for seed in range(16)]))
+    depth_mm = 0.1237  # where the default gel's contact table passes 20 mN
+    assert contact_table(Gel()).force_at(depth_mm) == pytest.approx(0.02, rel=0.01)
+    places = np.random.default_rng(8).uniform(-14, 14, (60, 2)).tolist()
+    assert not any(made(seen((Press(x, y, depth_mm),), 100 + i)) for i, (x, y) in enumerate(places))
+    untouched = sum(made(seen((), 500 + i)) for i in range(60))
+    assert untouched > 45  # of the 60, a sixteenth is measured all the same, and noise passes the limit in a fiftieth
+
+
+def test_images_too_small_for_blocks_are_never_still() -> None:
+    made = StillnessCheck()
+    small = frame()[:100, :100].copy()
+    made.set_reference(small)
+    assert not made(small)
+
+
+def test_an_image_of_another_size_is_refused() -> None:
+    with pytest.raises(ImageError, match='120x120'):
+        check()(frame()[:120, :120].copy())
+
+
+def test_impossible_options_are_one_sentence() -> None:
+    with pytest.raises(ConfigurationError, match='limits above 0'):
+        StillnessCheck(StillnessOptions(limit=0.0))
