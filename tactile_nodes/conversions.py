@@ -11,6 +11,7 @@ from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensing.drift_verdict import Verdict
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
 from tactile_nodes.sensing.reading import Contact
@@ -120,6 +121,27 @@ def _contact_message(contact: Contact) -> types.Contact:
         force=contact.force_n,
         force_sigma=contact.sigma_n,
     )
+
+
+def calibration_fields(verdict: Verdict) -> dict[str, Any]:
+    """The fields of a CalibrationState that hold the verdict itself."""
+    rest, calibration, ratio = verdict.since_rest, verdict.since_calibration, verdict.ratio
+    return {
+        'level': int(verdict.level),
+        'reasons': int(verdict.reasons),
+        'text': verdict.text,
+        'moved': verdict.moved_px,
+        'contrast': math.nan if rest is None else rest.contrast,
+        'lost': verdict.lost,
+        'since_calibration_moved': math.nan if calibration is None else calibration.size_px,
+        'since_calibration_contrast': math.nan if calibration is None else calibration.contrast,
+        'since_calibration_lost': math.nan if calibration is None else 1 - calibration.found,
+        'force_ratio': math.nan if ratio is None else ratio.ratio,
+        'force_ratio_sigma': math.nan if ratio is None else ratio.sigma,
+        'force_ratio_contacts': 0 if ratio is None else ratio.contacts,
+        'unlike_share': verdict.unlike_share,
+        'untouched': time_from_ns(verdict.quiet_ns or 0),
+    }
 
 
 def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:

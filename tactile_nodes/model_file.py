@@ -10,11 +10,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import safetensors.numpy
+from jaxtyping import UInt8
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
@@ -27,14 +29,20 @@ FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION = 2, 3
 """A network with a calibration layer has a version of its own: earlier releases would read it without the layer."""
 NO_CHECKSUM = '0' * 64
+REST_IMAGE = 'rest_image'
+NO_IMAGE = np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """A model ready for use, and the card that explains it."""
+    """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
+
+    The rest image of a file without one has no rows.
+    """
 
     model: ForceModel
     card: Mapping[str, Any]
+    rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: NO_IMAGE)
 
     @property
     def model_id(self) -> str:
@@ -79,13 +87,17 @@ def find_model(name: str) -> Path:
     )
 
 
-def save_model(path: Path, model: ForceModel, card: Mapping[str, Any]) -> str:
+def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_image: np.ndarray | None = None) -> str:
     """Write a model with its card and return its id; large tables are stored as 16 bit floats.
+
+    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
+    if rest_image is not None and rest_image.size:
+        tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
     # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
@@ -113,7 +125,7 @@ def load_model(path: Path | str) -> LoadedModel:
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
             f'and {LAYERED_VERSION}; update tactile_nodes or train the model again'
         )
-    return LoadedModel(_model(path, data, card, checksum[:12]), card)
+    return _loaded(path, data, card, checksum[:12])
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
@@ -161,16 +173,18 @@ def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
     return checksum
 
 
-def _model(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> ForceModel:
+def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> LoadedModel:
     try:
         bins = BinGrid(**card['bins'])
-        return ForceModel(
+        arrays = safetensors.numpy.load(data)
+        model = ForceModel(
             layout=FeatureLayout(**card['layout']),
             bins=bins,
-            readout=readout_from(safetensors.numpy.load(data), card['readout'], bins),
+            readout=readout_from(arrays, card['readout'], bins),
             contact_threshold_n=card['contact_threshold_n'],
             model_id=model_id,
         )
+        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE))
     except (SafetensorError, KeyError, TypeError) as error:
         raise ModelError(f'{path} lacks a part of the model ({error}); train it again or fetch it again') from error
 

@@ -66,6 +66,12 @@ TRUE_FORCE = Topic(
 MODEL_IN_USE = Topic(
     'model_in_use', 'tactile_nodes/msg/Provenance', 'the model that forces are computed with from now on', _LATCHED
 )
+CALIBRATION_IMAGE = Topic(
+    'calibration_image',
+    'sensor_msgs/msg/Image',
+    'the rest image that the model in use was calibrated with; of no size where its file holds none',
+    _LATCHED,
+)
 CALIBRATION_STATE = Topic(
     'calibration_state',
     'tactile_nodes/msg/CalibrationState',
@@ -97,7 +103,8 @@ TOPICS = {
     topic.name: topic
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
-        DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE,
+        CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE,
+        SYNC_EDGE,
     )
 }  # fmt: skip
 

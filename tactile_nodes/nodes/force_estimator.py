@@ -1,7 +1,8 @@
 """Features in, force in newtons out.
 
-Subscribes ``flow_features``; publishes ``force_distribution``, ``wrench`` and the latched ``model_in_use``. Setting the
-parameter ``model`` lets another model take over between two frames; ``~/undo_calibration`` returns to the one before.
+Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` and the latched
+``model_in_use`` and ``calibration_image``. Setting the parameter ``model`` lets another model take over between two
+frames; ``~/undo_calibration`` returns to the one before.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.estimating import Estimating, Ready
+from tactile_nodes.estimating import Estimating, Ready, calibration_reasons
+from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 
 _PREVIOUS = ''
@@ -47,10 +49,12 @@ class ForceEstimatorNode(Node):
         super().__init__(bus, arguments, clock)
         self._estimating = Estimating(self.params.model)
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
+        self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)
         self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
         self._wrench = self.create_publisher(topics.WRENCH)
         self._tell_model()
         self.create_trigger('~/undo_calibration', self._undo, first=self._find_previous)
+        self.create_subscription(topics.CALIBRATION_STATE, self._on_calibration)
         self.create_subscription(topics.FLOW_FEATURES, self._on_features)
 
     def prepare_parameters(self, values: Mapping[str, object]) -> None:
@@ -74,6 +78,10 @@ class ForceEstimatorNode(Node):
         self._force.publish(force)
         self._wrench.publish(conversions.wrench_message(force))
 
+    def _on_calibration(self, received: Received) -> None:
+        state: types.CalibrationState = received.message
+        self._estimating.calibration.add(stamp_ns(state.valid_from), calibration_reasons(state))
+
     def _ask(self, name: str, find: Callable[[], Ready]) -> None:
         """In a thread of its own: what comes of it is taken, or refused, between two frames."""
         try:
@@ -93,6 +101,9 @@ class ForceEstimatorNode(Node):
     def _tell_model(self) -> None:
         now = self._estimating.now
         self._in_use.publish(now.provenance)
+        self._calibrated_on.publish(
+            conversions.image_message(now.loaded.rest_image, conversions.header(0, now.loaded.model_id))
+        )
         text = f'{now.file.stem} ({now.loaded.model_id})'
         self.report('model', Level.OK, text, gel=now.loaded.gel, layout=now.inputs.layout)
 
