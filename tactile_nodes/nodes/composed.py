@@ -16,6 +16,7 @@ from tactile_nodes.errors import ConfigurationError, TactileError
 
 KNOWN = (
     'camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'sync_input',
+    'drift_monitor',
     'live_view',
 )  # fmt: skip
 

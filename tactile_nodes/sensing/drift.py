@@ -29,7 +29,7 @@ from tactile_nodes.sensing.picture_change import PictureChange, PictureCompariso
 
 STANDARD_GRAVITY = 9.80665
 MOVED_CLEARLY_PX = 0.15
-"""A median motion that no touch makes (two balls of 6 mm, 1.5 mm deep, make 0.03 px); below it a picture must be quiet."""
+"""A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it only quiet ones count."""
 
 PLAIN_CONTRAST = 0.3
 """A picture with less of its contrast is dim or covered; one with more that is not found again shows something else."""
@@ -142,22 +142,20 @@ class DriftMonitor:
         """Take what another sensor feels of the same contacts, in any axes, tared or not."""
         self._comparison.independent(stamp_ns, force_n)
 
-    def weigh(self, weight_n: float) -> ForceRatio:
-        """Compare the force of the last seconds with a known weight that rests on the gel.
+    def weigh(self, weight_g: float) -> str:
+        """Compare the force of the last seconds with a known weight that rests on the gel; in words what came of it.
 
         Raises:
             ConfigurationError: nothing rests there steadily.
         """
-        steady = self._scale.steady_n
-        if steady is None:
+        if (steady := self._scale.steady_n) is None:
             raise ConfigurationError(
                 'nothing has rested on the gel steadily for the last second, or the frames were not in order; put the '
                 'weight down gently, wait two seconds and ask again'
             )
-        mean_n, spread_n = steady
+        (mean_n, spread_n), weight_n = steady, weight_g * 1e-3 * STANDARD_GRAVITY
         self._take(ForceRatio(mean_n / weight_n, spread_n / mean_n, 1))
-        assert self._ratio is not None
-        return self._ratio
+        return f'the gel reads {mean_n:.3f} N of {weight_n:.3f} N; the calibration is {self.verdict.text}'
 
     @property
     def verdict(self) -> Verdict:
@@ -221,4 +219,3 @@ def _darker(contrast: float) -> float:
 
 def _shows_another(change: PictureChange) -> bool:
     return not change.same and PLAIN_CONTRAST < change.contrast < 1 / PLAIN_CONTRAST
-

@@ -1,0 +1,111 @@
+"""Between the drift monitor and the bus: what the calibration looked like, which forces count, what a verdict tells."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.drift_verdict import Verdict
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics
+
+LEAD_S = 0.5
+"""A verdict holds for images from so much later on, so that it reaches the force estimator before them."""
+
+FORCE = types.ForceDistribution
+EXPLAINED = (
+    FORCE.REASON_CALIBRATION_AGEING
+    | FORCE.REASON_CALIBRATION_INVALID
+    | FORCE.REASON_FOREIGN_MOTION
+    | FORCE.REASON_UNLIKE_TRAINING
+)
+"""What the monitor itself says of a force, or what is to be found out; any other reason makes a frame useless to it."""
+
+FRAMES = 16
+FILE, GEL, FIRST = 'the rest image in the model file', 'the simulated gel of the model', 'the first rest image'
+
+
+class Calibrated:
+    """Puts together what the force estimator says of its model and what a model's card says of its gel.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+
+    def __init__(self, model: str, *, simulated: bool) -> None:
+        loaded = load_model(find_model(model))
+        self.flow, _ = loaded.flow
+        self.model_id = ''
+        self._own_gel = loaded.gel
+        self._gel = _simulated_gel(loaded) if simulated else None
+        self._used_gel: str | None = None
+        self._shown: tuple[str, np.ndarray] | None = None
+
+    def use_model(self, message: types.Provenance) -> None:
+        """Take which model is in use from now on."""
+        self.model_id, self._used_gel = message.model_id, message.gel
+
+    def use_picture(self, message: types.Image) -> None:
+        """Take the rest image of a model file, or that it holds none."""
+        self._shown = message.header.frame_id, np.array(conversions.image_array(message))
+
+    @property
+    def complete(self) -> bool:
+        """Whether both are known, and of the same model."""
+        return self._shown is not None and self._shown[0] == self.model_id
+
+    @property
+    def origin(self) -> str:
+        """Which picture is compared with, in words."""
+        if self.complete and self._shown is not None and self._shown[1].size:
+            return FILE
+        return GEL if self._gel is not None and self._used_gel == self._own_gel else FIRST
+
+    def picture(self) -> UInt8[np.ndarray, 'h w'] | None:
+        """The rest image of the calibration; None where there is none, and the first one has to stand in."""
+        if self.origin == FILE:
+            assert self._shown is not None
+            return self._shown[1]
+        return rest_picture(*self._gel) if self.origin == GEL and self._gel is not None else None
+
+
+def usable(force: types.ForceDistribution) -> bool:
+    """Whether a force may be compared with another."""
+    return not force.reasons & ~EXPLAINED
+
+
+def state_message(verdict: Verdict, at_ns: int, calibrated: Calibrated, reference_id: str) -> types.CalibrationState:
+    """What a verdict that rests on an image of a stamp tells."""
+    return types.CalibrationState(
+        header=conversions.header(at_ns, ''),
+        valid_from=time_from_ns(at_ns + round(LEAD_S * NS_PER_S)),
+        model_id=calibrated.model_id,
+        calibration=calibrated.origin,
+        reference_id=reference_id,
+        **conversions.calibration_fields(verdict),
+    )
+
+
+def _simulated_gel(loaded: LoadedModel) -> tuple[Gel, int] | None:
+    """The gel that a model was trained on and the side of its images, if its card describes a simulated one."""
+    described = {name: value for name, value in loaded.card['gel'].items() if name != 'id'}
+    if not described:
+        return None
+    try:
+        return Gel.from_mapping(described, 'the card of the model'), loaded.image_size[0]
+    except ConfigurationError:  # a real gel, described in its own words
+        return None
+
+
+def rest_picture(gel: Gel, side_px: int) -> UInt8[np.ndarray, 'side side']:
+    """A simulated gel at rest: the mean of 16 frames. Nothing presses, so any contact table serves."""
+    optics = Optics(gel, contact_table(Gel()))
+    return average([centre_crop(optics.render((), number), side_px, side_px) for number in range(FRAMES)])

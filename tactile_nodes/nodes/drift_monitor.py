@@ -1,0 +1,119 @@
+"""Whether the calibration still holds, told on ``calibration_state`` (latched), on /diagnostics, and so in every force.
+
+Subscribes ``image_raw``, ``reference_image``, ``force_distribution``, ``model_in_use``, ``calibration_image`` and the
+independent force that ``force_topic`` names. Service: ``~/check_weight`` compares the gel with ``weight_g`` on it.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level as Health
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drifting import Calibrated, state_message, usable
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.drift_alarm import Level
+from tactile_nodes.sensing.reference import content_id
+
+HEALTH = {Level.VALID: Health.OK, Level.AGEING: Health.WARN, Level.INVALID: Health.ERROR, Level.UNKNOWN: Health.OK}
+
+
+@dataclass(frozen=True)
+class DriftMonitorParams(NodeParams):
+    """Parameters of the drift monitor."""
+
+    model: str = parameter('fast', 'model whose simulated gel stands in where a model holds no rest image')
+    source: str = parameter('', 'the source of the camera; the simulated gel stands in only if it is `simulated`')
+    check_s: float = parameter(0.5, 'time between two pictures that are looked at', minimum=0.05)
+    force_topic: str = parameter(
+        '', 'topic of an independent force sensor (WrenchStamped); empty: none', read_only=True
+    )
+    weight_g: float = parameter(200.0, 'weight that ~/check_weight expects on the gel', minimum=1.0)
+
+
+class DriftMonitorNode(Node):
+    """Looks at a picture now and then; what it concludes is computed in `sensing.drift`."""
+
+    NAME = 'drift_monitor'
+    PARAMS = DriftMonitorParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
+        self._monitor = DriftMonitor(Limits.of_flow(self._calibrated.flow))
+        self._told = self.create_publisher(topics.CALIBRATION_STATE)
+        self._looked_ns = 0
+        self._reference_id = ''
+        self.create_subscription(topics.MODEL_IN_USE, self._on_model)
+        self.create_subscription(topics.CALIBRATION_IMAGE, self._on_calibration)
+        self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
+        self.create_subscription(topics.IMAGE, self._on_image)
+        self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
+        if self.params.force_topic:
+            self.create_subscription(replace(topics.FORCE_TORQUE, name=self.params.force_topic), self._on_independent)
+        self.create_trigger('~/check_weight', self._check_weight)
+
+    def _on_model(self, received: Received) -> None:
+        self._calibrated.use_model(received.message)
+        self._compare()
+
+    def _on_calibration(self, received: Received) -> None:
+        self._calibrated.use_picture(received.message)
+        self._compare()
+
+    def _compare(self) -> None:
+        if self._calibrated.complete:
+            self._monitor.use_calibration(self._calibrated.picture())
+
+    def _on_reference(self, received: Received) -> None:
+        picture = conversions.image_array(received.message)
+        self._reference_id = content_id(picture)
+        self._monitor.rest(picture)
+        self._tell(stamp_ns(received.message.header.stamp))
+
+    def _on_image(self, received: Received) -> None:
+        at_ns = stamp_ns(received.message.header.stamp)
+        if self._reference_id and not 0 <= at_ns - self._looked_ns < self.params.check_s * NS_PER_S:
+            self._looked_ns = at_ns
+            self._monitor.frame(at_ns, conversions.image_array(received.message))
+            self._tell(at_ns)
+
+    def _on_force(self, received: Received) -> None:
+        force: types.ForceDistribution = received.message
+        self._monitor.force(
+            stamp_ns(force.header.stamp), force.total, force.unlikeness,
+            in_contact=force.in_contact, usable=usable(force),
+        )  # fmt: skip
+
+    def _on_independent(self, received: Received) -> None:
+        force = received.message.wrench.force
+        self._monitor.independent_force(stamp_ns(received.message.header.stamp), (force.x, force.y, force.z))
+
+    def _check_weight(self) -> str:
+        return self._monitor.weigh(self.params.weight_g)
+
+    def _tell(self, at_ns: int) -> None:
+        verdict = self._monitor.verdict
+        self._told.publish(state_message(verdict, at_ns, self._calibrated, self._reference_id))
+        self.report(
+            'calibration', HEALTH[verdict.level], verdict.text, compared_with=self._calibrated.origin,
+            moved_px=verdict.moved_px, lost=verdict.lost, unlike_share=verdict.unlike_share,
+        )  # fmt: skip
+
+
+def main() -> int:
+    """The program ``drift_monitor_node``."""
+    return run_node(DriftMonitorNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
