@@ -1,0 +1,62 @@
+// The connection to the node: comes back by itself, and says when a packet has been drawn, so that no more are sent
+// than this page can show.
+
+const RETRY_MS = [200, 500, 1000, 2000];
+
+export class Link {
+  constructor(onPacket, onChange) {
+    this.open = false;
+    this.onPacket = onPacket;
+    this.onChange = onChange;
+    this.token = '';
+    this.failures = 0;
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(`ws://${location.host}/live`);
+    socket.binaryType = 'arraybuffer';
+    socket.onopen = () => this.become(true);
+    socket.onmessage = (event) => this.take(event.data);
+    socket.onclose = () => this.comeBack();
+    this.socket = socket;
+  }
+
+  take(data) {
+    if (typeof data === 'string') {
+      this.token = JSON.parse(data).token;
+      this.failures = 0;
+    } else {
+      this.onPacket(data);
+    }
+  }
+
+  comeBack() {
+    this.become(false);
+    const wait = RETRY_MS[Math.min(this.failures, RETRY_MS.length - 1)];
+    this.failures += 1;
+    setTimeout(() => this.connect(), wait);
+  }
+
+  become(open) {
+    this.open = open;
+    this.onChange(open);
+  }
+
+  /** The last packet is on the screen. */
+  drawn() {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send('drawn');
+  }
+
+  /** Does an action of the node's; resolves to {done, text, insistable}. */
+  async act(action, insist = false) {
+    try {
+      const path = `/control/${action}${insist ? '?insist=yes' : ''}`;
+      const response = await fetch(path, { method: 'POST', headers: { 'X-Tactile-Token': this.token } });
+      if (response.headers.get('Content-Type')?.startsWith('application/json')) return await response.json();
+      return { done: false, text: await response.text() };
+    } catch {
+      return { done: false, text: 'The live view does not answer.' };
+    }
+  }
+}

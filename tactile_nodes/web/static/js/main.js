@@ -1,0 +1,115 @@
+// The page: takes packets, draws the newest with the screen's own rhythm, and never shows an old number as a new one.
+
+import { drawCamera } from './camera.js';
+import { Chart } from './chart.js';
+import { Controls } from './controls.js';
+import { Link } from './link.js';
+import { drawMap } from './map.js';
+import { takeApart } from './packet.js';
+import { newtons, showContacts, showSlow, showStatus, showTotal } from './panels.js';
+
+const OLD_S = 0.6; // a force older than this is no reading any more
+const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
+const $ = (id) => document.getElementById(id);
+
+const page = {
+  number: 0, told: null, at: 0, bins: new Float32Array(), motion: new Float32Array(),
+  bitmap: null, imageStamp: 0, imageAt: 0, shown: [], slow: '',
+};
+let taken = 0;
+const chart = new Chart($('chart'));
+const link = new Link(take, () => watch());
+const controls = new Controls(link);
+
+async function take(buffer) {
+  const packet = takeApart(buffer);
+  const number = (taken += 1);
+  chart.add(packet.samples);
+  const bitmap = await bitmapOf(packet);
+  if (number > page.number) show(packet, bitmap, number); // picture and numbers of one instant, or neither
+  requestAnimationFrame(() => {
+    draw();
+    link.drawn();
+  });
+}
+
+function show(packet, bitmap, number) {
+  Object.assign(page, { number, told: packet.told, bins: packet.bins, motion: packet.motion, at: performance.now() });
+  if (!bitmap) return;
+  page.bitmap?.close();
+  Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
+}
+
+/** The picture of a packet, decoded; nothing when there is none, or none that was not shown before. */
+async function bitmapOf({ told, jpeg }) {
+  if (!told.image || !jpeg.byteLength || told.image.stamp_s === page.imageStamp) return null;
+  try {
+    return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
+  } catch {
+    return null; // then the veil says, after a while, that no image comes
+  }
+}
+
+function draw() {
+  const { told } = page;
+  page.shown.push(performance.now());
+  page.shown = page.shown.filter((at) => at > performance.now() - 2000);
+  const longest = drawCamera($('camera'), page.bitmap, told.motion, page.motion, Number($('gain').value));
+  $('longest').textContent = Number.isFinite(longest) ? longest.toFixed(1) : '–';
+  drawMap($('map'), told.force, page.bins, Number($('scale').value));
+  chart.draw();
+  $('true-key').hidden = !chart.hasTruth;
+  watch();
+  const slow = JSON.stringify(told.slow);
+  if (slow !== page.slow) showSlow(told.slow, Math.round(page.shown.length / 2));
+  page.slow = slow;
+}
+
+/** How old what we see is: also when nothing comes any more. */
+function watch() {
+  const { told } = page;
+  const since = (performance.now() - page.at) / 1000;
+  const age = told?.force ? told.age_s + since : Infinity;
+  const isLive = link.open && age < OLD_S;
+  showStatus(...statusOf(told, age, isLive), !isLive);
+  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age);
+  showContacts(told?.force ?? null, isLive);
+  controls.show(told?.slow, link.open);
+  const imageAge = page.imageAt ? (performance.now() - page.imageAt) / 1000 : Infinity;
+  const veil = $('camera-veil');
+  veil.hidden = imageAge < 1.5;
+  veil.textContent = page.imageAt ? `no image for ${imageAge.toFixed(0)} s` : 'no image yet';
+}
+
+function statusOf(told, age, isLive) {
+  if (!link.open) {
+    const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
+    return ['nodata', 'NO CONNECTION', `The live view does not answer${since}; trying again.`];
+  }
+  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet; the nodes are starting.'];
+  if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
+  const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
+  return [told.force.status, WORDS[told.force.status], told.force.reasons.join(' ') || touch];
+}
+
+/** The worst that a node says of itself. */
+function complaint(told) {
+  const health = told?.slow.health ?? [];
+  const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
+  const bad = health.filter((entry) => entry.level === 'error' || entry.level === 'warning').map((entry) => `${entry.node}: ${entry.text}`);
+  return bad[0] ?? silent[0];
+}
+
+for (const id of ['gain', 'scale']) {
+  const kept = localStorage.getItem(`tactile.${id}`);
+  if (kept && [...$(id).options].some((option) => option.value === kept)) $(id).value = kept;
+  $(id).addEventListener('change', () => {
+    localStorage.setItem(`tactile.${id}`, $(id).value);
+    if (page.told) draw();
+  });
+}
+setInterval(watch, 250);
+showContacts(null, false);
+drawMap($('map'), null, page.bins, Number($('scale').value));
+window.addEventListener('resize', () => page.told && draw());
+window.tactile = { newtons };

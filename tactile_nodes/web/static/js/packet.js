@@ -1,0 +1,32 @@
+// Takes apart what travels (tactile_nodes/web/packet.py says how it is put together).
+
+const SAMPLE_BYTES = 16;
+
+/** JSON, sections and samples of a binary message. */
+export function takeApart(buffer) {
+  const view = new DataView(buffer);
+  const length = view.getUint32(0, true);
+  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  let place = 4 + length;
+  const sections = {};
+  for (const [name, size] of told.sections) {
+    sections[name] = buffer.slice(place, place + size);
+    place += size;
+  }
+  return {
+    told,
+    bins: new Float32Array(sections.bins),
+    motion: new Float32Array(sections.motion),
+    jpeg: sections.image,
+    samples: samplesFrom(view, place),
+  };
+}
+
+/** [stamp in s, total in N, true total in N] of each frame; NaN where nobody knows. */
+function samplesFrom(view, start) {
+  const found = [];
+  for (let place = start; place + SAMPLE_BYTES <= view.byteLength; place += SAMPLE_BYTES) {
+    found.push([view.getFloat64(place, true), view.getFloat32(place + 8, true), view.getFloat32(place + 12, true)]);
+  }
+  return found;
+}

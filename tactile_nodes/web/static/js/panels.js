@@ -1,0 +1,132 @@
+// Numbers, words and tables. Each fills a place that is there from the start, so that nothing moves.
+
+const $ = (id) => document.getElementById(id);
+const CONTACTS = 3;
+const FRAME_MS = 1000 / 60; // the bars of the latencies end at one frame of 60 a second
+const NONE = '–';
+
+/** 0.730, 12.34, −0.004: as many digits as fit, without a negative nought. */
+export function newtons(force) {
+  if (force === null || force === undefined || !Number.isFinite(force)) return NONE;
+  const text = force.toFixed(Math.abs(force) < 9.9995 ? 3 : 2);
+  return Number(text) === 0 ? text.replace('-', '') : text.replace('-', '−');
+}
+
+const fixed = (value, digits) => (value === null || value === undefined ? NONE : value.toFixed(digits).replace('-', '−'));
+
+function say(id, text) {
+  const place = $(id);
+  if (place.textContent !== text) place.textContent = text;
+}
+
+function element(tag, text, className) {
+  const made = document.createElement(tag);
+  if (text !== undefined) made.textContent = text;
+  if (className) made.className = className;
+  return made;
+}
+
+/** Status by word and reason; `stale` dims what is no longer so. */
+export function showStatus(status, word, reason, stale) {
+  document.body.dataset.status = status;
+  document.body.classList.toggle('stale', stale);
+  say('status', word);
+  say('reason', reason);
+  $('reason').title = reason;
+}
+
+/** Total, its deviation, the truth where it is known, and the largest bin. */
+export function showTotal(force, truth, isLive, age) {
+  const trusted = isLive && force !== null && force.status !== 'invalid';
+  say('total', trusted ? newtons(force.total_n) : NONE);
+  say('peak', trusted ? newtons(force.peak_n) : NONE);
+  if (!isLive && force) {
+    say('sigma', `last ${newtons(force.total_n)} N, ${age.toFixed(0)} s ago`);
+    say('truth', ' ');
+    return;
+  }
+  say('sigma', trusted && force.sigma_n !== null ? `± ${newtons(force.sigma_n)} N` : ' ');
+  say('truth', trusted && truth ? `true ${newtons(truth.total_n)} N` : ' ');
+}
+
+/** The strongest contacts, strongest first. */
+export function showContacts(force, isLive) {
+  const found = isLive && force ? force.contacts : [];
+  const rows = Array.from({ length: CONTACTS }, (_, index) => contactRow(index, found[index], found.length));
+  $('contacts').replaceChildren(...rows);
+}
+
+function contactRow(index, contact, count) {
+  const row = element('tr');
+  if (!contact) {
+    row.append(element('td', index === 0 && count === 0 ? 'nothing touches' : ' ', 'none'), element('td', ''), element('td', ''));
+    return row;
+  }
+  const place = element('td', `${fixed(contact.x_mm, 1)}, ${fixed(contact.y_mm, 1)}`);
+  const force = element('td', newtons(contact.force_n));
+  if (contact.sigma_mm !== null) place.append(element('i', ` ± ${fixed(contact.sigma_mm, 1)}`));
+  if (contact.sigma_n !== null) force.append(element('i', ` ± ${newtons(contact.sigma_n)}`));
+  row.append(element('td', `${index + 1}`), place, force);
+  return row;
+}
+
+/** Rates, latencies, nodes, model: what comes twice a second. */
+export function showSlow(slow, updates) {
+  say('fps', fixed(slow.rates.arriving_hz, 1));
+  say('updates', `${updates}`);
+  const { lost, skipped, malformed } = slow.rates;
+  const damaged = malformed ? `, ${malformed} malformed` : '';
+  say('losses', `${lost} lost on the way here, ${skipped} skipped before${damaged}`);
+  showStages(slow.latency_ms);
+  showProvenance(slow.provenance);
+  showNodes(slow.health, slow.logs);
+}
+
+function showStages(stages) {
+  const rows = stages.map(([stage, median, most]) => {
+    const row = element('tr');
+    const bar = element('span', undefined, 'bar');
+    for (const [name, value] of [['p99', most], ['p50', median]]) {
+      const part = element('span', undefined, name);
+      part.style.transform = `scaleX(${Math.min(1, (value ?? 0) / FRAME_MS)})`;
+      bar.append(part);
+    }
+    const cell = element('td');
+    cell.append(bar);
+    row.append(element('td', stage), cell, element('td', fixed(median, 2)), element('td', fixed(most, 2)));
+    return row;
+  });
+  $('stages').replaceChildren(...rows);
+}
+
+function showProvenance(known) {
+  const entries = [
+    ['model', known.model && `${known.model} (${known.model_id})`],
+    ['gel', known.gel],
+    ['calibration', known.calibration_id || (known.model && 'none of its own')],
+    ['rest image', known.reference_id],
+  ];
+  if (known.tare_id) entries.push(['tare', known.tare_id]);
+  const made = entries.flatMap(([name, text]) => {
+    const value = element('dd', text || NONE);
+    value.title = text || '';
+    return [element('dt', name), value];
+  });
+  $('provenance').replaceChildren(...made);
+}
+
+function showNodes(health, logs) {
+  $('nodes').replaceChildren(...health.map((entry) => {
+    const row = element('li');
+    const level = entry.silent_s !== null ? 'stale' : entry.level;
+    const text = entry.silent_s !== null ? `silent for ${entry.silent_s.toFixed(0)} s` : entry.text || entry.level;
+    row.append(element('span', undefined, `lamp ${level}`), element('span', entry.node), element('span', text));
+    row.title = `${entry.node}, ${level}: ${text}`;
+    return row;
+  }));
+  $('logs').replaceChildren(...logs.slice(-1).map((text) => {
+    const row = element('li', text);
+    row.title = logs.join('\n');
+    return row;
+  }));
+}
