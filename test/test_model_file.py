@@ -205,3 +205,11 @@ def test_a_newer_format_says_to_update(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_the_card_is_plain_json(file: Path):
     json.dumps(dict(load_model(file).card))
+
+
+def test_a_model_file_holds_the_rest_image_of_its_calibration_and_one_without_is_read(tmp_path: Path) -> None:
+    picture = np.random.default_rng(1).integers(0, 255, (6, 8), np.uint8)
+    save_model(tmp_path / 'with.safetensors', small_response(), CARD, picture)
+    save_model(tmp_path / 'without.safetensors', small_response(), CARD)
+    np.testing.assert_array_equal(load_model(tmp_path / 'with.safetensors').rest_image, picture)
+    assert load_model(tmp_path / 'without.safetensors').rest_image.size == 0

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,7 @@ class Builder:
         self._seen: set[tuple[Any, ...]] = set()
         self._suspects: dict[tuple[str, int, int], str] = {}
         self._without_contact = 0.0
+        self._rest = 0, measurer.rest_image
 
     @property
     def presses(self) -> int:
@@ -140,7 +141,8 @@ class Builder:
         samples = self.finish()
         if not samples:
             raise DatasetError(f'no press of {_listed(bags)} can be used: {_reasons(self.left_out)}')
-        return self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
+        recordings = self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
+        return replace(recordings, rest_image=self._rest[1])
 
     def finish(self) -> list[Sample]:
         """All samples, in the order in which their presses were first told, but for those that became suspect."""
@@ -176,6 +178,8 @@ class Builder:
     def _samples(self, bag: int, press: RecordedPress) -> list[Sample]:
         assert press.reference is not None  # or it would have been judged
         self.measurer.use_reference(press.reference.image)
+        if press.reference.stamp_ns >= self._rest[0]:
+            self._rest = press.reference.stamp_ns, self.measurer.rest_image
         made = [self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)]
         if press.untouched:
             self.untouched_found += 1

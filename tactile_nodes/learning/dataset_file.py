@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.recordings import RecordedPresses, array_names, fingerprint_of
+from tactile_nodes.learning.recordings import REST_IMAGE, RecordedPresses, array_names, fingerprint_of
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
@@ -79,7 +79,8 @@ def load_dataset(path: Path | str) -> RecordedPresses:
             f'the format of {path} has version {version}, this release reads version {FORMAT_VERSION}; '
             'use the release that made it, or build the data set again'
         )
-    if set(entries) != set(array_names()) or fingerprint_of(entries, card) != fingerprint or not _fit(entries, card):
+    known = set(entries) - {REST_IMAGE} == set(array_names())
+    if not known or fingerprint_of(entries, card) != fingerprint or not _fit(entries, card):
         raise DatasetError(_damaged(path))
     return RecordedPresses(**entries, card=card)
 
@@ -107,6 +108,10 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
     """Whether the arrays have the kinds and shapes that go together."""
     count = len(arrays['force_n']) if arrays['force_n'].ndim else 0
     for name, array in arrays.items():
+        if name == REST_IMAGE:
+            if array.dtype != np.uint8 or array.ndim != 2:
+                return False
+            continue
         kinds = next((kind for kind, names in _KINDS.items() if name in names), 'iu')
         if array.dtype.kind not in kinds or array.ndim != _SHAPES.get(name, 1):
             return False

@@ -83,6 +83,12 @@ class Measurer:
             len(self.encoding.channels),
         )
 
+    @property
+    def rest_image(self) -> UInt8[np.ndarray, 'h w']:
+        """What is measured against now, as cut; without rows before there is any."""
+        reference = self._tracker.reference
+        return np.zeros((0, 0), np.uint8) if reference is None else reference
+
     def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
         """Features of the mean of some images: of one image, of that itself.
 

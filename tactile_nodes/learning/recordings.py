@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float16, Float32, Int
+from jaxtyping import Float, Float16, Float32, Int, UInt8
 
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.labels import force_labels
@@ -20,6 +20,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 CIRCUMSTANCES = ('command', 'made_with', 'bag_names')
 """Entries of the card that say how the file came about, and do not change what it holds."""
 
+REST_IMAGE = 'rest_image'
 RETRIED, NEAR_BORDER, DEPTH_UNREPORTED, UNEVEN_FRAMES = 1, 2, 4, 8
 QUALITY = {
     RETRIED: 'not the first attempt',
@@ -35,7 +36,8 @@ class RecordedPresses:
 
     Lengths in mm and places in the surface frame, forces in N (positive into the gel) and torques in N m; wrenches as
     measured (pressing is negative z). `confidence[confidence_row[i]]` belongs to sample i, `card['bags'][bag[i]]` is
-    the bag that it came from; plan and indenter are told in the same way.
+    the bag that it came from; plan and indenter are told in the same way. `rest_image` is the last rest image that
+    presses were measured against, as cut; without rows in files of before there was one.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -62,6 +64,7 @@ class RecordedPresses:
     reference_id: np.ndarray
     tare_id: np.ndarray
     card: Mapping[str, Any]
+    rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
 
     def __len__(self) -> int:
         return len(self.force_n)
@@ -77,8 +80,9 @@ class RecordedPresses:
         return fingerprint_of(self.arrays(), self.card)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name."""
-        return {name: np.ascontiguousarray(getattr(self, name)) for name in array_names()}
+        """All arrays by name; the rest image if there is one."""
+        names = (*array_names(), *([REST_IMAGE] if self.rest_image.size else []))
+        return {name: np.ascontiguousarray(getattr(self, name)) for name in names}
 
     @property
     def press_number(self) -> Int[np.ndarray, ' samples']:
@@ -120,8 +124,8 @@ class _Samples(Dataset):
 
 
 def array_names() -> tuple[str, ...]:
-    """The names of all arrays."""
-    return tuple(each.name for each in fields(RecordedPresses) if each.name != 'card')
+    """The names of the arrays that every data set has."""
+    return tuple(each.name for each in fields(RecordedPresses) if each.name not in ('card', REST_IMAGE))
 
 
 def fingerprint_of(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> str:

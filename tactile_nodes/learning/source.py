@@ -25,7 +25,8 @@ from tactile_nodes.simulation.gel import Gel
 class TrainingData:
     """Samples, which of them are for validation, and what the model's card says of gel and data.
 
-    `config` is the run's, with what a file of recorded presses decides.
+    `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
+    measured against, without rows where presses are simulated.
     """
 
     config: TrainConfig
@@ -33,6 +34,7 @@ class TrainingData:
     held_out: np.ndarray
     gel: dict[str, Any]
     origin: dict[str, Any]
+    rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
 
 
 def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
@@ -157,7 +159,8 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
         **_split_entries(config, split),
     }
     held_out = np.isin(chosen, split.validation)
-    return TrainingData(config, recordings.as_samples(chosen), held_out, dict(recordings.card['gel']), origin)
+    gel = dict(recordings.card['gel'])
+    return TrainingData(config, recordings.as_samples(chosen), held_out, gel, origin, recordings.rest_image)
 
 
 def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:

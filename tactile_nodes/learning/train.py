@@ -62,7 +62,7 @@ def train(
         )
         scores = validation_of(readout, data)
         card = card_of(data, report, scores, command)
-        model_id = save_model(config.output, model, card)
+        model_id = save_model(config.output, model, card, data.rest_image)
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     return config.output

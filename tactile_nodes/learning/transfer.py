@@ -32,7 +32,8 @@ def calibrate(
     made = transfer(readout, recordings.as_samples(), progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     card = card_of(loaded, recordings, made, seconds, command)
-    return save_model(output, replace(loaded.model, readout=made.readout, model_id='unsaved'), card), made
+    model = replace(loaded.model, readout=made.readout, model_id='unsaved')
+    return save_model(output, model, card, recordings.rest_image), made
 
 
 def card_of(

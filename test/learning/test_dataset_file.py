@@ -19,6 +19,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import with_file
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.reference import content_id
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
@@ -213,3 +214,18 @@ def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> Non
 
     with pytest.raises(ModelError, match='was trained with flow'):
         evaluate_recorded(find_model('fast'), file)
+
+
+def test_a_data_set_holds_the_rest_image_that_its_presses_were_measured_against(
+    presses: RecordedPresses, file: Path
+) -> None:
+    assert presses.rest_image.shape == (440, 440)
+    assert content_id(presses.rest_image) in set(presses.reference_id)
+    np.testing.assert_array_equal(load_dataset(file).rest_image, presses.rest_image)
+
+
+def test_a_file_of_before_there_were_rest_images_is_read(presses: RecordedPresses, tmp_path: Path) -> None:
+    save_dataset(tmp_path / 'old.npz', dataclasses.replace(presses, rest_image=np.zeros((0, 0), np.uint8)))
+    with np.load(tmp_path / 'old.npz') as opened:
+        assert 'rest_image' not in opened.files
+    assert load_dataset(tmp_path / 'old.npz').rest_image.size == 0
