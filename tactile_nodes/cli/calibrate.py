@@ -3,38 +3,80 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.progress import Progress
+    from tactile_nodes.learning.transfer_fit import Transfer
 
 DESCRIPTION = (
-    'Transfer the response model of one gel to another (other hardness, markers, thickness or camera) by a few '
-    'presses on the new one. The result is a model file like any other.'
+    'Transfer the model of one gel to another (other hardness, markers, thickness or camera) by a few presses on the '
+    'new one. The result is a model file like any other. `tactile launch calibrate` does the same while a rig presses.'
 )
 EPILOG = """\
-example:
-  tactile dataset build new_gel_bag -o new_gel.npz
-  tactile calibrate --model fast --dataset new_gel.npz -o new_gel.safetensors
+examples:
+  tactile calibrate new_gel_bag --model fast --gel gel-7 -o gel-7.safetensors
+  tactile calibrate first_bag second_bag --model fast --gel gel-7 -o gel-7.safetensors --curve
+  tactile calibrate --dataset new_gel.npz --model fast -o gel-7.safetensors
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
-    parser.add_argument('--model', required=True, help='a response model: a file, or the name of one that ships')
-    parser.add_argument('--dataset', required=True, type=Path, metavar='FILE', help='presses on the new gel')
+    parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='a bag of presses on the new gel')
+    parser.add_argument('--dataset', type=Path, metavar='FILE', help='presses as a data set, instead of bags')
+    parser.add_argument('--model', required=True, help='the model to begin with: a file, or the name of one that ships')
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
+    parser.add_argument('--gel', default='', help='name of the new gel, or the YAML file of a simulated one')
+    parser.add_argument('--curve', action='store_true', help='also say how the error falls with the number of presses')
+    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write the model, and say how much better it is."""
+    from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.transfer import calibrate
-    from tactile_nodes.model_file import find_model
 
-    command = f'tactile calibrate --model {arguments.model} --dataset {arguments.dataset} -o {arguments.output}'
-    model_id, made = calibrate(
-        find_model(arguments.model), arguments.dataset, arguments.output, progress=TerminalProgress(), command=command
-    )
+    if bool(arguments.bags) == bool(arguments.dataset):
+        raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE')
+    command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
+    model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)
     print(f'{arguments.output}: model {model_id}, from {made.presses} presses')
     print(f'form {made.reason}')
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     return 0
+
+
+def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Transfer]:
+    from tactile_nodes.learning.transfer import calibrate
+    from tactile_nodes.model_file import find_model
+
+    model = find_model(arguments.model)
+    return calibrate(model, arguments.dataset, arguments.output, progress=progress, command=command)
+
+
+def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Transfer]:
+    from contextlib import closing
+
+    from tactile_nodes.cli.dataset import gel_told
+    from tactile_nodes.learning.calibrating import BagPresses, Written, finish, take_presses
+    from tactile_nodes.learning.calibrator import Calibrator, StopRule
+    from tactile_nodes.learning.transfer import Source
+
+    source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
+    # The fits of a curve are told in a line each; the one fit of all presses shows its own progress.
+    fitting = None if arguments.curve else progress
+    with closing(Calibrator(source.loaded, gel_told(arguments.gel), all_of_them, fitting)) as calibrator:
+        written = Written(source, calibrator, command)
+        with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
+            if arguments.curve:
+                take_presses(calibrator, presses, progress.say, command=command)
+            else:
+                with progress.bar('reading presses', presses.count) as bar:
+                    take_presses(calibrator, presses, lambda text: bar.advance(1, text), along=False)
+            made = finish(calibrator, presses, progress.say, command)
+        return written.to(arguments.output), made

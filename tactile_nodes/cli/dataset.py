@@ -148,7 +148,7 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
         frames=arguments.frames,
         without_contact=arguments.without_contact,
         limits=dataclasses.replace(Limits(), **given),
-        gel=_gel(arguments.gel),
+        gel=gel_told(arguments.gel),
         crop=arguments.crop,
         separate_runs=arguments.separate_runs,
         namespace=arguments.namespace,
@@ -193,7 +193,7 @@ def _flow_options(words: list[str]) -> dict[str, object]:
     return options
 
 
-def _gel(text: str) -> dict[str, Any]:
+def gel_told(text: str) -> dict[str, Any]:
     """What is known of the gel: its name, or all properties of a simulated one."""
     if not text.endswith(('.yaml', '.yml')):
         return {'id': text}

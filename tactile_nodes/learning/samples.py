@@ -108,6 +108,10 @@ class Shelf:
             tare_id=told.tare_id,
         )
 
+    def confidence(self, sample: Sample) -> np.ndarray:
+        """The confidence of a sample's regions."""
+        return list(self._confidence.values())[sample.confidence_row][1]
+
     def recordings(self, samples: Sequence[Sample], card: Mapping[str, Any]) -> RecordedPresses:
         """Samples as arrays; confidences that no sample is left of are dropped."""
         columns: dict[str, Any] = {

@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tactile_nodes import __version__, clock
+from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
 from tactile_nodes.learning.transfer_checks import source_readout
 from tactile_nodes.learning.transfer_fit import Transfer, transfer
-from tactile_nodes.model_file import LoadedModel, load_model, save_model
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.paths import share_directory
+
+CALIBRATION = 'calibration'
+
+
+@dataclass(frozen=True)
+class Source:
+    """The model that a calibration begins with."""
+
+    file: Path
+    loaded: LoadedModel
+
+    @classmethod
+    def find(cls, name: str) -> Source:
+        """By the name of one that ships, or its file. Raises ModelError."""
+        file = find_model(name)
+        return cls(file, load_model(file))
+
+    def told(self, output: Path) -> dict[str, str]:
+        """What a card says of it: one that ships by its name, another by its file, as seen from the output's folder."""
+        ships = self.file.parent == share_directory() / 'models'
+        name = self.file.stem if ships else os.path.relpath(self.file.resolve(), output.resolve().parent)
+        return {'model': name, 'model_id': self.loaded.model_id, 'gel': self.loaded.gel}
 
 
 def calibrate(
@@ -26,21 +52,62 @@ def calibrate(
         DatasetError: the presses cannot be used, or the calibration would not pay.
     """
     begun = clock.perf_ns()
-    loaded, recordings = load_model(model_file), load_dataset(dataset_file)
-    readout = source_readout(loaded)
-    require_same_features(loaded, recordings)
-    made = transfer(readout, recordings.as_samples(), progress)
+    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
+    made = transferred(source.loaded, recordings, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-    card = card_of(loaded, recordings, made, seconds, command)
-    model = replace(loaded.model, readout=made.readout, model_id='unsaved')
-    return save_model(output, model, card, recordings.rest_image), made
+    return write(source, recordings, made, output, seconds=seconds, command=command), made
+
+
+def transferred(loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None) -> Transfer:
+    """A model fitted to the presses on another gel.
+
+    Raises:
+        ModelError: the model cannot be transferred, or reads other features than the data set holds.
+        DatasetError: the presses cannot be used, or the calibration would not pay.
+    """
+    require_source(loaded, str(recordings.card['gel']['id']))
+    require_same_features(loaded, recordings)
+    return transfer(source_readout(loaded), recordings.as_samples(), progress)
+
+
+def require_source(loaded: LoadedModel, gel: str) -> None:
+    """Refuse a model that nothing can be calibrated from, before anything is pressed.
+
+    Raises:
+        ModelError: it cannot be transferred, or is a calibration for this very gel; says which model to begin with.
+    """
+    source_readout(loaded)
+    if loaded.card.get('data', {}).get('origin') == CALIBRATION and gel and gel == loaded.gel:
+        source = loaded.card['source']
+        raise ModelError(
+            f'model {loaded.model_id} is already calibrated for gel {gel}; to calibrate again begin with the model '
+            f'that it came from, {source.get("model", source["model_id"])}'
+        )
+
+
+def write(
+    source: Source,
+    recordings: RecordedPresses,
+    made: Transfer,
+    output: Path,
+    *,
+    seconds: float = 0.0,
+    command: str = '',
+    replaces: Mapping[str, str] | None = None,
+) -> str:
+    """The calibration as a model file; its id. `replaces` names the model that was in use, if it was not the source."""
+    card = card_of(source, recordings, made, seconds, command, output)
+    if replaces and replaces['model_id'] != source.loaded.model_id:
+        card['replaces'] = dict(replaces)
+    model = replace(source.loaded.model, readout=made.readout, model_id='unsaved')
+    return save_model(output, model, card, recordings.rest_image)
 
 
 def card_of(
-    loaded: LoadedModel, recordings: RecordedPresses, made: Transfer, seconds: float, command: str
+    source: Source, recordings: RecordedPresses, made: Transfer, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
     """What a stranger needs to know about the model: that of its source, and what was pressed."""
-    kept = {name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')}
+    kept = {name: source.loaded.card[name] for name in ('flow', 'encoding', 'crop_px')}
     return {
         **kept,
         'command': command,
@@ -48,11 +115,11 @@ def card_of(
         'licence': 'the same as tactile_nodes',
         'gel': dict(recordings.card['gel']),
         'data': {
-            'origin': 'calibration',
+            'origin': CALIBRATION,
             'bags': [bag['id'] for bag in recordings.card['bags']],
             'samples': len(recordings),
             'fingerprint': recordings.fingerprint,
         },
-        'source': {'model_id': loaded.model_id, 'gel': loaded.gel},
+        'source': source.told(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
     }

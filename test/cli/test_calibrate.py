@@ -94,7 +94,8 @@ def calibrated(model: Path, presses: Path) -> Path:
 def test_the_file_is_a_model_that_names_gel_source_and_errors(model: Path, calibrated: Path) -> None:
     loaded = load_model(calibrated)
     assert loaded.gel == 'second'
-    assert loaded.card['source'] == {'model_id': load_model(model).model_id, 'gel': 'first'}
+    source = {'model': 'first.safetensors', 'model_id': load_model(model).model_id, 'gel': 'first'}
+    assert loaded.card['source'] == source
     said = loaded.card['training']['calibration']
     assert said['presses'] == 36
     assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
@@ -114,6 +115,20 @@ def test_presses_that_made_the_model_do_not_judge_it(
 ) -> None:
     assert main(['evaluate', str(calibrated), '--dataset', str(presses)]) == 1
     assert 'may have seen these' in capsys.readouterr().err
+
+
+def test_a_calibration_for_this_gel_is_not_calibrated_again(
+    calibrated: Path, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['--model', str(calibrated), '--dataset', str(presses), '-o', str(tmp_path / 'none')]
+    assert main(['calibrate', *words]) == 1
+    said = 'is already calibrated for gel second; to calibrate again begin with the model that it came from, first.s'
+    assert said in capsys.readouterr().err
+
+
+def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['calibrate', '--model', 'fast', '-o', 'none']) == 1
+    assert 'either bags or --dataset FILE' in capsys.readouterr().err
 
 
 def test_a_network_is_refused(presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,236 @@
+"""A calibration that grows with the presses: each is measured and read as it comes, and the fit is renewed in between.
+
+One path for presses from a running rig and from bags. Fed by hand it needs no bus and no clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError, ModelError
+from tactile_nodes.learning.bags import RecordedPress
+from tactile_nodes.learning.building import Builder, BuildOptions
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.measuring import Measurer
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.samples import Sample
+from tactile_nodes.learning.transfer import require_source, transferred
+from tactile_nodes.learning.transfer_curve import Curve
+from tactile_nodes.learning.transfer_fit import Transfer
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.picture_change import PictureComparison
+
+UNTOUCHED = 0.5
+"""An image of the untouched gel for each press: they give the new gel's own mean and noise at rest."""
+GROWTH = 1.25
+"""The fit is renewed after a quarter more presses, so that its points lie evenly on the curve."""
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """When more presses no longer pay: when twice as many are expected to lower the held-out errors by little."""
+
+    least: int = parameter(20, 'presses before which the calibration goes on anyway', minimum=5)
+    most: int = parameter(100, 'presses after which it ends anyway', minimum=5)
+    worth: float = parameter(
+        0.1, 'share by which twice as many presses must be expected to lower the error of force or place', minimum=0.0
+    )
+    agree: int = parameter(2, 'fits in a row that must expect less', minimum=1)
+    first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How far off one press is read: force in N, place in mm; NaN where it cannot be read."""
+
+    off_n: float
+    off_mm: float
+
+
+@dataclass(frozen=True)
+class PressRead:
+    """A press that came, read before any fit has seen it: without calibration, and with the one so far, if any."""
+
+    number: int
+    force_n: float
+    before: Reading
+    after: Reading | None
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One renewal of the fit: held-out errors (medians) with so many presses."""
+
+    presses: int
+    force_n: float
+    place_mm: float
+
+
+class Calibrator:
+    """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
+
+    Args:
+        loaded: the model to begin with.
+        gel: what is known of the gel, at least its id.
+        rule: when to stop.
+        progress: shown while a fit is under way.
+
+    Raises:
+        ModelError: the model is a calibration for this gel already.
+        DatasetError: the cache of features cannot be used.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedModel,
+        gel: Mapping[str, Any],
+        rule: StopRule | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        require_source(loaded, str(gel['id']))
+        self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
+        flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
+        crop = loaded.image_size[0]
+        options = BuildOptions(
+            flow=flow, encoding=encoding, bins=loaded.model.bins, gel=self.gel, crop=crop, without_contact=UNTOUCHED
+        )
+        self._measurer = Measurer(flow, encoding, crop)
+        self._builder = Builder(options, self._measurer)
+        self._rest: PictureComparison | None = None
+        self._rests: set[str] = set()
+        self.read: list[PressRead] = []
+        self.fits: list[Fitted] = []
+        self.made: Transfer | None = None
+        self.recordings: RecordedPresses | None = None
+        self.objection = 'no fit was tried yet'
+        self._next = self.rule.first
+
+    @property
+    def presses(self) -> int:
+        """How many presses can be used so far."""
+        return self._builder.presses
+
+    @property
+    def left_out(self) -> str:
+        """Why the last press that cannot be used cannot; empty if there is none."""
+        out = self._builder.left_out
+        return f'press {out[-1].press}: {out[-1].reason} ({out[-1].detail})' if out else ''
+
+    def take(self, press: RecordedPress, bag: int = 0) -> PressRead | None:
+        """Measure one press and read it with what is known so far; None if it cannot be used (see `left_out`).
+
+        Raises:
+            DatasetError: it shows another gel than those before.
+            ModelError: its image has another size than the model needs.
+        """
+        samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
+        if not samples:
+            return None
+        self._require_fitting(press, samples[0].reference_id)
+        sample = samples[0]
+        before = _reading(self.loaded.model.readout, sample, self._builder)
+        after = _reading(self.made.readout, sample, self._builder) if self.made else None
+        self.read.append(PressRead(self.presses, sample.force_n, before, after))
+        return self.read[-1]
+
+    def require_gel(self, picture: np.ndarray, what: str) -> None:
+        """Refuse presses on another gel than a picture shows.
+
+        Raises:
+            DatasetError: says so.
+            ImageError: the picture has another size than the rest images of the presses.
+        """
+        if self._rest is not None and not self._rest.of(picture).same:
+            raise DatasetError(
+                f'{what} shows other markers than the rest image of the first press: it is another gel, or the camera '
+                'was moved far; calibrate each gel by presses of its own'
+            )
+
+    @property
+    def due(self) -> bool:
+        """Whether the fit is to be renewed now."""
+        return self.presses >= self._next
+
+    def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
+        """Renew the calibration by all presses so far; what speaks against it is then in `objection`.
+
+        Args:
+            told: the card's entry for each bag.
+            bags: where they are.
+            command: what was typed.
+        """
+        self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
+        try:
+            recordings = self._builder.recordings(told, bags, command=command)
+            self.made = transferred(self.loaded, recordings, self._progress)
+        except DatasetError as error:
+            self.made, self.objection = None, str(error)
+            return
+        self.recordings, self.objection = recordings, ''
+        after = self.made.after
+        self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
+
+    def curves(self, fits: int | None = None) -> tuple[Curve, Curve] | None:
+        """Error of force (N) and place (mm) over presses by the first so many fits; None while these are too few."""
+        points = self.fits[:fits]
+        presses = [point.presses for point in points]
+        force = Curve.fit(presses, [point.force_n for point in points])
+        place = Curve.fit(presses, [point.place_mm for point in points])
+        return (force, place) if force and place else None
+
+    @property
+    def enough(self) -> str:
+        """Why more presses do not pay; empty while they do."""
+        rule = self.rule
+        if self.presses >= rule.most:
+            return f'{self.presses} presses are as many as were asked for'
+        if self.made is None or self.presses < rule.least or len(self.fits) < rule.agree:
+            return ''
+        last = range(len(self.fits) - rule.agree + 1, len(self.fits) + 1)
+        gains = [self._expected_gain(count) for count in last]
+        if max(gains) >= rule.worth:
+            return ''
+        return (
+            f'twice as many presses are expected to lower the errors by {100 * gains[-1]:.0f} % at most, less than '
+            f'the {100 * rule.worth:.0f} % that they would have to'
+        )
+
+    def close(self) -> None:
+        """Keep what was measured."""
+        self._measurer.close()
+
+    def _expected_gain(self, fits: int) -> float:
+        """The share by which twice as many presses are expected to lower the error of force or place, if more."""
+        curves = self.curves(fits)
+        if curves is None:
+            return 1.0
+        return max(curve.falls(self.fits[fits - 1].presses) for curve in curves)
+
+    def _require_fitting(self, press: RecordedPress, reference: str) -> None:
+        assert press.reference is not None  # or it could not have been measured
+        needed = self.loaded.image_size[0]
+        if self._measurer.side != needed:
+            raise ModelError(
+                f'the images of the presses give {self._measurer.side}x{self._measurer.side} pixels, and model '
+                f'{self.loaded.model_id} needs {needed}x{needed}; set the camera as the model needs it'
+            )
+        if reference in self._rests:
+            return
+        if self._rest is None:
+            self._rest = PictureComparison(press.reference.image)
+        self.require_gel(press.reference.image, f'the rest image of press {press.told.press}')
+        self._rests.add(reference)
+
+
+def _reading(readout: Any, sample: Sample, builder: Builder) -> Reading:
+    contact = readout.read(sample.features.astype(np.float32), builder.shelf.confidence(sample)).contacts[0]
+    x_mm, y_mm = sample.position_mm
+    return Reading(contact.force_n - sample.force_n, math.hypot(contact.x_mm - x_mm, contact.y_mm - y_mm))
