@@ -1,0 +1,220 @@
+"""The drift monitor, fed by hand and by a simulated gel: what it says, when, and what it does not say."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.drift_alarm import Level
+from tactile_nodes.sensing.drift_verdict import Reason
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.picture_change import PictureChange
+from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+S = 1_000_000_000
+NOTHING = PictureChange(1.0, 1.0, 1.0, (0.0, 0.0), 0.0, 0.0, 0.001, 0.001, 0.006)
+GEL = Gel()
+PRESSED = (Press(4.0, -3.0, 1.5),)
+
+
+class Seen:
+    """What a camera sees of a gel, cut."""
+
+    def __init__(self, gel: Gel) -> None:
+        self._optics = Optics(gel, contact_table(GEL))
+
+    def picture(self, presses: tuple[Press, ...] = (), seed: int = 1) -> np.ndarray:
+        return np.ascontiguousarray(centre_crop(self._optics.render(presses, seed)))
+
+    def rest(self) -> np.ndarray:
+        return average([self.picture(seed=number) for number in range(8)])
+
+
+def changed(**properties: object) -> Seen:
+    return Seen(dataclasses.replace(GEL, **properties))  # type: ignore[arg-type]
+
+
+def knocked(px: float) -> Seen:
+    """By how much the middle of the picture moves."""
+    return changed(camera_tilt_deg=(0.0, math.degrees(px / GEL.focal_px_per_rad)))
+
+
+@pytest.fixture(scope='module')
+def plain() -> Seen:
+    return Seen(GEL)
+
+
+@pytest.fixture(scope='module')
+def rest(plain: Seen) -> np.ndarray:
+    return plain.rest()
+
+
+@pytest.fixture
+def monitor(rest: np.ndarray) -> DriftMonitor:
+    """One that knows the calibration's rest image, and has the same now."""
+    made = DriftMonitor()
+    made.use_calibration(rest)
+    made.rest(rest)
+    return made
+
+
+def watched(
+    monitor: DriftMonitor, pictures: list[np.ndarray], begin_s: float = 0.0, for_s: float = 8.0
+) -> DriftMonitor:
+    """Pictures in turn, one every half second."""
+    for number in range(round(2 * for_s)):
+        monitor.frame(round((begin_s + number / 2) * S), pictures[number % len(pictures)])
+    return monitor
+
+
+def test_before_the_rest_image_nothing_is_known() -> None:
+    assert DriftMonitor().verdict.level == Level.UNKNOWN
+
+
+def test_an_untouched_gel_is_valid(monitor: DriftMonitor, plain: Seen) -> None:
+    verdict = watched(monitor, [plain.picture(seed=7)]).verdict
+    assert (verdict.level, verdict.reasons, verdict.text) == (Level.VALID, Reason(0), 'valid')
+    assert verdict.quiet_ns == round(7.5 * S)
+
+
+def test_a_press_that_is_held_is_no_drift(monitor: DriftMonitor, plain: Seen) -> None:
+    verdict = watched(monitor, [plain.picture(PRESSED)], for_s=60).verdict
+    assert verdict.level == Level.VALID
+    assert verdict.quiet_ns is None
+
+
+@pytest.mark.parametrize(('px', 'level'), [(0.01, Level.VALID), (0.05, Level.AGEING), (0.3, Level.INVALID)])
+def test_a_knock_is_as_grave_as_the_false_force_that_it_makes(monitor: DriftMonitor, px: float, level: Level) -> None:
+    verdict = watched(monitor, [knocked(px).picture()]).verdict
+    assert verdict.level == level
+    assert (Reason.PICTURE_MOVED in verdict.reasons) == (level > Level.VALID)
+    assert verdict.moved_px == pytest.approx(px, rel=0.1, abs=0.002)
+
+
+def test_a_knock_is_seen_while_something_presses(monitor: DriftMonitor) -> None:
+    verdict = watched(monitor, [knocked(2.0).picture(PRESSED)]).verdict
+    assert verdict.reasons == Reason.PICTURE_MOVED
+    assert 'capture the rest image again' in verdict.text
+
+
+def test_a_new_rest_image_ends_the_false_forces_and_says_how_far_off_it_lies(monitor: DriftMonitor) -> None:
+    seen = knocked(2.0)
+    watched(monitor, [seen.picture()])
+    monitor.rest(seen.rest())
+    verdict = watched(monitor, [seen.picture(seed=9)], begin_s=20).verdict
+    assert (verdict.level, verdict.reasons) == (Level.AGEING, Reason.MOVED_SINCE_CALIBRATION)
+    assert verdict.since_calibration is not None
+    assert verdict.since_calibration.size_px == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_light_that_fades_is_no_matter_for_patches_until_little_is_left(monitor: DriftMonitor) -> None:
+    half, fifth, tenth = (changed(light_gain=gain).picture() for gain in (0.5, 0.2, 0.1))
+    assert watched(monitor, [half]).verdict.level == Level.VALID
+    verdict = watched(monitor, [fifth], begin_s=20).verdict
+    assert (verdict.level, verdict.reasons) == (Level.AGEING, Reason.LIGHT)
+    assert '20%' in verdict.text
+    assert watched(monitor, [tenth], begin_s=40).verdict.level == Level.INVALID
+
+
+def test_dense_search_takes_light_for_motion_so_it_is_graver_there(rest: np.ndarray) -> None:
+    monitor = DriftMonitor(Limits.of_flow('dis'))
+    monitor.rest(rest)
+    assert watched(monitor, [changed(light_gain=0.7).picture()]).verdict.level == Level.INVALID
+
+
+def test_another_gel_is_called_one_at_once(monitor: DriftMonitor) -> None:
+    monitor.rest(changed(seed=5).rest())
+    verdict = monitor.verdict
+    assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.OTHER_GEL)
+    assert 'not those of the calibration' in verdict.text
+
+
+def test_a_gel_changed_while_sensing_is_told_against_the_rest_image(monitor: DriftMonitor) -> None:
+    verdict = watched(monitor, [changed(seed=5).picture()]).verdict
+    assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.OTHER_GEL)
+    assert 'not those of the rest image' in verdict.text
+
+
+def test_a_covered_lens_is_no_other_gel(monitor: DriftMonitor, plain: Seen) -> None:
+    covered = plain.picture()
+    covered[:, :110] = 3
+    verdict = watched(monitor, [covered]).verdict
+    assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.LOST_REGIONS)
+
+
+def test_a_stiffer_gel_gives_the_same_picture_to_the_last_bit() -> None:
+    """So no camera can see it: in a layer that is pressed to a depth, the modulus scales the force alone."""
+    stiff = dataclasses.replace(GEL, shear_modulus_mpa=1.5 * GEL.shear_modulus_mpa)
+    one, other = (Optics(gel, contact_table(gel)).render(PRESSED, 3) for gel in (GEL, stiff))
+    np.testing.assert_array_equal(one, other)
+    ratio = contact_table(stiff).force_at(1.5) / contact_table(GEL).force_at(1.5)
+    assert ratio == pytest.approx(1.5)
+
+
+def touched(
+    monitor: DriftMonitor, gain: float, contacts: int, begin_s: float = 0.0, unlike: float = 0.3
+) -> DriftMonitor:
+    """Presses of 1 N every 2 s, read with a gain by the gel and truly by another sensor."""
+    for step in range(round(contacts * 2 * 60)):
+        at_s = begin_s + step / 60
+        force_n = max(0.0, math.sin(2 * math.pi * step / 120))
+        monitor.independent_force(round(at_s * S), (5.0, 0.0, 1.0 - force_n))
+        monitor.force(round(at_s * S), gain * force_n, unlike, in_contact=force_n > 0.03)
+    return monitor
+
+
+@pytest.mark.parametrize(('gain', 'level'), [(0.97, Level.VALID), (0.9, Level.AGEING), (0.8, Level.INVALID)])
+def test_an_independent_force_sees_that_a_gel_has_stiffened(monitor: DriftMonitor, gain: float, level: Level) -> None:
+    verdict = touched(monitor, gain, 12).verdict
+    assert verdict.level == level
+    assert verdict.ratio is not None
+    assert verdict.ratio.ratio == pytest.approx(gain, rel=0.005)
+    assert (Reason.FORCE_RATIO in verdict.reasons) == (level > Level.VALID)
+
+
+def test_a_new_calibration_forgets_what_the_old_one_read(monitor: DriftMonitor, rest: np.ndarray) -> None:
+    touched(monitor, 0.8, 12)
+    monitor.use_calibration(rest)
+    assert monitor.verdict.level == Level.VALID
+
+
+def test_a_known_weight_sees_it_too(monitor: DriftMonitor) -> None:
+    """200 g weigh 1.961 N; a gel that has become a quarter harder reads 1.569 N."""
+    for step in range(180):
+        monitor.force(step * S // 60, 1.569, 0.2, in_contact=True)
+    assert 'reads 1.569 N of 1.961 N' in monitor.weigh(200.0)
+    assert (monitor.verdict.level, monitor.verdict.reasons) == (Level.INVALID, Reason.FORCE_RATIO)
+
+
+def test_a_weight_that_does_not_lie_there_is_asked_for(monitor: DriftMonitor) -> None:
+    with pytest.raises(ConfigurationError, match='nothing has rested on the gel'):
+        monitor.weigh(200.0)
+
+
+def test_contacts_that_are_unlike_one_after_the_other_are_told_once_they_are_many(monitor: DriftMonitor) -> None:
+    assert touched(monitor, 1.0, 19, unlike=2.0).verdict.level == Level.VALID
+    verdict = touched(monitor, 1.0, 6, begin_s=60, unlike=2.0).verdict
+    assert (verdict.level, verdict.reasons) == (Level.AGEING, Reason.UNLIKE_CONTACTS)
+
+
+def test_a_knocked_camera_does_not_count_as_unlike_contacts_too(monitor: DriftMonitor) -> None:
+    watched(monitor, [knocked(1.0).picture()])
+    assert touched(monitor, 3.0, 30, begin_s=10, unlike=50.0).verdict.reasons == Reason.PICTURE_MOVED
+
+
+def test_a_wavering_picture_does_not_flap(monitor: DriftMonitor) -> None:
+    levels = []
+    for number in range(600):
+        size_px = 0.03 + 0.008 * math.sin(number / 7)
+        monitor.change(number * S // 2, dataclasses.replace(NOTHING, size_px=size_px))
+        levels.append(monitor.verdict.level)
+    assert sum(one != other for one, other in pairwise(levels)) == 1

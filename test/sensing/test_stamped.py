@@ -1,0 +1,36 @@
+"""What holds from a stamp on."""
+
+from __future__ import annotations
+
+from tactile_nodes.sensing.stamped import ByStamp
+
+
+def test_a_value_holds_from_its_stamp_on_and_not_before() -> None:
+    values = ByStamp(0)
+    values.add(10, 1)
+    values.add(20, 2)
+    assert [values.at(stamp) for stamp in (9, 10, 19, 20, 1000)] == [0, 1, 1, 2, 2]
+
+
+def test_order_of_frames_does_not_matter() -> None:
+    values = ByStamp(0)
+    values.add(10, 1)
+    values.add(20, 2)
+    assert [values.at(stamp) for stamp in (25, 12, 5)] == [2, 1, 0]
+
+
+def test_a_recording_that_begins_again_takes_the_place_of_what_came_after() -> None:
+    values = ByStamp(0)
+    values.add(10, 1)
+    values.add(20, 2)
+    values.add(10, 3)
+    assert [values.at(stamp) for stamp in (9, 10, 30)] == [0, 3, 3]
+
+
+def test_a_thousand_values_are_not_all_kept() -> None:
+    values = ByStamp(0)
+    for stamp in range(1000):
+        values.add(stamp, stamp)
+    assert values.at(999) == 999
+    assert values.at(950) == 950
+    assert values.at(0) == 899  # the last of those that were let go stands for all before
