@@ -68,7 +68,11 @@ def fit_likeness(
 ) -> Likeness:
     """Principal directions of the inputs, and the limit of what they leave over of the samples that judge."""
     mean = np.asarray(inputs.mean(axis=0), np.float32)
-    likeness = Likeness(mean, principal_directions(inputs - mean), 1.0, 0.0)
+    return fit_limit(Likeness(mean, principal_directions(inputs - mean), 1.0, 0.0), judges)
+
+
+def fit_limit(likeness: Likeness, judges: Float32[np.ndarray, 'judges inputs']) -> Likeness:
+    """The same directions, with the limit of what they leave over of the samples that judge."""
     left, size = np.array([likeness.left_over(each) for each in judges]).T
     share = max(float(np.polyfit(size, left, 1)[0]), 0.0) if np.ptp(size) > 0 else 0.0
     floor = float(np.percentile(left - share * size, ONE_OF_A_THOUSAND))
