@@ -43,6 +43,7 @@ class PlayerParams(NodeParams):
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
     clock_hz: float = parameter(0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0)
     topics: tuple[str, ...] = parameter((), 'topics to play; empty: all', read_only=True)
+    topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
     remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)
     paused: bool = parameter(False, 'begin paused', read_only=True)
 
@@ -111,6 +112,8 @@ class PlayerNode(Node):
         wanted = {self.names.resolve(name) for name in self.params.topics}
         if unknown := wanted - self.reader.topics.keys():
             raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}; see: tactile bag info')
+        if wanted:
+            wanted |= {self.names.resolve(name) for name in self.params.topics_if_there}
         played = [topic for topic in self.reader.topics.values() if self._plays(topic, wanted)]
         return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
 

@@ -181,3 +181,10 @@ def test_bag_that_is_not_there_is_refused(play, tmp_path: Path) -> None:
 def test_no_bag_at_all_is_refused(play) -> None:
     with pytest.raises(BagError, match='set the parameter bag'):
         play(bag='')
+
+
+def test_further_topics_are_played_if_the_bag_holds_them(bus, play) -> None:
+    chatter, rest = listen(bus, '/chatter'), listen(bus, '/rest')
+    play(topics=['/chatter'], topics_if_there=['/rest', '/not_there']).spin()
+    assert taken(chatter) == NUMBERS
+    assert taken(rest) == ['rest']

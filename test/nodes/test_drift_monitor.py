@@ -1,0 +1,174 @@
+"""Pictures and forces in, the state of the calibration out: stamps, what is compared with, diagnostics, a weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from feeding import START_NS, image, run
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.drifting import FILE, FIRST, GEL, rest_picture
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.nodes.drift_monitor import DriftMonitorNode
+from tactile_nodes.simulation.gel import Gel
+
+Listen = Callable[[Topic], Subscription]
+Advertise = Callable[[Topic], Publisher]
+STATE = types.CalibrationState
+S = 1_000_000_000
+
+
+def speckle(seed: int) -> np.ndarray:
+    random = np.random.default_rng(seed).uniform(0, 255, (200, 200)).astype(np.float32)
+    smooth = cv2.GaussianBlur(random, (0, 0), 2.0)
+    return np.clip(128 + 40 * (smooth - smooth.mean()) / smooth.std(), 0, 255).astype(np.uint8)
+
+
+REST, OTHER = speckle(1), speckle(2)
+KNOCKED = np.roll(REST, 2, axis=1)
+
+
+class Bench:
+    """The node, and everything that it hears and says."""
+
+    def __init__(
+        self, bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, *parameters: str
+    ) -> None:
+        words = [word for each in parameters for word in ('-p', each)]
+        self.bus, self._publisher = bus, publisher
+        self.states = listen(topics.CALIBRATION_STATE)
+        self.node = DriftMonitorNode(bus, parse_arguments(['--ros-args', *words]), clock)
+        self._publishers: dict[str, Publisher] = {}
+
+    def say(self, topic: Topic, message: Any) -> None:
+        if topic.name not in self._publishers:
+            self._publishers[topic.name] = self._publisher(topic)
+        self._publishers[topic.name].publish(message)
+        run(self.node)
+
+    def model(self, rest: np.ndarray | None = None, gel: str = 'some gel') -> None:
+        shown = np.zeros((0, 0), np.uint8) if rest is None else rest
+        self.say(topics.MODEL_IN_USE, types.Provenance(model='m', model_id='0123456789ab', gel=gel))
+        self.say(topics.CALIBRATION_IMAGE, conversions.image_message(shown, conversions.header(0, '0123456789ab')))
+
+    def pictures(self, pixels: np.ndarray, seconds: int = 5, begin_s: int = 1) -> None:
+        """At 10 a second."""
+        for number in range(10 * seconds):
+            self.say(topics.IMAGE, image(pixels, START_NS + begin_s * S + number * S // 10))
+
+    def rest(self, pixels: np.ndarray) -> None:
+        self.say(topics.REFERENCE_IMAGE, image(pixels))
+
+    def told(self) -> list[types.CalibrationState]:
+        found = []
+        while (received := self.states.take()) is not None:
+            found.append(received.message)
+        return found
+
+
+@pytest.fixture
+def bench(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise) -> Callable[..., Bench]:
+    return lambda *parameters: Bench(bus, clock, listen, publisher, *parameters)
+
+
+def test_two_pictures_a_second_are_looked_at_and_told_of_with_their_stamp(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.rest(REST)
+    tested.pictures(REST, seconds=4)
+    told = tested.told()
+    assert [stamp_ns(each.header.stamp) - START_NS for each in told[1:]] == [S + n * S // 2 for n in range(8)]
+    assert {stamp_ns(each.valid_from) - stamp_ns(each.header.stamp) for each in told} == {S // 2}
+    assert {each.level for each in told} == {STATE.LEVEL_VALID}
+
+
+def test_a_knocked_camera_is_told_with_what_to_do_and_on_diagnostics(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.rest(REST)
+    tested.pictures(KNOCKED)
+    state = tested.told()[-1]
+    assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_PICTURE_MOVED)
+    assert state.moved == pytest.approx(2.0, abs=0.05)
+    status = [each for each in tested.node.diagnostics.message(0).status if each.name.endswith(': calibration')]
+    assert [each.level for each in status] == [2]
+    assert 'capture the rest image again' in status[0].message
+
+
+def test_the_rest_image_of_the_model_file_is_what_is_compared_with(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.model(OTHER)
+    tested.rest(REST)
+    state = tested.told()[-1]
+    assert (state.calibration, state.model_id) == (FILE, '0123456789ab')
+    assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
+
+
+def test_another_model_that_takes_over_brings_its_own_rest_image(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.model(OTHER)
+    tested.rest(REST)
+    tested.model(REST)
+    tested.pictures(REST, seconds=1)
+    assert tested.told()[-1].level == STATE.LEVEL_VALID
+
+
+def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.model()
+    tested.rest(REST)
+    tested.rest(KNOCKED)
+    state = tested.told()[-1]
+    assert state.calibration == FIRST
+    assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
+    assert state.since_calibration_moved == pytest.approx(2.0, abs=0.05)
+
+
+def test_of_a_simulated_camera_the_gel_on_the_card_is_known(bench: Callable[..., Bench]) -> None:
+    tested = bench('source:=simulated')
+    tested.model(gel=Gel().gel_id)
+    tested.rest(rest_picture(Gel(), 440))
+    assert tested.told()[-1].calibration == GEL
+    tested.rest(rest_picture(Gel(seed=7), 440))
+    state = tested.told()[-1]
+    assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
+
+
+def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench]) -> None:
+    tested = bench('weight_g:=100.0')
+    tested.rest(REST)
+    for number in range(180):
+        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
+        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.9, in_contact=True))
+    assert 'reads 0.900 N of 0.981 N' in tested.node._check_weight()
+    tested.pictures(REST, seconds=1, begin_s=4)
+    state = tested.told()[-1]
+    assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_FORCE_RATIO)
+    assert state.force_ratio == pytest.approx(0.9 / 0.980665, rel=1e-5)
+
+
+def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable[..., Bench]) -> None:
+    tested = bench('force_topic:=wrist_force')
+    tested.rest(REST)
+    wrist = Topic('wrist_force', topics.FORCE_TORQUE.type_name, '', topics.FORCE_TORQUE.qos)
+    for number in range(12 * 120):
+        at_ns, force_n = START_NS + number * S // 60, max(0.0, float(np.sin(2 * np.pi * number / 120)))
+        head = conversions.header(at_ns, '')
+        wrench = types.Wrench(force=types.Vector3(z=3.0 - force_n))
+        tested.say(wrist, types.WrenchStamped(header=head, wrench=wrench))
+        force = types.ForceDistribution(header=head, total=0.8 * force_n, in_contact=force_n > 0.03, unlikeness=0.3)
+        tested.say(topics.FORCE_DISTRIBUTION, force)
+    tested.pictures(REST, seconds=1, begin_s=30)
+    state = tested.told()[-1]
+    assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_FORCE_RATIO)
+    assert state.force_ratio == pytest.approx(0.8, rel=0.01)
+    assert state.force_ratio_contacts >= 10
