@@ -3,7 +3,7 @@
 const SECONDS = 30;
 const KEPT = 60;
 const GAP = 0.5; // s: a longer pause is drawn as one
-const STEPS = [0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const STEPS = [0.1, 0.2, 0.5, 1, 1.5, 2, 3, 5, 7.5, 10, 15, 20, 30, 50, 100];
 
 export class Chart {
   constructor(place) {
@@ -89,7 +89,7 @@ export class Chart {
       scales: { x: { time: true, auto: false }, y: { auto: false, range: (_, min, max) => [min, max] } },
       axes: [
         { ...axis, size: 26, space: 90, values: (_, splits) => splits.map(clock) },
-        { ...axis, size: 46, space: 34, values: (_, splits) => splits.map((force) => `${+force.toFixed(3)}`.replace('-', '−')) },
+        { ...axis, size: 46, space: 24, values: (_, splits) => splits.map((force) => `${+force.toFixed(3)}`.replace('-', '−')) },
       ],
       series: [
         {},

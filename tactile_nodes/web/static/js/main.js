@@ -72,7 +72,7 @@ function watch() {
   const age = told?.force ? told.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
   showStatus(...statusOf(told, age, isLive), !isLive);
-  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age);
+  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age, Number($('scale').value));
   showContacts(told?.force ?? null, isLive);
   controls.show(told?.slow, link.open);
   const imageAge = page.imageAt ? (performance.now() - page.imageAt) / 1000 : Infinity;

@@ -6,6 +6,7 @@ import { colour, ink } from './palette.js';
 const LEFT = 34, BOTTOM = 34, TOP = 6, BAR_GAP = 16, BAR = 16, BAR_TEXT = 40;
 const SHOWN = 0.005; // N: smaller forces would read 0.00
 const BAR_STEPS = 64;
+const BORDER = '#2b2640'; // between bins
 
 /** Draws `bins` [N] of a force as the node tells it. */
 export function drawMap(canvas, force, bins, fullScale) {
@@ -17,27 +18,33 @@ export function drawMap(canvas, force, bins, fullScale) {
   const frame = { left: LEFT + Math.max(0, (width - whole) / 2), top: TOP + Math.max(0, (room.down - cell * rows) / 2), cell, rows, cols };
   const style = getComputedStyle(canvas);
   const look = { font: style.fontFamily, dim: style.getPropertyValue('--dim'), line: style.getPropertyValue('--line') };
-  drawBins(context, frame, bins, fullScale, look);
+  drawBins(context, frame, bins, fullScale);
   if (force) drawAxes(context, frame, force, look);
   if (force) drawContacts(context, frame, force);
+  writeBins(context, frame, bins, fullScale, look);
   drawBar(context, { left: frame.left + cell * cols + BAR_GAP, top: frame.top, down: cell * rows }, fullScale, look);
 }
 
-function drawBins(context, { left, top, cell, rows, cols }, bins, fullScale, look) {
-  const size = Math.min(13, cell * 0.3);
-  context.font = `${size}px ${look.font}`;
+function drawBins(context, { left, top, cell, rows, cols }, bins, fullScale) {
+  context.fillStyle = BORDER;
+  context.fillRect(left - 0.5, top - 0.5, cell * cols + 1, cell * rows + 1);
+  for (let index = 0; index < rows * cols; index += 1) {
+    context.fillStyle = colour(bins.length ? bins[index] : 0, fullScale);
+    context.fillRect(left + (index % cols) * cell + 0.5, top + Math.floor(index / cols) * cell + 0.5, cell - 1, cell - 1);
+  }
+}
+
+function writeBins(context, { left, top, cell, rows, cols }, bins, fullScale, look) {
+  const size = Math.min(16, cell * 0.36);
+  if (size < 8) return;
+  context.font = `600 ${size}px ${look.font}`;
   context.textAlign = 'center';
   context.textBaseline = 'middle';
-  context.fillStyle = colour(0, fullScale);
-  context.fillRect(left, top, cell * cols, cell * rows);
-  for (let index = 0; index < rows * cols; index += 1) {
-    const force = bins.length ? bins[index] : 0;
-    const x = left + (index % cols) * cell, y = top + Math.floor(index / cols) * cell;
-    context.fillStyle = colour(force, fullScale);
-    context.fillRect(x + 0.5, y + 0.5, cell - 1, cell - 1);
-    if (size < 8 || Math.abs(force) < SHOWN) continue;
-    context.fillStyle = ink(force, fullScale);
-    context.fillText(force.toFixed(2).replace(/^(-?)0/, '$1').replace('-', '−'), x + cell / 2, y + cell / 2);
+  for (let index = 0; index < Math.min(bins.length, rows * cols); index += 1) {
+    if (!(Math.abs(bins[index]) >= SHOWN)) continue;
+    context.fillStyle = ink(bins[index], fullScale);
+    const text = bins[index].toFixed(2).replace(/^(-?)0/, '$1').replace('-', '−');
+    context.fillText(text, left + ((index % cols) + 0.5) * cell, top + (Math.floor(index / cols) + 0.5) * cell);
   }
 }
 
@@ -76,15 +83,15 @@ function drawContacts(context, { left, top, cell }, force) {
     if (contact.x_mm === null || contact.y_mm === null) continue;
     const x = left + ((contact.x_mm - force.origin_mm[0]) / force.bin_mm[0]) * cell;
     const y = top + ((contact.y_mm - force.origin_mm[1]) / force.bin_mm[1]) * cell;
-    const radius = Math.max(9, ((contact.sigma_mm ?? 0) * 1.645 * cell) / force.bin_mm[0]);
-    for (const [line, strength] of [[4, 'rgba(0, 0, 0, 0.6)'], [1.8, '#5be0ff']]) {
+    const radius = Math.max(0.62 * cell, ((contact.sigma_mm ?? 0) * 1.645 * cell) / force.bin_mm[0]);
+    for (const [line, strength] of [[4.5, 'rgba(0, 0, 0, 0.6)'], [2, '#5be0ff']]) {
       context.lineWidth = line;
       context.strokeStyle = strength;
       context.beginPath();
       context.arc(x, y, radius, 0, 2 * Math.PI);
       for (const [ax, ay] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
         context.moveTo(x + ax * radius, y + ay * radius);
-        context.lineTo(x + ax * (radius + 6), y + ay * (radius + 6));
+        context.lineTo(x + ax * (radius + 7), y + ay * (radius + 7));
       }
       context.stroke();
     }

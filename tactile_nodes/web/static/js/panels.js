@@ -1,7 +1,7 @@
 // Numbers, words and tables. Each fills a place that is there from the start, so that nothing moves.
 
 const $ = (id) => document.getElementById(id);
-const CONTACTS = 3;
+const CONTACTS = 4;
 const FRAME_MS = 1000 / 60; // the bars of the latencies end at one frame of 60 a second
 const NONE = '–';
 
@@ -36,10 +36,11 @@ export function showStatus(status, word, reason, stale) {
 }
 
 /** Total, its deviation, the truth where it is known, and the largest bin. */
-export function showTotal(force, truth, isLive, age) {
+export function showTotal(force, truth, isLive, age, fullScale) {
   const trusted = isLive && force !== null && force.status !== 'invalid';
   say('total', trusted ? newtons(force.total_n) : NONE);
   say('peak', trusted ? newtons(force.peak_n) : NONE);
+  $('peak').classList.toggle('over', trusted && force.peak_n > fullScale);
   if (!isLive && force) {
     say('sigma', `last ${newtons(force.total_n)} N, ${age.toFixed(0)} s ago`);
     say('truth', ' ');
@@ -52,19 +53,20 @@ export function showTotal(force, truth, isLive, age) {
 /** The strongest contacts, strongest first. */
 export function showContacts(force, isLive) {
   const found = isLive && force ? force.contacts : [];
-  const rows = Array.from({ length: CONTACTS }, (_, index) => contactRow(index, found[index], found.length));
+  const nothing = isLive ? 'nothing touches' : NONE;
+  const rows = Array.from({ length: CONTACTS }, (_, index) => contactRow(index, found[index], found.length || index ? ' ' : nothing));
   $('contacts').replaceChildren(...rows);
 }
 
-function contactRow(index, contact, count) {
+function contactRow(index, contact, otherwise) {
   const row = element('tr');
   if (!contact) {
-    row.append(element('td', index === 0 && count === 0 ? 'nothing touches' : ' ', 'none'), element('td', ''), element('td', ''));
+    row.append(element('td', otherwise, 'none'), element('td', ''), element('td', ''));
     return row;
   }
-  const place = element('td', `${fixed(contact.x_mm, 1)}, ${fixed(contact.y_mm, 1)}`);
+  const place = element('td', `${fixed(contact.x_mm, 2)}, ${fixed(contact.y_mm, 2)}`);
   const force = element('td', newtons(contact.force_n));
-  if (contact.sigma_mm !== null) place.append(element('i', ` ± ${fixed(contact.sigma_mm, 1)}`));
+  if (contact.sigma_mm !== null) place.append(element('i', ` ± ${fixed(contact.sigma_mm, 2)}`));
   if (contact.sigma_n !== null) force.append(element('i', ` ± ${newtons(contact.sigma_n)}`));
   row.append(element('td', `${index + 1}`), place, force);
   return row;
@@ -107,12 +109,11 @@ function showProvenance(known) {
     ['rest image', known.reference_id],
   ];
   if (known.tare_id) entries.push(['tare', known.tare_id]);
-  const made = entries.flatMap(([name, text]) => {
-    const value = element('dd', text || NONE);
-    value.title = text || '';
-    return [element('dt', name), value];
-  });
-  $('provenance').replaceChildren(...made);
+  $('provenance').replaceChildren(...entries.map(([name, text]) => {
+    const pair = element('div');
+    pair.append(element('dt', name), element('dd', text || NONE));
+    return pair;
+  }));
 }
 
 function showNodes(health, logs) {
@@ -120,13 +121,12 @@ function showNodes(health, logs) {
     const row = element('li');
     const level = entry.silent_s !== null ? 'stale' : entry.level;
     const text = entry.silent_s !== null ? `silent for ${entry.silent_s.toFixed(0)} s` : entry.text || entry.level;
-    row.append(element('span', undefined, `lamp ${level}`), element('span', entry.node), element('span', text));
+    row.append(element('span', undefined, `lamp ${level}`), element('span', entry.node.split('/').at(-1)));
+    if (level !== 'ok') row.append(element('span', text));
     row.title = `${entry.node}, ${level}: ${text}`;
     return row;
   }));
-  $('logs').replaceChildren(...logs.slice(-1).map((text) => {
-    const row = element('li', text);
-    row.title = logs.join('\n');
-    return row;
-  }));
+  const last = element('li', logs.at(-1) ?? 'none');
+  last.title = logs.join('\n');
+  $('logs').replaceChildren(last);
 }
