@@ -20,6 +20,7 @@ NODES = [
     'rig',
     'emulated_rig',
     'sync_input',
+    'calibrator',
     'drift_monitor',
     'live_view',
     'composed',

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
-    from tactile_nodes.learning.transfer_fit import Transfer
+    from tactile_nodes.learning.transfer import Made
 
 DESCRIPTION = (
     'Transfer the model of one gel to another (other hardness, markers, thickness or camera) by a few presses on the '
@@ -21,6 +21,7 @@ examples:
   tactile calibrate new_gel_bag --model fast --gel gel-7 -o gel-7.safetensors
   tactile calibrate first_bag second_bag --model fast --gel gel-7 -o gel-7.safetensors --curve
   tactile calibrate --dataset new_gel.npz --model fast -o gel-7.safetensors
+  tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
 
 
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--gel', default='', help='name of the new gel, or the YAML file of a simulated one')
     parser.add_argument('--curve', action='store_true', help='also say how the error falls with the number of presses')
+    parser.add_argument('--layer', type=Path, metavar='FILE', help="of a network: how the paper's layer is fitted")
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
 
 
@@ -42,6 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     if bool(arguments.bags) == bool(arguments.dataset):
         raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE')
+    if arguments.layer and arguments.bags:
+        raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)
     print(f'{arguments.output}: model {model_id}, from {made.presses} presses')
@@ -51,18 +55,20 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Transfer]:
+def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
     from tactile_nodes.learning.transfer import calibrate
+    from tactile_nodes.learning.transfer_layer import load_layer_config
     from tactile_nodes.model_file import find_model
 
-    model = find_model(arguments.model)
-    return calibrate(model, arguments.dataset, arguments.output, progress=progress, command=command)
+    model, output = find_model(arguments.model), arguments.output
+    layer = load_layer_config(arguments.layer) if arguments.layer else None
+    return calibrate(model, arguments.dataset, output, layer=layer, progress=progress, command=command)
 
 
-def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Transfer]:
+def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
     from contextlib import closing
 
-    from tactile_nodes.cli.dataset import gel_told
+    from tactile_nodes.learning.building import gel_told
     from tactile_nodes.learning.calibrating import BagPresses, Written, finish, take_presses
     from tactile_nodes.learning.calibrator import Calibrator, StopRule
     from tactile_nodes.learning.transfer import Source

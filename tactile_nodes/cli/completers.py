@@ -66,7 +66,7 @@ def _service_types(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
 
 
 def _parameters(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
-    from tactile_nodes.cli.parameter_client import ParameterClient
+    from tactile_nodes.bus.parameter_client import ParameterClient
 
     return ParameterClient(bus, session.absolute(arguments.node), CALL_TIMEOUT_S).names()
 

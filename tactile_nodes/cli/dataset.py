@@ -7,7 +7,7 @@ import dataclasses
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tactile_nodes.cli.session import Verbs
 
@@ -133,7 +133,7 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
         ConfigurationError: one of them cannot be used.
     """
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.building import BuildOptions
+    from tactile_nodes.learning.building import BuildOptions, gel_told
     from tactile_nodes.learning.exclusions import Limits
     from tactile_nodes.learning.labels import parse_bins
 
@@ -191,15 +191,3 @@ def _flow_options(words: list[str]) -> dict[str, object]:
             raise ConfigurationError(f'{text!r} is no option of the flow; write NAME=VALUE, for example preset=medium')
         options[name] = parse_scalar(value)
     return options
-
-
-def gel_told(text: str) -> dict[str, Any]:
-    """What is known of the gel: its name, or all properties of a simulated one."""
-    if not text.endswith(('.yaml', '.yml')):
-        return {'id': text}
-    from tactile_nodes.params import load_mapping
-    from tactile_nodes.simulation.gel import Gel
-
-    written = {name.removeprefix('gel.'): located.value for name, located in load_mapping(text).items()}
-    gel = Gel.from_mapping(written, text)
-    return {'id': gel.gel_id, **dataclasses.asdict(gel)}

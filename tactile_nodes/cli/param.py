@@ -11,7 +11,7 @@ from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joi
 from tactile_nodes.errors import ConfigurationError, ServiceError
 
 if TYPE_CHECKING:
-    from tactile_nodes.cli.parameter_client import ParameterClient
+    from tactile_nodes.bus.parameter_client import ParameterClient
     from tactile_nodes.messages import types
     from tactile_nodes.params import Located, Value
 
@@ -244,6 +244,6 @@ def _load_one(client: ParameterClient, name: str, written: Located) -> int:
 
 
 def _client(bus: Any, node: str) -> ParameterClient:
-    from tactile_nodes.cli.parameter_client import ParameterClient
+    from tactile_nodes.bus.parameter_client import ParameterClient
 
     return ParameterClient(bus, node)

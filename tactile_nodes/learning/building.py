@@ -23,7 +23,9 @@ from tactile_nodes.learning.progress import Bar, Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.samples import Sample, Shelf
 from tactile_nodes.messages import types
+from tactile_nodes.params import load_mapping
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation.gel import Gel
 
 FRAMES = {
     'mean': 'the mean of the images of a window, measured once: least noise, less than live images have',
@@ -201,6 +203,19 @@ def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
     if mode == 'each':
         return [[frame] for frame in frames]
     return [frames[:1] if mode == 'first' else frames]
+
+
+def gel_told(text: str) -> dict[str, Any]:
+    """What is known of the gel: its name, or all properties of a simulated one whose YAML file is given.
+
+    Raises:
+        ConfigurationError: no such file, or one with something in it that is no property of a gel.
+    """
+    if not text.endswith(('.yaml', '.yml')):
+        return {'id': text}
+    written = {name.removeprefix('gel.'): located.value for name, located in load_mapping(text).items()}
+    gel = Gel.from_mapping(written, text)
+    return {'id': gel.gel_id, **asdict(gel)}
 
 
 def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:

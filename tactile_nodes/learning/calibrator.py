@@ -77,6 +77,8 @@ class Fitted:
 class Calibrator:
     """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
 
+    `live_rest` is what the gel of the running sensor looks like untouched, where there is one.
+
     Args:
         loaded: the model to begin with.
         gel: what is known of the gel, at least its id.
@@ -106,6 +108,8 @@ class Calibrator:
         self._builder = Builder(options, self._measurer)
         self._rest: PictureComparison | None = None
         self._rests: set[str] = set()
+        self.live_rest: np.ndarray | None = None
+        self.asked_to_finish = False
         self.read: list[PressRead] = []
         self.fits: list[Fitted] = []
         self.made: Transfer | None = None
@@ -150,7 +154,7 @@ class Calibrator:
         """
         if self._rest is not None and not self._rest.of(picture).same:
             raise DatasetError(
-                f'{what} shows other markers than the rest image of the first press: it is another gel, or the camera '
+                f'{what} shows other markers than the rest image of the first press: it is another gel, or its camera '
                 'was moved far; calibrate each gel by presses of its own'
             )
 
@@ -190,6 +194,8 @@ class Calibrator:
     def enough(self) -> str:
         """Why more presses do not pay; empty while they do."""
         rule = self.rule
+        if self.asked_to_finish:
+            return 'asked to finish'
         if self.presses >= rule.most:
             return f'{self.presses} presses are as many as were asked for'
         if self.made is None or self.presses < rule.least or len(self.fits) < rule.agree:
@@ -222,6 +228,9 @@ class Calibrator:
                 f'the images of the presses give {self._measurer.side}x{self._measurer.side} pixels, and model '
                 f'{self.loaded.model_id} needs {needed}x{needed}; set the camera as the model needs it'
             )
+        if self._rest is not None and self.live_rest is not None:
+            self.require_gel(self.live_rest, 'the running sensor')
+            self.live_rest = None
         if reference in self._rests:
             return
         if self._rest is None:

@@ -35,7 +35,8 @@ class FeatureCache:
         self._file = file
         self._fresh = 0
         with self._translated():
-            self._open = sqlite3.connect(file, timeout=30.0)
+            # Made in one thread, it may be used in another, by one at a time.
+            self._open = sqlite3.connect(file, timeout=30.0, check_same_thread=False)
             self._open.execute('PRAGMA journal_mode=WAL')
             self._open.execute('PRAGMA synchronous=NORMAL')
             self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')

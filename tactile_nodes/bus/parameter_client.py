@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tactile_nodes.bus.parameters import from_message, to_message
+from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.messages import services, types
-
-if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Bus
-    from tactile_nodes.params import Value
+from tactile_nodes.params import Value
 
 TIMEOUT_S = 5.0
 

@@ -1,0 +1,118 @@
+"""One calibration from the first press to the model in use: what the calibrator node does beside its messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.estimating import Inputs
+from tactile_nodes.learning.building import gel_told
+from tactile_nodes.learning.calibrating import Presses, Written, finish, new_file, take_presses
+from tactile_nodes.learning.calibrator import Calibrator, Fitted, StopRule
+from tactile_nodes.learning.live_model import LiveModel
+from tactile_nodes.learning.transfer import Source
+from tactile_nodes.learning.transfer_fit import Transfer
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What is calibrated, from what, and when that ends."""
+
+    model: str = parameter('fast', 'the model to begin with: name of one that ships, or a file', read_only=True)
+    gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
+    folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
+    output: str = parameter('', 'file to write instead; one that is there already is replaced')
+    bag: str = parameter('', 'take the presses of this bag; empty: of the running rig', read_only=True)
+    rig: str = parameter('rig', 'node that presses', read_only=True)
+    rig_end: str = parameter('stop', 'what it is asked to do then', choices=('stop', 'pause'), read_only=True)
+    estimator: str = parameter('force_estimator', 'node that takes the calibration over; empty: none', read_only=True)
+    stay: bool = parameter(False, 'go on after that, and let the launch go on with it')
+    rule: StopRule = field(default_factory=StopRule)
+
+
+class CalibrationSession:
+    """Takes presses until they do not pay any more, writes the calibration, and has it taken over.
+
+    Args:
+        settings: as above.
+        tell: what a person reads, a line at a time.
+
+    Raises:
+        ModelError, ConfigurationError: there is no such model or gel, or nothing can be calibrated from it.
+    """
+
+    def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
+        self._settings, self._tell = settings, tell
+        self._source = Source.find(settings.model)
+        self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule)
+        self._written = Written(self._source, self.calibrator, 'tactile launch calibrate')
+
+    def run(self, presses: Presses, live: LiveModel | None) -> Path:
+        """The whole of it; the file that was written. The rig that presses is asked to end in any case.
+
+        Raises:
+            DatasetError: no calibration follows from the presses; says why.
+            ModelError: the images or the running sensor's features are none of the model's.
+            BusError: the running force estimator does not answer.
+        """
+        try:
+            take_presses(self.calibrator, presses, self._tell)
+            made = finish(self.calibrator, presses, self._tell)
+        finally:
+            presses.stop()
+        file = self._file()
+        replaces = live.in_use(file) if live is not None and live.present else None
+        model_id = self._written.to(file, replaces)
+        self._tell(f'{file}: model {model_id}, from {made.presses} presses')
+        self._tell(_summary(made))
+        if live is not None:
+            live.use(file)
+            self._tell('the force estimator uses it now; back to the one before: service ~/undo_calibration')
+        return file
+
+    @property
+    def values(self) -> dict[str, object]:
+        """How far it is, in numbers for /diagnostics: held-out medians in N and mm, NaN before the first fit."""
+        calibrator = self.calibrator
+        last = calibrator.fits[-1] if calibrator.fits else Fitted(0, math.nan, math.nan)
+        return {
+            'presses': calibrator.presses, 'most': calibrator.rule.most, 'force_error_n': last.force_n,
+            'place_error_mm': last.place_mm, 'objection': calibrator.objection,
+        }  # fmt: skip
+
+    def require_features(self, message: types.FlowFeatures) -> None:
+        """Refuse a sensor that measures other features than the model reads, before anything is pressed for it.
+
+        Raises:
+            ModelError: says both.
+        """
+        needed, found = Inputs.of_model(self._source.loaded), Inputs.of_message(message)
+        if needed != found:
+            raise ModelError(
+                f'model {self._settings.model} needs {needed}, and the running sensor measures {found}; start it with '
+                'that model, or calibrate one of these features'
+            )
+
+    def close(self) -> None:
+        """Keep what was measured."""
+        self.calibrator.close()
+
+    def _file(self) -> Path:
+        settings = self._settings
+        if settings.output:
+            return Path(settings.output)
+        name = Path(settings.gel).stem if settings.gel.endswith(('.yaml', '.yml')) else settings.gel
+        return new_file(Path(settings.folder), name)
+
+
+def _summary(made: Transfer) -> str:
+    before, after = made.before, made.after
+    return (
+        f'force RMSE {1e3 * before.force_rmse_n:.1f} mN before, {1e3 * after.force_rmse_n:.1f} mN after; place '
+        f'{before.place_median_mm:.3f} mm before, {after.place_median_mm:.3f} mm after (medians; presses held out)'
+    )
