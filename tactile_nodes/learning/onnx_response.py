@@ -23,6 +23,7 @@ from tactile_nodes.sensing.response import (
     MOST_STEPS,
     NOWHERE_MM,
     SURE_OF_DIRECTIONS,
+    WORTHWHILE_GAIN,
     Response,
     ResponseReadout,
 )
@@ -40,7 +41,7 @@ def write_response(writer: Writer, readout: ResponseReadout, inputs: Inputs) -> 
     # Of numbers that are none, the difference to themselves is none either.
     finite = enough & ~writer.op('IsNaN', (scores - scores).sum() + (left_over - left_over), dtype=bool)
     components = readout.whitening @ finite.where(scores, 0)
-    place, misfit, information = _locate(readout.response, components)
+    place, misfit, information = _locate(readout.response, components, readout.calibration.least_gain)
     unlike = (misfit.sqrt() / readout.calibration.misfit_limit).most(left_over)
     return _answer(readout, finite, components, place, misfit, information, unlike)
 
@@ -92,7 +93,7 @@ def _start(response: Response, components: Value) -> Value:
     return writer.concat(entry[0], entry[1], entry[2] * chosen**response.power)
 
 
-def _locate(response: Response, components: Value) -> tuple[Value, Value, Value]:
+def _locate(response: Response, components: Value, least_gain: float) -> tuple[Value, Value, Value]:
     """The best contact of the steps, its misfit and its information; see `locate`."""
     writer = components.writer
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
@@ -101,16 +102,25 @@ def _locate(response: Response, components: Value) -> tuple[Value, Value, Value]
     def step(here: Value, best: Value, least: Value, known: Value) -> tuple[Value, list[Value]]:
         misfit, information, slope = _compare(response, components, here)
         better = misfit < least
+        place, lower = better.where(here, best), misfit.least(least)
+        hardly = least - lower < 2 * WORTHWHILE_GAIN / len(response.growth)
+        in_vain = hardly & (_gained(response, components, place, lower) < least_gain)
         ahead = _solve(information + np.diag(DAMPING), slope)
         moved = (here + ahead.most(-largest).least(largest)).most(low).least(high)
         go_on = writer.op('Abs', moved - here).max() >= CONVERGED_MM
-        return go_on, [moved, better.where(here, best), misfit.least(least), better.where(information, known)]
+        return go_on & ~in_vain, [moved, place, lower, better.where(information, known)]
 
     begin = _start(response, components)
     nothing = writer.constant(np.zeros((3, 3)))
     worst = writer.constant(np.float32(np.finfo(np.float32).max))
     _, best, least, information = writer.loop(MOST_STEPS, [begin, begin, worst, nothing], step)
     return best, least, information
+
+
+def _gained(response: Response, components: Value, place: Value, misfit: Value) -> Value:
+    """How much more probable a contact is than none; see `gained`."""
+    nothing = (components * components * _certainty(response, place[2])).mean()
+    return (nothing - misfit) * (len(response.growth) / 2)
 
 
 def _compare(response: Response, components: Value, here: Value) -> tuple[Value, Value, Value]:
@@ -148,8 +158,7 @@ def _answer(
     writer, calibration, response = components.writer, readout.calibration, readout.response
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
-    nothing = (components * components * _certainty(response, place[2])).mean()
-    noise = (nothing - misfit) * (len(readout.whitening) / 2) < calibration.least_gain
+    noise = _gained(response, components, place, misfit) < calibration.least_gain
     height = place[2] / response.s.high
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
     fitted_n = place[2].most(1e-9) ** (1 / response.power - 1) / response.power * variances[2].sqrt()

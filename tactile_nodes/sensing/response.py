@@ -27,6 +27,8 @@ MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED_MM = 2e-4
 """Steps end where none along x, y or s (in its own unit) is longer."""
+WORTHWHILE_GAIN = 0.01
+"""Where all that was gained is no more than noise gains, steps also end when one gains less than this."""
 DAMPING = (1e-2, 1e-2, 1e-3)
 """Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
 START_SPACING_MM = 1.5
@@ -136,17 +138,26 @@ def project(
 
 
 def locate(
-    response: Response, components: Float32[np.ndarray, ' components'], begin: Float[np.ndarray, 'contacts 3']
+    response: Response,
+    components: Float32[np.ndarray, ' components'],
+    begin: Float[np.ndarray, 'contacts 3'],
+    least_gain: float = 0.0,
 ) -> Fit:
-    """Gauss-Newton from `begin` to the contacts that explain the components best."""
+    """Gauss-Newton from `begin` to the contacts that explain the components best.
+
+    Where nothing touches there is no place to be found, and steps would go to and fro to the last: they end early once
+    they hardly help, as long as the gain (see `gained`) is below `least_gain`.
+    """
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
     low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
     damping = np.diag(np.tile(DAMPING, len(begin)))
-    here, best = begin.copy(), None
+    here = begin.copy()
+    best: Fit | None = None
     for _ in range(MOST_STEPS):
         fit, slope = _compare(response, components, here)
-        if best is None or fit.misfit < best.misfit:
-            best = fit
+        before, best = best, fit if best is None or fit.misfit < best.misfit else best
+        if before is not None and _in_vain(response, components, before, best, least_gain):
+            break
         step = np.linalg.solve(fit.information + damping, slope).reshape(-1, 3)
         moved = np.minimum(np.maximum(here + np.minimum(np.maximum(step, -largest), largest), low), high)
         if np.abs(moved - here).max() < CONVERGED_MM:
@@ -154,6 +165,19 @@ def locate(
         here = moved
     assert best is not None
     return best
+
+
+def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit, least_gain: float) -> bool:
+    """Whether a step hardly helped, and nothing is found so far."""
+    hardly = before.misfit - best.misfit < 2 * WORTHWHILE_GAIN / len(components)
+    return hardly and gained(response, components, best) < least_gain
+
+
+def gained(response: Response, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+    """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
+    certainty = response.certainty(float(fit.contacts[:, 2].max()))
+    nothing = float((components * components * certainty).mean())
+    return (nothing - fit.misfit) * len(components) / 2
 
 
 def _compare(
@@ -245,8 +269,9 @@ class ResponseReadout:
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
         """As few contacts as explain the components, `most_contacts` at most."""
-        fit = locate(self.response, components, self.response.start(components)[None])
-        limit = self.calibration.misfit_limit**2
+        begin, calibration = self.response.start(components)[None], self.calibration
+        fit = locate(self.response, components, begin, calibration.least_gain)
+        limit = calibration.misfit_limit**2
         while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
             more = locate(self.response, components, self._one_more(components, fit.contacts))
             if more.misfit > 0.5 * fit.misfit:
@@ -274,10 +299,8 @@ class ResponseReadout:
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
     def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
-        """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
-        certainty = self.response.certainty(float(fit.contacts[:, 2].max()))
-        nothing = float((components * components * certainty).mean())
-        return (nothing - fit.misfit) * len(components) / 2
+        """See `gained`."""
+        return gained(self.response, components, fit)
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first."""

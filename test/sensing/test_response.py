@@ -7,15 +7,16 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from responding import BINS, COMPONENTS, GRID, components, features, readout, response
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing import response as response_module
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.response import Calibration, factor_at, locate, project
+from tactile_nodes.sensing.response import Calibration, factor_at, gained, locate, project
 
 GEL = response()
 READER = readout()
@@ -30,6 +31,30 @@ def test_a_contact_comes_back_to_a_thousandth(place: tuple[float, float, float])
     fit = locate(GEL, seen, GEL.start(seen)[None])
     np.testing.assert_allclose(fit.contacts[0], place, atol=1e-3)
     assert fit.misfit < 1e-3
+
+
+@settings(deadline=None, max_examples=60)
+@given(places, st.integers(0, 99))
+def test_what_ends_the_search_for_nothing_does_not_touch_contacts(place: tuple[float, float, float], seed: int) -> None:
+    seen = components(GEL, place) + np.random.default_rng(seed).normal(size=COMPONENTS).astype(np.float32)
+    plain = locate(GEL, seen, GEL.start(seen)[None])
+    assume(gained(GEL, seen, plain) >= 30.0)
+    found = locate(GEL, seen, GEL.start(seen)[None], least_gain=12.0)
+    np.testing.assert_array_equal(found.contacts, plain.contacts)
+    assert found.misfit == plain.misfit
+
+
+def test_noise_is_given_up_after_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared, compare = [], response_module._compare
+    monkeypatch.setattr(response_module, '_compare', lambda *each: compared.append(1) or compare(*each))
+    random, steps = np.random.default_rng(6), []
+    for least_gain in (0.0, 12.0):
+        compared.clear()
+        for _ in range(50):
+            seen = random.normal(size=COMPONENTS).astype(np.float32)
+            locate(GEL, seen, GEL.start(seen)[None], least_gain)
+        steps.append(len(compared) / 50)
+    assert steps[1] < 5 < steps[0]
 
 
 @pytest.mark.parametrize('power', [2 / 3, 1.0])
