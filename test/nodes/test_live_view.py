@@ -1,0 +1,107 @@
+"""The live view's node: what it receives, when, and what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from feeding import START_NS, image, run
+from seen import force
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.nodes.live_view import LiveViewNode
+from tactile_nodes.params import Located, NodeParameters
+from tactile_nodes.web import packet
+from tactile_nodes.web.packet import Packet
+
+Advertise = Callable[[Topic], Publisher]
+DATA = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION, topics.TRUE_FORCE)
+
+
+@pytest.fixture
+def node(bus: InProcessBus, clock: SteppedClock) -> Iterator[LiveViewNode]:
+    arguments = NodeArguments(parameters=(NodeParameters('/**', {'port': Located(0, 'test')}),))
+    made = LiveViewNode(bus, arguments, clock)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def shown(node: LiveViewNode, monkeypatch: pytest.MonkeyPatch) -> list[Packet]:
+    """What the node shows; its server has one viewer who takes all."""
+    made: list[Packet] = []
+    monkeypatch.setattr(type(node.server), 'watching', property(lambda _: 1))
+    monkeypatch.setattr(type(node.server), 'has_room', property(lambda _: True))
+    monkeypatch.setattr(node.server, 'show', made.append)
+    return made
+
+
+def pass_time(node: LiveViewNode, clock: SteppedClock, seconds: float) -> None:
+    clock.advance(seconds)
+    node.spin_once()
+    run(node)
+
+
+def subscribed(bus: InProcessBus) -> set[str]:
+    return {end.name for end in bus.graph().subscriptions()}
+
+
+def test_while_nobody_watches_no_picture_and_no_force_is_received(
+    bus: InProcessBus, clock: SteppedClock, node: LiveViewNode
+) -> None:
+    pass_time(node, clock, 1.0)
+    assert subscribed(bus) == {topics.DIAGNOSTICS.name, topics.ROSOUT.name}
+
+
+def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
+    bus: InProcessBus, clock: SteppedClock, node: LiveViewNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for watching in (1, 0):
+        monkeypatch.setattr(type(node.server), 'watching', property(lambda _, count=watching: count))
+        pass_time(node, clock, 1.0)
+        data = subscribed(bus) - {topics.DIAGNOSTICS.name, topics.ROSOUT.name}
+        assert data == ({f'/{topic.name}' for topic in DATA} if watching else set())
+
+
+def test_what_is_published_is_shown_at_the_next_look(
+    bus: InProcessBus, clock: SteppedClock, node: LiveViewNode, shown: list[Packet], publisher: Advertise
+) -> None:
+    pass_time(node, clock, 1.0)
+    stamp_ms = START_NS / 1e6 + 1000.0
+    publisher(topics.IMAGE).publish(image(np.full((20, 20), 90, np.uint8), round(stamp_ms * 1e6)))
+    publisher(topics.FORCE_DISTRIBUTION).publish(force(stamp_ms, (0.0, 0.73, 0.0, 0.0), (1.0, 1.0)))
+    pass_time(node, clock, 1 / 30)
+    told, sections, samples = packet.taken_apart(shown[-1].body + shown[-1].samples)
+    assert told['force']['total_n'] == pytest.approx(0.73)
+    assert sections['image'].startswith(b'\xff\xd8')
+    assert [total for _, total, _ in samples] == [pytest.approx(0.73)]
+
+
+def test_a_viewer_without_room_costs_no_packet(
+    clock: SteppedClock, node: LiveViewNode, shown: list[Packet], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(node.server), 'has_room', property(lambda _: False))
+    pass_time(node, clock, 1.0)
+    pass_time(node, clock, 1.0)
+    assert shown == []
+
+
+def test_the_address_of_the_page_is_told_on_diagnostics(clock: SteppedClock, node: LiveViewNode) -> None:
+    pass_time(node, clock, 1.0)
+    (status,) = node.diagnostics.message(clock.now_ns()).status
+    assert status.level == Level.OK
+    assert status.message == f'{node.server.url}, nobody watching'
+
+
+def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
+    arguments = NodeArguments(parameters=(NodeParameters('/**', {'port': Located(70000, 'test')}),))
+    with pytest.raises(ConfigurationError, match='70000'):
+        LiveViewNode(bus, arguments, clock)

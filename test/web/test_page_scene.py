@@ -1,0 +1,194 @@
+"""What the page shows, from messages and times given by hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from seen import MS, NAN, diagnostics, force, received
+
+from tactile_nodes import conversions
+from tactile_nodes.messages import types
+from tactile_nodes.web import packet, picture
+from tactile_nodes.web.recording import Recording
+from tactile_nodes.web.scene import Scene
+
+GREY = 100
+
+
+def image(stamp_ms: float, grey: int = GREY, side: int = 40) -> Any:
+    return conversions.image_message(np.full((side, side), grey, np.uint8), conversions.header(stamp_ms * MS, 'camera'))
+
+
+def motion(stamp_ms: float, encoding: str, values: list[float]) -> types.FlowFeatures:
+    return types.FlowFeatures(
+        header=conversions.header(stamp_ms * MS, 'camera'), rows=1, cols=1, channels=2, encoding=encoding,
+        values=np.array(values, np.float32), confidence=np.ones(1, np.float32), image_width=40, image_height=40,
+    )  # fmt: skip
+
+
+def seen(scene: Scene, now_ms: float) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
+    made = scene.packet(round(now_ms * MS), viewers=1)
+    return packet.taken_apart(made.body + made.samples)
+
+
+def grey_of(jpeg: bytes) -> float:
+    return float(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE).mean())
+
+
+def test_picture_and_force_of_one_instant_are_shown_together() -> None:
+    scene = Scene()
+    for number, grey in enumerate((50, 100, 150)):
+        scene.add_image(received(image(10 + number, grey), sequence=number + 1))
+    scene.add_force(received(force(11, (0, 0.5, 0, 0)), 15))
+    told, sections, _ = seen(scene, 16)
+    assert told['force']['total_n'] == pytest.approx(0.5)
+    assert told['image']['stamp_s'] == pytest.approx(0.011)
+    assert grey_of(sections['image']) == pytest.approx(100, abs=2)
+
+
+def test_without_forces_the_newest_picture_is_shown() -> None:
+    scene = Scene()
+    scene.add_force(received(force(10), 10))
+    for number, grey in enumerate((50, 150)):
+        scene.add_image(received(image(10 + 700 * number, grey), sequence=number + 1))
+    told, sections, _ = seen(scene, 720)
+    assert told['age_s'] == pytest.approx(0.710)
+    assert grey_of(sections['image']) == pytest.approx(150, abs=2)
+
+
+def test_bins_travel_in_newtons_row_by_row() -> None:
+    scene = Scene()
+    scene.add_force(received(force(10, (0.125, 0.25, 0.5, -1.0)), 10))
+    told, sections, _ = seen(scene, 11)
+    assert np.frombuffer(sections['bins'], '<f4').tolist() == [0.125, 0.25, 0.5, -1.0]
+    assert (told['force']['rows'], told['force']['cols']) == (2, 2)
+
+
+def test_contacts_travel_in_millimetres_with_what_is_known_of_them() -> None:
+    scene = Scene()
+    place = types.Point(x=0.004, y=-0.002, z=0.0)
+    contact = types.Contact(position=place, position_sigma=0.0001, force=0.73, force_sigma=NAN)
+    scene.add_force(received(force(10, (0.73, 0, 0, 0), (4.0, -2.0), contacts=[contact]), 10))
+    told, _, _ = seen(scene, 11)
+    (found,) = told['force']['contacts']
+    assert (found['x_mm'], found['y_mm'], found['sigma_mm']) == pytest.approx((4.0, -2.0, 0.1))
+    assert found['sigma_n'] is None
+
+
+def test_status_comes_with_its_reason_in_a_sentence() -> None:
+    scene = Scene()
+    kind = types.ForceDistribution
+    dark = force(10, status=kind.STATUS_INVALID, reasons=kind.REASON_DARK_IMAGE)
+    scene.add_force(received(dark, 10))
+    told, _, samples = seen(scene, 11)
+    assert told['force']['status'] == 'invalid'
+    assert told['force']['reasons'] == ['The image holds no light: is the lamp on, the lens free?']
+    assert math.isnan(samples[0][1])  # an invalid number is not drawn as a force
+
+
+def test_the_course_holds_each_force_once_beside_the_truth_of_its_stamp() -> None:
+    scene = Scene()
+    scene.add_truth(received(force(1000, (0, 0.75, 0, 0)), 1001))
+    for number in range(2):
+        scene.add_force(received(force(1000 + 16 * number, (0, 0.5, 0, 0)), 1005 + 16 * number, number + 1))
+    _, _, samples = seen(scene, 1030)
+    assert samples == [(1.0, 0.5, 0.75), (1.016, 0.5, pytest.approx(NAN, nan_ok=True))]
+    assert seen(scene, 1040)[2] == []
+
+
+def test_a_picture_is_encoded_once_however_often_it_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[object] = []
+    monkeypatch.setattr(picture, 'jpeg', lambda message: made.append(message) or b'jpeg')
+    scene = Scene()
+    scene.add_image(received(image(10), 10))
+    for now_ms in (11, 12, 13):
+        assert seen(scene, now_ms)[1]['image'] == b'jpeg'
+    assert len(made) == 1
+
+
+def test_nothing_new_is_told_twice_a_second_only() -> None:
+    scene = Scene()
+    scene.add_force(received(force(10), 10))
+    assert scene.is_due(11 * MS)
+    seen(scene, 1000)
+    assert not scene.is_due(1400 * MS)
+    assert scene.is_due(1600 * MS)
+
+
+def test_what_nobody_received_while_nobody_looked_was_not_lost() -> None:
+    scene = Scene()
+    scene.add_force(received(force(10), 10, sequence=1))
+    scene.look_again(5000 * MS)
+    scene.add_force(received(force(6000), 6000, sequence=300))
+    told, _, _ = seen(scene, 6001)
+    assert told['slow']['rates']['lost'] == 0
+    assert told['slow']['rates']['frames'] == 1
+
+
+def test_a_fresh_touch_is_known_and_an_old_one_is_not() -> None:
+    scene = Scene()
+    assert scene.touching_n(0) is None
+    scene.add_force(received(force(10, (0, 0.5, 0, 0), (1.0, 1.0)), 10))
+    assert scene.touching_n(20 * MS) == pytest.approx(0.5)
+    assert scene.touching_n(5000 * MS) is None
+
+
+@pytest.mark.parametrize(
+    ('encoding', 'values'), [('cartesian_mean', [3.0, 4.0]), ('polar_mean', [5.0, math.atan2(4, 3)])]
+)
+def test_arrows_are_the_motion_in_pixels_whatever_the_encoding(encoding: str, values: list[float]) -> None:
+    found = picture.arrows(motion(10, encoding, values))
+    assert found is not None
+    assert found.reshape(-1).tolist() == pytest.approx([3.0, 4.0, 1.0])
+
+
+def test_an_encoding_that_is_no_motion_has_no_arrows() -> None:
+    assert picture.arrows(motion(10, 'something_else', [3.0, 4.0])) is None
+
+
+def test_large_pictures_are_made_smaller() -> None:
+    found = picture.jpeg(image(10, side=2 * picture.LARGEST_PX))
+    shape = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_GRAYSCALE).shape
+    assert shape == (picture.LARGEST_PX, picture.LARGEST_PX)
+
+
+def test_a_picture_that_cannot_be_shown_is_named() -> None:
+    scene = Scene()
+    broken = types.Image(header=conversions.header(10 * MS, ''), height=2, width=2, step=2, encoding='bayer')
+    scene.add_image(received(broken, 10))
+    _, sections, _ = seen(scene, 1000)
+    assert sections['image'] == b''
+    assert 'bayer' in scene.view.snapshot(0).logs[0]
+
+
+def recorder(name: str, text: str, **values: str) -> types.DiagnosticArray:
+    pairs = [types.KeyValue(key=key, value=value) for key, value in values.items()]
+    return types.DiagnosticArray(status=[types.DiagnosticStatus(name=name, level=0, message=text, values=pairs)])
+
+
+def test_recording_is_what_the_recorder_says_of_itself() -> None:
+    found = Recording('/left')
+    assert found.told() is None
+    found.add_diagnostics(received(recorder('left/recorder: bag', 'nothing is being recorded')))
+    told = found.told()
+    assert told is not None
+    assert told['on'] is False
+    busy = recorder('left/recorder: bag', 'into x', seconds='2.5', messages='300', missed='1', dropped='2')
+    found.add_diagnostics(received(busy))
+    found.add_diagnostics(received(recorder('right/recorder: bag', 'another')))
+    told = found.told()
+    assert told == {'on': True, 'seconds': 2.5, 'messages': 300, 'lost': 3, 'well': True, 'text': 'into x'}
+
+
+def test_the_words_of_nodes_reach_the_page() -> None:
+    scene = Scene()
+    scene.add_diagnostics(received(diagnostics(('camera: camera', 1, 'dark')), 900))
+    told, _, _ = seen(scene, 1000)
+    (found,) = told['slow']['health']
+    assert (found['node'], found['level'], found['text'], found['silent_s']) == (
+        '/camera', 'warning', 'camera: dark', None,
+    )  # fmt: skip

@@ -1,0 +1,195 @@
+"""The server on a real socket: what it gives to whom. The client speaks the page's own protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Coroutine, Iterator
+from typing import Any, TypeVar
+
+import aiohttp
+import pytest
+
+from tactile_nodes.web.controls import Outcome
+from tactile_nodes.web.opening import open_page
+from tactile_nodes.web.packet import Packet
+from tactile_nodes.web.server import TOKEN, PageServer
+from tactile_nodes.web.viewers import IN_FLIGHT
+
+Found = TypeVar('Found')
+PATIENCE_S = 10.0
+
+
+class Served:
+    """A running server, and what it was asked to do."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, bool]] = []
+        self.came_or_went = threading.Semaphore(0)
+        self.server: PageServer = open_page('127.0.0.1', 0, self._act, self.came_or_went.release, viewers=2)
+        self.url = self.server.url.rstrip('/')
+        self.socket_url = self.url.replace('http', 'ws') + '/live'
+
+    def _act(self, action: str, insist: bool) -> Outcome:
+        self.asked.append((action, insist))
+        return Outcome(action == 'good', f'{action}.', insistable=action != 'good')
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    made = Served()
+    yield made
+    made.server.close()
+
+
+def run(talk: Coroutine[Any, Any, Found]) -> Found:
+    async def in_time() -> Found:
+        return await asyncio.wait_for(talk, PATIENCE_S)
+
+    return asyncio.run(in_time())
+
+
+async def status_of(method: str, url: str, **headers: str) -> int:
+    async with aiohttp.ClientSession() as session, session.request(method, url, headers=headers) as response:
+        return response.status
+
+
+async def token_of(served: Served) -> str:
+    async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url) as channel:
+        return str(json.loads(await channel.receive_str())['token'])
+
+
+def test_the_page_and_all_that_it_names_are_served(served: Served) -> None:
+    async def talk() -> None:
+        async with aiohttp.ClientSession() as session:
+            async with session.get(served.url + '/') as response:
+                text = await response.text()
+                assert response.status == 200
+                assert "default-src 'none'" in response.headers['Content-Security-Policy']
+            names = [part.split('"')[0] for part in text.split('="/')[1:]]
+            assert len(names) >= 4
+            for name in names:
+                async with session.get(f'{served.url}/{name}') as response:
+                    assert response.status == 200, name
+
+    run(talk())
+
+
+def test_nothing_of_the_page_comes_from_the_internet(served: Served) -> None:
+    async def talk() -> str:
+        async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
+            return await response.text()
+
+    text = run(talk())
+    assert '//' not in text.replace('http://www.w3.org', '')
+
+
+def test_a_name_that_was_pointed_here_is_refused(served: Served) -> None:
+    assert run(status_of('GET', served.url + '/', Host='evil.example')) == 421
+
+
+def test_files_beside_the_page_are_out_of_reach(served: Served) -> None:
+    assert run(status_of('GET', served.url + '/static/%2e%2e/server.py')) in {403, 404}
+    assert run(status_of('GET', served.url + '/static/')) == 403
+
+
+@pytest.mark.parametrize('origin', [None, 'http://evil.example', 'null'])
+def test_another_page_cannot_watch(served: Served, origin: str | None) -> None:
+    async def talk() -> int:
+        async with aiohttp.ClientSession() as session:
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await session.ws_connect(served.socket_url, origin=origin)
+            return refused.value.status
+
+    assert run(talk()) == 403
+
+
+def test_a_viewer_gets_what_is_shown_and_no_more_than_it_draws(served: Served) -> None:
+    async def talk() -> list[bytes]:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(served.socket_url, origin=served.url) as channel,
+        ):
+            await channel.receive_str()
+            got = []
+            for number in range(IN_FLIGHT):
+                served.server.show(Packet(b'%d' % number))
+                got.append(await channel.receive_bytes())
+            assert not served.server.has_room
+            for number in range(IN_FLIGHT, 20):
+                served.server.show(Packet(b'%d' % number))
+            await channel.send_str('drawn')
+            got.append(await channel.receive_bytes())
+            return got
+
+    assert run(talk()) == [*(b'%d' % number for number in range(IN_FLIGHT)), b'19']
+
+
+def test_coming_and_going_is_told(served: Served) -> None:
+    async def talk() -> None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url):
+            assert await asyncio.to_thread(served.came_or_went.acquire, timeout=PATIENCE_S)
+            assert served.server.watching == 1
+
+    run(talk())
+    assert served.came_or_went.acquire(timeout=PATIENCE_S)
+    assert served.server.watching == 0
+
+
+def test_one_page_too_many_is_told_so(served: Served) -> None:
+    async def talk() -> int:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(served.socket_url, origin=served.url) as one,
+            session.ws_connect(served.socket_url, origin=served.url) as two,
+        ):
+            await one.receive_str()
+            await two.receive_str()
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await session.ws_connect(served.socket_url, origin=served.url)
+            return refused.value.status
+
+    assert run(talk()) == 503
+
+
+def test_an_action_needs_origin_and_token(served: Served) -> None:
+    token, url = run(token_of(served)), served.url + '/control/good'
+    assert run(status_of('POST', url)) == 403
+    assert run(status_of('POST', url, Origin=served.url)) == 403
+    assert run(status_of('POST', url, **{TOKEN: token})) == 403
+    assert run(status_of('POST', url, Origin='http://evil.example', **{TOKEN: token})) == 403
+    assert run(status_of('GET', url, Origin=served.url, **{TOKEN: token})) == 405
+    assert served.asked == []
+    assert run(status_of('POST', url, Origin=served.url, **{TOKEN: token})) == 200
+    assert served.asked == [('good', False)]
+
+
+def test_a_refusal_is_told_with_its_sentence(served: Served) -> None:
+    token = run(token_of(served))
+
+    async def talk() -> tuple[int, Any]:
+        async with (
+            aiohttp.ClientSession(headers={'Origin': served.url, TOKEN: token}) as session,
+            session.post(served.url + '/control/bad?insist=yes') as response,
+        ):
+            return response.status, await response.json()
+
+    assert run(talk()) == (409, {'done': False, 'text': 'bad.', 'insistable': True})
+    assert served.asked == [('bad', True)]
+
+
+def test_closing_ends_what_is_open(served: Served) -> None:
+    async def talk() -> int | None:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(served.socket_url, origin=served.url) as channel,
+        ):
+            await channel.receive_str()
+            closing = asyncio.create_task(asyncio.to_thread(served.server.close))
+            message = await channel.receive()
+            await closing
+            assert message.type in {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSING, aiohttp.WSMsgType.CLOSED}
+            return channel.close_code
+
+    assert run(talk()) == 1001
