@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -121,6 +121,12 @@ class _Samples(Dataset):
 
     def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
         return force_labels(self.position_mm, self.force_n, bins)
+
+    def take(self, rows: Int[np.ndarray, ' chosen']) -> _Samples:
+        return replace(
+            self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
+            position_mm=self.position_mm[rows], force_n=self.force_n[rows],
+        )  # fmt: skip
 
 
 def array_names() -> tuple[str, ...]:

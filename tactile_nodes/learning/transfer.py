@@ -16,10 +16,14 @@ from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
 from tactile_nodes.learning.transfer_checks import source_readout
 from tactile_nodes.learning.transfer_fit import Transfer, transfer
+from tactile_nodes.learning.transfer_layer import LayerConfig
+from tactile_nodes.learning.transfer_network import NetworkTransfer, network_readout, transfer_network
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.paths import share_directory
+from tactile_nodes.sensing.network import NetworkReadout
 
 CALIBRATION = 'calibration'
+Made = Transfer | NetworkTransfer
 
 
 @dataclass(frozen=True)
@@ -43,19 +47,40 @@ class Source:
 
 
 def calibrate(
-    model_file: Path, dataset_file: Path, output: Path, *, progress: Progress | None = None, command: str = ''
-) -> tuple[str, Transfer]:
+    model_file: Path,
+    dataset_file: Path,
+    output: Path,
+    *,
+    layer: LayerConfig | None = None,
+    progress: Progress | None = None,
+    command: str = '',
+) -> tuple[str, Made]:
     """Write the model of the gel that was pressed; its id, and how it came about.
+
+    A response is warped; a network gets the paper's layer, fitted as `layer` says.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
         DatasetError: the presses cannot be used, or the calibration would not pay.
+        ConfigurationError: a layer needs torch, which is not installed.
     """
     begun = clock.perf_ns()
     source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
-    made = transferred(source.loaded, recordings, progress)
+    network = isinstance(source.loaded.model.readout, NetworkReadout)
+    if network or layer:
+        made: Made = _with_layer(source.loaded, recordings, layer, progress)
+    else:
+        made = transferred(source.loaded, recordings, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, made, output, seconds=seconds, command=command), made
+
+
+def _with_layer(
+    loaded: LoadedModel, recordings: RecordedPresses, layer: LayerConfig | None, progress: Progress | None
+) -> NetworkTransfer:
+    network_readout(loaded)
+    require_same_features(loaded, recordings)
+    return transfer_network(loaded, recordings.as_samples(), layer, progress)
 
 
 def transferred(loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None) -> Transfer:
@@ -88,7 +113,7 @@ def require_source(loaded: LoadedModel, gel: str) -> None:
 def write(
     source: Source,
     recordings: RecordedPresses,
-    made: Transfer,
+    made: Made,
     output: Path,
     *,
     seconds: float = 0.0,
@@ -104,7 +129,7 @@ def write(
 
 
 def card_of(
-    source: Source, recordings: RecordedPresses, made: Transfer, seconds: float, command: str, output: Path
+    source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
     """What a stranger needs to know about the model: that of its source, and what was pressed."""
     kept = {name: source.loaded.card[name] for name in ('flow', 'encoding', 'crop_px')}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 FLOW = {'name': 'dis', 'options': {}}
 ENCODING = {'name': 'cartesian_mean', 'options': {'rows': 6, 'cols': 6}}
@@ -131,11 +133,52 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
     assert 'either bags or --dataset FILE' in capsys.readouterr().err
 
 
-def test_a_network_is_refused(presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_network_of_other_features_is_refused(
+    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     output = tmp_path / 'none.safetensors'
     assert main(['calibrate', '--model', 'paper', '--dataset', str(presses), '-o', str(output)]) == 1
-    assert 'is a network, and only the response of a gel can be transferred' in capsys.readouterr().err
+    assert 'build the data set with the options of the model' in capsys.readouterr().err
     assert not output.exists()
+
+
+def test_a_layer_is_refused_for_a_response(model: Path, presses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    letter = Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml'
+    words = ['--model', str(model), '--dataset', str(presses), '--layer', str(letter), '-o', 'none']
+    assert main(['calibrate', *words]) == 1
+    assert "is a response, and the paper's layer stands before a network" in capsys.readouterr().err
+
+
+def test_a_network_gets_the_papers_layer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip('torch')
+    assert main(['calibrate', *layered_words(tmp_path), '-o', str(tmp_path / 'new.safetensors')]) == 0
+    loaded = load_model(tmp_path / 'new.safetensors')
+    readout = loaded.model.readout
+    assert isinstance(readout, NetworkReadout)
+    assert readout.layer is not None
+    assert loaded.gel == 'second'
+    assert loaded.card['training']['calibration']['settings']['epochs'] == 20
+    assert 'form layer: rectified units before the network' in capsys.readouterr().out
+
+
+def layered_words(folder: Path) -> list[str]:
+    """A model, a file of presses on a gel that shows half of the motion, and settings: all small."""
+    source = NetworkReadout(
+        InputScaling(np.zeros((6, 6, 2), np.float32), np.ones((6, 6, 2), np.float32), np.ones((6, 6), np.float32)),
+        Mlp((np.full((81, 72), 0.002, np.float32) * np.tile([1, 0], 36).astype('f4'),), (np.zeros(81, np.float32),)),
+        BinGrid(),
+    )
+    polar_means = {'name': 'polar_mean', 'options': {'rows': 6, 'cols': 6}}
+    card = {'flow': FLOW, 'encoding': polar_means, 'crop_px': 440, 'gel': {'id': 'first'}, 'data': {}}
+    save_model(folder / 'first.safetensors', ForceModel(FeatureLayout('polar_mean', 6, 6, 2), BinGrid(), source), card)
+    dataset = pressed(120, 4, 0.5, 0.0)
+    dx, dy = np.moveaxis(dataset.features.astype(float), -1, 0)
+    polar = np.stack([np.hypot(dx, dy), np.arctan2(dy, dx) % (2 * np.pi)], axis=-1).astype(np.float16)
+    file = recorded(dataclasses.replace(dataset, features=polar), 'second')
+    save_dataset(folder / 'new.npz', dataclasses.replace(file, card={**file.card, 'encoding': polar_means}))
+    (folder / 'layer.yaml').write_text('epochs: 20\nlearning_rate: 0.001\n')
+    files = {'--model': 'first.safetensors', '--dataset': 'new.npz', '--layer': 'layer.yaml'}
+    return [word for name, value in files.items() for word in (name, str(folder / value))]
 
 
 def test_presses_measured_otherwise_are_refused(

@@ -40,6 +40,12 @@ def file(presses: RecordedPresses, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
+def test_a_part_of_the_samples_has_its_own_labels(presses: RecordedPresses) -> None:
+    chosen, bins = np.array([4, 1, 6]), BinGrid()
+    part, whole = presses.as_samples().take(chosen), presses.as_samples()
+    np.testing.assert_array_equal(part.labels(bins), whole.labels(bins)[chosen])
+
+
 def test_what_was_written_is_read(presses: RecordedPresses, file: Path) -> None:
     found = load_dataset(file)
     for name, array in presses.arrays().items():

@@ -186,18 +186,18 @@ def test_the_same_presses_give_the_same_layer(source: NetworkReadout, harder: Da
 
 def test_cartesian_motion_is_refused_with_what_to_do(source: NetworkReadout, harder: Dataset) -> None:
     with pytest.raises(
-        ModelError, match='cut off what is negative.*polar_mean, such as paper, or calibrate a response'
+        ModelError, match=r'cut off what is negative.*polar_mean, such as paper, or calibrate a response'
     ):
         transfer_network(as_model(source, 'cartesian_mean'), harder, QUICK)
 
 
 def test_a_model_that_has_a_layer_names_the_one_to_calibrate(made: NetworkTransfer, harder: Dataset) -> None:
-    with pytest.raises(ModelError, match='has a calibration layer already; calibrate the model .* abc123'):
+    with pytest.raises(ModelError, match=r'has a calibration layer already; calibrate the model .* abc123'):
         transfer_network(as_model(made.readout), harder, QUICK)
 
 
 def test_few_presses_are_refused_with_what_to_do(source: NetworkReadout, harder: Dataset) -> None:
-    with pytest.raises(DatasetError, match='needs 40 presses at least .*record more, or calibrate a response'):
+    with pytest.raises(DatasetError, match=r'needs 40 presses at least .*record more, or calibrate a response'):
         transfer_network(as_model(source), harder.take(np.arange(30)), QUICK)
 
 
@@ -223,9 +223,17 @@ def test_the_card_says_how_the_layer_came_about(made: NetworkTransfer) -> None:
 
 
 def test_the_published_settings_are_those_of_the_papers_table() -> None:
-    letter = load_layer_config(Path(__file__).parents[2] / 'config' / 'calibrate' / 'paper_letter.yaml')
+    letter = load_layer_config(Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml')
     assert (letter.batch, letter.learning_rate, letter.patience, letter.dropout) == (64, 0.0001, 200, 0.05)
     assert (letter.centred, letter.keep_start) == (False, False)
+
+
+def test_the_settings_that_ship_are_the_defaults() -> None:
+    folder = Path(__file__).parents[2] / 'config' / 'transfer'
+    assert load_layer_config(folder / 'paper.yaml') == LayerConfig()
+    letter = load_layer_config(folder / 'paper_letter.yaml')
+    ours = {name: getattr(LayerConfig(), name) for name in ('learning_rate', 'patience', 'centred', 'keep_start')}
+    assert dataclasses.replace(letter, **ours) == LayerConfig()
 
 
 def test_an_unknown_setting_is_an_error_that_names_it(tmp_path: Path) -> None:
