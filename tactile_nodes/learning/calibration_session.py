@@ -70,9 +70,11 @@ class CalibrationSession:
         model_id = self._written.to(file, replaces)
         self._tell(f'{file}: model {model_id}, from {made.presses} presses')
         self._tell(_summary(made))
-        if live is not None:
+        if live is not None and live.present:
             live.use(file)
-            self._tell('the force estimator uses it now; back to the one before: service ~/undo_calibration')
+            self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')
+        else:
+            self._tell(f'no force estimator runs here; start it with model:={file}')
         return file
 
     @property
