@@ -798,6 +798,7 @@ class CalibrationState(Message):
     REASON_OTHER_GEL: ClassVar[int]
     REASON_UNLIKE_CONTACTS: ClassVar[int]
     REASON_FORCE_RATIO: ClassVar[int]
+    REASON_DENTED_REST: ClassVar[int]
     header: Header
     valid_from: Time
     level: int

@@ -45,6 +45,7 @@ class Limits:
 
     moved_px: tuple[float, float] = (0.03, 0.1)
     since_calibration_px: tuple[float, float] = (0.5, 4.0)
+    dented_px: tuple[float, float] = (0.05, 0.2)
     contrast: tuple[float, float] = (0.4, 0.15)
     lost: tuple[float, float] = (0.08, 0.2)
     unlike: float = 0.5
@@ -70,6 +71,7 @@ class DriftMonitor:
         self.limits = limits = limits or Limits()
         self._moved = Alarm(*limits.moved_px)
         self._calibrated = Alarm(*limits.since_calibration_px)
+        self._dented = Alarm(*limits.dented_px)
         self._light = Alarm(*(-math.log(each) for each in limits.contrast))
         self._lost = Alarm(*limits.lost)
         self._other = Alarm(0.5, 0.5)
@@ -91,7 +93,7 @@ class DriftMonitor:
 
         None: it has none, and the next rest image stands in for it.
         """
-        for alarm in (self._calibrated, self._other_since_calibration, self._unlike, self._force):
+        for alarm in (self._calibrated, self._dented, self._other_since_calibration, self._unlike, self._force):
             alarm.clear()
         self._comparison.clear()
         self._unlike_contacts.clear()
@@ -188,6 +190,7 @@ class DriftMonitor:
             Reason.OTHER_GEL: other,
             Reason.UNLIKE_CONTACTS: self._unlike.level,
             Reason.FORCE_RATIO: self._force.level,
+            Reason.DENTED_REST: self._dented.level,
         }
 
     def _compare_rest(self, picture: np.ndarray) -> None:
@@ -196,8 +199,10 @@ class DriftMonitor:
         self._since_calibration = change = self._calibration.of(picture)
         if change.same:
             self._calibrated.set(change.size_px)
+            self._dented.set(change.apart_px)
         else:
             self._calibrated.clear()
+            self._dented.clear()
         self._other_since_calibration.set(float(_shows_another(change)))
 
     def _contact(self, contact: ContactFrames) -> None:

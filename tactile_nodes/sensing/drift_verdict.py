@@ -21,6 +21,7 @@ class Reason(IntFlag):
     OTHER_GEL = 16
     UNLIKE_CONTACTS = 32
     FORCE_RATIO = 64
+    DENTED_REST = 128
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Verdict:
             Reason.OTHER_GEL: self._other_gel,
             Reason.UNLIKE_CONTACTS: self._unlike_contacts,
             Reason.FORCE_RATIO: self._force_ratio,
+            Reason.DENTED_REST: self._dented_rest,
         }
         return tuple(tell() for reason, tell in told.items() if reason in self.reasons)
 
@@ -74,8 +76,8 @@ class Verdict:
         right, down = change.shift_px
         return (
             f'the rest image lies {change.size_px:.2g} px off that of the calibration (right {right:+.2f}, down '
-            f'{down:+.2f} px, turned {change.turn_deg:+.2f} degrees, scaled by {1 + change.growth:.4f}); put the camera '
-            'back or calibrate again'
+            f'{down:+.2f} px, turned {change.turn_deg:+.2f} degrees, scaled by {1 + change.growth:.4f}); put the '
+            'camera back or calibrate again'
         )
 
     def _light(self) -> str:
@@ -100,4 +102,11 @@ class Verdict:
         return (
             f'the gel reads {self.ratio.ratio:.3f} +- {self.ratio.sigma:.3f} of the independent force; it is harder or '
             'softer than when it was calibrated, so calibrate again'
+        )
+
+    def _dented_rest(self) -> str:
+        assert self.since_calibration is not None
+        return (
+            f'parts of the rest image lie {self.since_calibration.left_px:.2g} px from where the calibration had them; '
+            'capture it again with nothing on the gel, and if that does not help calibrate again'
         )

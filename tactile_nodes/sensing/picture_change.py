@@ -65,7 +65,12 @@ class PictureChange:
     @property
     def quiet(self) -> bool:
         """Whether all of it moved alike, as where nothing touches the gel."""
-        return self.same and self.left_px <= QUIET_PX + QUIET_SHARE * self.size_px
+        return self.same and self.apart_px <= QUIET_PX
+
+    @property
+    def apart_px(self) -> float:
+        """How far some patches move by themselves: `left_px` without what a common motion leaves over anyway."""
+        return max(0.0, self.left_px - QUIET_SHARE * self.size_px)
 
 
 class PictureComparison:

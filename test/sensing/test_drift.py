@@ -116,6 +116,16 @@ def test_a_new_rest_image_ends_the_false_forces_and_says_how_far_off_it_lies(mon
     assert verdict.since_calibration.size_px == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.parametrize(('depth_mm', 'level'), [(0.1, Level.VALID), (0.6, Level.AGEING), (1.5, Level.INVALID)])
+def test_a_rest_image_with_a_touch_in_it_is_told(
+    monitor: DriftMonitor, plain: Seen, depth_mm: float, level: Level
+) -> None:
+    monitor.rest(plain.picture((Press(4.0, -3.0, depth_mm),)))
+    verdict = monitor.verdict
+    assert verdict.level == level
+    assert verdict.reasons == (Reason.DENTED_REST if level else Reason(0))
+
+
 def test_a_light_that_fades_is_no_matter_for_patches_until_little_is_left(monitor: DriftMonitor) -> None:
     half, fifth, tenth = (changed(light_gain=gain).picture() for gain in (0.5, 0.2, 0.1))
     assert watched(monitor, [half]).verdict.level == Level.VALID
