@@ -6,7 +6,7 @@ import { Controls } from './controls.js';
 import { Link } from './link.js';
 import { drawMap } from './map.js';
 import { takeApart } from './packet.js';
-import { newtons, showContacts, showSlow, showStatus, showTotal } from './panels.js';
+import { showContacts, showSlow, showStatus, showTotal } from './panels.js';
 
 const OLD_S = 0.6; // a force older than this is no reading any more
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
@@ -112,4 +112,3 @@ setInterval(watch, 250);
 showContacts(null, false);
 drawMap($('map'), null, page.bins, Number($('scale').value));
 window.addEventListener('resize', () => page.told && draw());
-window.tactile = { newtons };

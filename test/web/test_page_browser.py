@@ -1,0 +1,268 @@
+"""The page in a real browser: Chromium without a window, looking at a node of this process.
+
+Skipped where there is no Chromium (Debian: apt-get install chromium) or no playwright (part of the extra ``dev``).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.runtime import run_until
+from tactile_nodes.messages import services, types
+from tactile_nodes.nodes.live_view import LiveViewNode
+from tactile_nodes.nodes.recorder import RecorderNode
+from tactile_nodes.params import Located, NodeParameters
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.reading import Contact
+
+playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed: pip install .[dev]')
+expect = playwright.expect
+CHROMIUM = next((found for name in ('chromium', 'chromium-browser') if (found := shutil.which(name))), None)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason='there is no Chromium on this machine: apt-get install chromium'),
+]
+BINS = BinGrid(9, 9, 32.0, 32.0)
+PRESS_N, PLACE_MM = 0.73, (4.0, -2.0)  # in the bin of row 3, column 5: its middle is at (3.56, -3.56) mm
+PATIENCE_MS = 15_000
+expect.set_options(timeout=PATIENCE_MS)
+
+
+@dataclass
+class Sensor:
+    """Publishes sixty times a second what a sensor would that is pressed with `total_n`."""
+
+    bus: InProcessBus
+    total_n: float = PRESS_N
+    status: int = types.ForceDistribution.STATUS_OK
+    reasons: int = 0
+    sending: bool = True
+    _done: threading.Event = field(default_factory=threading.Event)
+
+    def __post_init__(self) -> None:
+        made = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION)
+        self._ends = [self.bus.advertise(f'/{topic.name}', topic.type_name, topic.qos) for topic in made]
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._done.wait(1 / 60):
+            if self.sending:
+                for end, message in zip(self._ends, self._messages(), strict=True):
+                    end.publish(message)
+
+    def _messages(self) -> tuple[Any, Any, Any]:
+        stamp_ns = self.bus.clock.now_ns()
+        head = conversions.header(stamp_ns, 'gel')
+        picture = np.tile(np.arange(0, 160, 4, dtype=np.uint8), (40, 1))
+        arrows = np.tile(np.array([0.5, -0.25], np.float32), 4)
+        motion = types.FlowFeatures(
+            header=head, rows=2, cols=2, channels=2, encoding='cartesian_mean', values=arrows,
+            confidence=np.ones(4, np.float32), image_width=40, image_height=40,
+        )  # fmt: skip
+        bins = np.zeros((9, 9), np.float32)
+        bins[3, 5] = self.total_n
+        touching = (Contact(*PLACE_MM, self.total_n, 0.03, 0.004),) if self.total_n else ()
+        force = types.ForceDistribution(
+            header=head, status=self.status, reasons=self.reasons, **conversions.force_fields(bins, BINS, touching)
+        )
+        return conversions.image_message(picture, head), motion, force
+
+
+@dataclass
+class Running:
+    """Nodes of this process, each started and ended as its program would."""
+
+    bus: InProcessBus
+    ends: list[Callable[[], None]] = field(default_factory=list)
+
+    def start(self, kind: type[Node], **values: object) -> Node:
+        located = {name: Located(value, 'test') for name, value in values.items()}
+        node = kind(self.bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+        done = threading.Event()
+        thread = threading.Thread(target=run_until, args=([node], done))
+        thread.start()
+
+        def end() -> None:
+            done.set()
+            thread.join()
+
+        self.ends.append(end)
+        return node
+
+    def end(self) -> None:
+        """End what was started last."""
+        self.ends.pop()()
+
+
+@pytest.fixture(scope='module')
+def chromium() -> Iterator[Any]:
+    sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
+    with playwright.sync_playwright() as driver:
+        made = driver.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def running() -> Iterator[Running]:
+    made = Running(InProcessBus())
+    yield made
+    while made.ends:
+        made.end()
+    made.bus.close()
+
+
+@pytest.fixture
+def sensor(running: Running) -> Iterator[Sensor]:
+    made = Sensor(running.bus)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def url(running: Running) -> str:
+    return running.start(LiveViewNode, port=0).server.url
+
+
+@pytest.fixture
+def page(chromium: Any, url: str, sensor: Sensor) -> Iterator[Any]:
+    with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
+        made = context.new_page()
+        made.faults = []
+        made.on('pageerror', lambda error: made.faults.append(str(error)))
+        made.on('console', lambda said: made.faults.append(said.text) if said.type == 'error' else None)
+        made.goto(url)
+        yield made
+
+
+def text(page: Any, place: str) -> Any:
+    return expect(page.locator(place))
+
+
+def test_the_force_of_a_known_press_is_shown(page: Any) -> None:
+    text(page, '#total').to_have_text('0.730')
+    text(page, '#status').to_have_text('OK')
+    row = page.locator('#contacts tr').first
+    expect(row.locator('td').nth(1)).to_have_text('4.00, −2.00 ± 0.03')
+    expect(row.locator('td').nth(2)).to_have_text('0.730 ± 0.004')
+    text(page, '#longest').to_have_text('0.6')  # of (0.5, -0.25) px
+    assert page.faults == []
+
+
+def test_the_bin_that_is_pressed_has_the_colour_of_its_force(page: Any) -> None:
+    text(page, '#total').to_have_text('0.730')
+    step = int(0.73 * 64)  # of the 64 from 0 to 1 N
+    red, green, blue = (round(255 * part) for part in colormaps['inferno'](np.linspace(0, 1, 64))[step][:3])
+    count = page.evaluate(
+        """([red, green, blue]) => {
+            const canvas = document.getElementById('map');
+            const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+            let count = 0;
+            for (let at = 0; at < data.length; at += 4)
+                count += Math.abs(data[at] - red) + Math.abs(data[at + 1] - green) + Math.abs(data[at + 2] - blue) < 4;
+            return count;
+        }""",
+        [red, green, blue],
+    )
+    assert count > 300  # a bin of about 35 x 35 pixels, less its number
+
+
+def test_the_page_follows_the_force(page: Any, sensor: Sensor) -> None:
+    text(page, '#total').to_have_text('0.730')
+    sensor.total_n = 0.25
+    text(page, '#total').to_have_text('0.250')
+    sensor.total_n = 0.0
+    text(page, '#contacts tr:first-child').to_contain_text('nothing touches')
+    text(page, '#total').to_have_text('0.000')
+
+
+def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, sensor: Sensor) -> None:
+    sensor.status, sensor.reasons = types.ForceDistribution.STATUS_INVALID, types.ForceDistribution.REASON_DARK_IMAGE
+    text(page, '#status').to_have_text('INVALID')
+    text(page, '#reason').to_have_text('The image holds no light: is the lamp on, the lens free?')
+    text(page, '#total').to_have_text('–')
+
+
+def test_when_nothing_comes_no_number_stays_and_when_it_comes_again_it_is_shown(page: Any, sensor: Sensor) -> None:
+    text(page, '#total').to_have_text('0.730')
+    sensor.sending = False
+    text(page, '#status').to_have_text('NO DATA')
+    text(page, '#total').to_have_text('–')
+    text(page, '#reason').to_contain_text('No data for')
+    text(page, '#camera-veil').to_contain_text('no image for')
+    sensor.sending = True
+    text(page, '#total').to_have_text('0.730')
+    text(page, '#status').to_have_text('OK')
+
+
+def test_the_page_comes_back_by_itself_when_its_node_is_started_again(page: Any, running: Running, url: str) -> None:
+    text(page, '#total').to_have_text('0.730')
+    running.end()
+    text(page, '#status').to_have_text('NO CONNECTION')
+    text(page, '#total').to_have_text('–')
+    running.start(LiveViewNode, port=int(url.rstrip('/').rpartition(':')[2]))
+    text(page, '#total').to_have_text('0.730')
+
+
+def test_a_rest_image_is_refused_under_a_touch_unless_a_person_insists(page: Any, running: Running) -> None:
+    called = threading.Event()
+
+    def answer(_: types.Trigger_Request, reply: Callable[[Any], None]) -> None:
+        called.set()
+        reply(types.Trigger_Response(success=True, message='capturing it'))
+
+    running.bus.serve('/flow_features/capture_reference', services.TRIGGER, answer)
+    text(page, '#total').to_have_text('0.730')
+    page.click('#rest')
+    text(page, '#answer').to_contain_text('Something seems to touch the gel (0.730 N)')
+    assert not called.is_set()
+    page.click('#answer button')
+    text(page, '#answer').to_have_text('capturing it')
+    assert called.is_set()
+
+
+def test_a_bag_is_recorded_from_the_page(page: Any, running: Running, tmp_path: Path) -> None:
+    running.start(RecorderNode, autostart=False, bag=f'{tmp_path}/')
+    page.click('#record')
+    text(page, '#recording-mark').to_be_visible()
+    text(page, '#answer').to_contain_text('recording into')
+    page.click('#record')
+    text(page, '#answer').to_contain_text('wrote')
+    text(page, '#recording-mark').to_be_hidden()
+    assert len(list(tmp_path.glob('rosbag2_*/*.mcap'))) == 1
+
+
+@pytest.mark.parametrize(('width', 'height'), [(1280, 720), (1920, 1080), (390, 844)])
+def test_nothing_lies_beyond_the_edge(page: Any, width: int, height: int) -> None:
+    page.set_viewport_size({'width': width, 'height': height})
+    text(page, '#total').to_have_text('0.730')
+    found = page.evaluate('[document.documentElement.scrollWidth, document.documentElement.scrollHeight]')
+    assert found[0] == width
+    assert found[1] == height or width < 500  # one screen, but on a telephone
+
+
+def test_what_nodes_say_cannot_become_part_of_the_page(page: Any, running: Running) -> None:
+    said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
+    said.publish(types.Log(level=40, name='camera', msg='<img src=x onerror=alert(1)>'))
+    text(page, '#logs').to_contain_text('<img src=x onerror=alert(1)>')
+    expect(page.locator('#logs img')).to_have_count(0)
