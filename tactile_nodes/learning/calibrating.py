@@ -14,7 +14,7 @@ from tactile_nodes.clock import NS_PER_S, perf_ns
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.bags import CollectionBag, RecordedPress
 from tactile_nodes.learning.building import told_of
-from tactile_nodes.learning.calibrator import Calibrator, PressRead, Reading
+from tactile_nodes.learning.calibrator import Calibrator, PressRead, Reading, curves
 from tactile_nodes.learning.transfer import Source, write
 from tactile_nodes.learning.transfer_fit import Transfer
 
@@ -23,9 +23,17 @@ Tell = Callable[[str], None]
 
 @runtime_checkable
 class Presses(Protocol):
-    """Where presses come from; `bags` are the files, if there are any."""
+    """Where presses come from; `bags` are the files, if there are any.
+
+    `waiting` says whether the next one is there already, `rest_counts` whether those after `stop` are to be used: they
+    cost nothing more.
+    """
 
     bags: Sequence[Path]
+    rest_counts: bool
+
+    @property
+    def waiting(self) -> bool: ...
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
         """Each with the number of its bag, from 0; asked for again, it goes on with the next one."""
@@ -42,6 +50,9 @@ class Presses(Protocol):
 
 class BagPresses:
     """The presses of some bags, one bag after the other. Raises what `CollectionBag` raises."""
+
+    rest_counts = False
+    waiting = False
 
     def __init__(
         self, bags: Sequence[Path], namespace: str | None = None, reference: str | None = None, tell: Tell | None = None
@@ -85,15 +96,16 @@ def take_presses(
     for bag, press in presses:
         read = calibrator.take(press, bag)
         tell(press_line(read) if read else f'left out: {calibrator.left_out}')
-        if along and read and calibrator.due:
+        if along and read and calibrator.due and not presses.waiting:
             calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
             tell(fit_line(calibrator))
         if along and (reason := calibrator.enough):
             tell(f'no more presses: {reason}')
             presses.stop()
             break
-    for _ in presses:  # what was under way is part of the bag, whose id follows from all that it tells
-        tell('a press that was under way is over')
+    for bag, press in presses:  # all of them, for the id of a bag follows from all that it tells
+        if presses.rest_counts and (read := calibrator.take(press, bag)):
+            tell(press_line(read))
 
 
 def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = '') -> Transfer:
@@ -147,9 +159,9 @@ def fit_line(calibrator: Calibrator) -> str:
         return f'{calibrator.presses} presses: no calibration yet: {calibrator.objection}'
     text = f'{calibrator.presses} presses: {_medians(made.after)} off where held out, without calibration '
     text += f'{_medians(made.before)} (medians); form {made.form}'
-    if curves := calibrator.curves():
+    if found := curves(calibrator.fits):
         twice = 2 * calibrator.presses
-        force, place = (curve.at(twice) for curve in curves)
+        force, place = (curve.at(twice) for curve in found)
         text += f'; with {twice} about {1e3 * force:.1f} mN and {place:.3f} mm'
     return text
 

@@ -46,6 +46,43 @@ class StopRule:
     agree: int = parameter(2, 'fits in a row that must expect less', minimum=1)
     first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
 
+    def reason(self, presses: int, fits: Sequence[Fitted]) -> str:
+        """Why so many presses are enough, by the fits so far; empty where they are not."""
+        if presses >= self.most:
+            return f'{presses} presses are as many as were asked for'
+        if presses < self.least or len(fits) < self.agree:
+            return ''
+        gains = [expected_gain(fits[: len(fits) - back]) for back in range(self.agree)]
+        if max(gains) >= self.worth:
+            return ''
+        return (
+            f'twice as many presses are expected to lower the errors by {100 * gains[0]:.0f} % at most, less than '
+            f'the {100 * self.worth:.0f} % that they would have to'
+        )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One renewal of the fit: held-out errors (medians) with so many presses."""
+
+    presses: int
+    force_n: float
+    place_mm: float
+
+
+def curves(fits: Sequence[Fitted]) -> tuple[Curve, Curve] | None:
+    """Error of force (N) and place (mm) over presses; None while the fits are too few."""
+    presses = [point.presses for point in fits]
+    force = Curve.fit(presses, [point.force_n for point in fits])
+    place = Curve.fit(presses, [point.place_mm for point in fits])
+    return (force, place) if force and place else None
+
+
+def expected_gain(fits: Sequence[Fitted]) -> float:
+    """The share by which twice as many presses are expected to lower the error of force or place, if more."""
+    found = curves(fits)
+    return 1.0 if found is None else max(curve.falls(fits[-1].presses) for curve in found)
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -63,15 +100,6 @@ class PressRead:
     force_n: float
     before: Reading
     after: Reading | None
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """One renewal of the fit: held-out errors (medians) with so many presses."""
-
-    presses: int
-    force_n: float
-    place_mm: float
 
 
 class Calibrator:
@@ -136,6 +164,7 @@ class Calibrator:
             ModelError: its image has another size than the model needs.
         """
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
+        self._measurer.keep()
         if not samples:
             return None
         self._require_fitting(press, samples[0].reference_id)
@@ -164,7 +193,7 @@ class Calibrator:
         return self.presses >= self._next
 
     def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
-        """Renew the calibration by all presses so far; what speaks against it is then in `objection`.
+        """Renew the calibration, if there are new presses; what speaks against it is then in `objection`.
 
         Args:
             told: the card's entry for each bag.
@@ -173,52 +202,30 @@ class Calibrator:
         """
         self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
         try:
-            recordings = self._builder.recordings(told, bags, command=command)
-            self.made = transferred(self.loaded, recordings, self._progress)
+            self.recordings = self._builder.recordings(told, bags, command=command)
+            if not self._is_fitted:
+                self.made, self.objection = transferred(self.loaded, self.recordings, self._progress), ''
         except DatasetError as error:
             self.made, self.objection = None, str(error)
-            return
-        self.recordings, self.objection = recordings, ''
-        after = self.made.after
-        self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
+        if self.made is not None and not self._is_fitted:
+            after = self.made.after
+            self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
 
-    def curves(self, fits: int | None = None) -> tuple[Curve, Curve] | None:
-        """Error of force (N) and place (mm) over presses by the first so many fits; None while these are too few."""
-        points = self.fits[:fits]
-        presses = [point.presses for point in points]
-        force = Curve.fit(presses, [point.force_n for point in points])
-        place = Curve.fit(presses, [point.place_mm for point in points])
-        return (force, place) if force and place else None
+    @property
+    def _is_fitted(self) -> bool:
+        """Whether the calibration is of all presses so far."""
+        return self.made is not None and bool(self.fits) and self.fits[-1].presses == self.presses
 
     @property
     def enough(self) -> str:
         """Why more presses do not pay; empty while they do."""
-        rule = self.rule
         if self.asked_to_finish:
             return 'asked to finish'
-        if self.presses >= rule.most:
-            return f'{self.presses} presses are as many as were asked for'
-        if self.made is None or self.presses < rule.least or len(self.fits) < rule.agree:
-            return ''
-        last = range(len(self.fits) - rule.agree + 1, len(self.fits) + 1)
-        gains = [self._expected_gain(count) for count in last]
-        if max(gains) >= rule.worth:
-            return ''
-        return (
-            f'twice as many presses are expected to lower the errors by {100 * gains[-1]:.0f} % at most, less than '
-            f'the {100 * rule.worth:.0f} % that they would have to'
-        )
+        return self.rule.reason(self.presses, self.fits if self.made else [])
 
     def close(self) -> None:
         """Keep what was measured."""
         self._measurer.close()
-
-    def _expected_gain(self, fits: int) -> float:
-        """The share by which twice as many presses are expected to lower the error of force or place, if more."""
-        curves = self.curves(fits)
-        if curves is None:
-            return 1.0
-        return max(curve.falls(self.fits[fits - 1].presses) for curve in curves)
 
     def _require_fitting(self, press: RecordedPress, reference: str) -> None:
         assert press.reference is not None  # or it could not have been measured

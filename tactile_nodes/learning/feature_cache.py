@@ -60,6 +60,11 @@ class FeatureCache:
             if self._fresh % COMMIT_EVERY == 0:
                 self._open.commit()
 
+    def keep(self) -> None:
+        """Write what waits, and let other processes write: until then they wait, too."""
+        with self._translated():
+            self._open.commit()
+
     def close(self) -> None:
         """Write what waits."""
         with self._translated():

@@ -108,6 +108,10 @@ class Measurer:
         self.computed += 1
         return measured
 
+    def keep(self) -> None:
+        """Keep what was measured so far, for a while in which nothing may come."""
+        self._cache.keep()
+
     def close(self) -> None:
         """Keep what was measured."""
         self._cache.close()

@@ -26,6 +26,7 @@ class RigPresses:
     """
 
     bags: Sequence[Path] = ()
+    rest_counts = True
 
     def __init__(self, stop_rig: Callable[[], None]) -> None:
         self._stop_rig = stop_rig
@@ -89,6 +90,11 @@ class RigPresses:
             self._taken = press is None
             if press is not None:
                 yield 0, press
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the next one is there already: the rig does not wait for a fit."""
+        return not self._ready.empty()
 
     def told(self, gel: str) -> list[dict[str, Any]]:
         """The entry of the bag that a recorder makes of these messages: its id follows from the presses alone."""
