@@ -9,6 +9,8 @@ DESCRIPTION = 'Measure, on this machine, what the documentation claims of anothe
 BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
+    'transfer_paper': "the paper's calibration layer on other gels, and why its published rate does harm",
+    'drift': 'when the monitor says that a calibration is ageing, and how wrong forces are by then',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'collection': 'a whole collection in simulated time, into a real bag',
@@ -16,6 +18,8 @@ BENCHMARKS = {
     'stopping': 'how soon and how far a force above its limit stops the tip',
     'runtimes': 'models in numpy, onnxruntime and torch: time, memory, size, and the same answers',
     'flow': 'motion by each flow method against known motion, and its time',
+    'untouched': 'frames in which nothing touches: are any touches missed, and what does not measuring them save?',
+    'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 
