@@ -59,6 +59,7 @@ def motion(message: Any) -> dict[str, Any] | None:
 def slowly(shot: Snapshot, recording: Mapping[str, Any] | None, controls: Mapping[str, bool]) -> dict[str, Any]:
     """What a person reads: it changes a few times a second at most."""
     return {
+        'namespace': shot.namespace,
         'rates': {
             'arriving_hz': shot.arrivals_hz,
             'stamps_hz': shot.stamps_hz,

@@ -19,7 +19,7 @@ from matplotlib import colormaps
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.arguments import NodeArguments, Remap
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.runtime import run_until
@@ -95,9 +95,10 @@ class Running:
     bus: InProcessBus
     ends: list[Callable[[], None]] = field(default_factory=list)
 
-    def start(self, kind: type[Node], **values: object) -> Node:
+    def start(self, kind: type[Node], namespace: str = '/', **values: object) -> Node:
         located = {name: Located(value, 'test') for name, value in values.items()}
-        node = kind(self.bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+        parameters = (NodeParameters('/**', located),)
+        node = kind(self.bus, NodeArguments((Remap('__ns', namespace),), parameters))
         done = threading.Event()
         thread = threading.Thread(target=run_until, args=([node], done))
         thread.start()
@@ -259,6 +260,15 @@ def test_nothing_lies_beyond_the_edge(page: Any, width: int, height: int) -> Non
     found = page.evaluate('[document.documentElement.scrollWidth, document.documentElement.scrollHeight]')
     assert found[0] == width
     assert found[1] == height or width < 500  # one screen, but on a telephone
+
+
+def test_the_page_of_a_sensor_in_a_namespace_says_which(chromium: Any, running: Running) -> None:
+    node = running.start(LiveViewNode, namespace='/left', port=0)
+    with chromium.new_context() as context:
+        page = context.new_page()
+        page.goto(node.server.url)
+        text(page, 'h1').to_have_text('tactile /left')
+        text(page, '#status').to_have_text('WAITING')
 
 
 def test_what_nodes_say_cannot_become_part_of_the_page(page: Any, running: Running) -> None:

@@ -59,13 +59,13 @@ function draw() {
   drawMap($('map'), told.force, page.bins, Number($('scale').value));
   chart.draw();
   $('true-key').hidden = !chart.hasTruth;
-  watch();
+  const isLive = watch();
   const slow = JSON.stringify(told.slow);
-  if (slow !== page.slow) showSlow(told.slow, Math.round(page.shown.length / 2));
+  if (slow !== page.slow) showSlow(told.slow, Math.round(page.shown.length / 2), isLive);
   page.slow = slow;
 }
 
-/** How old what we see is: also when nothing comes any more. */
+/** How old what we see is, also when nothing comes any more; returns whether it is a reading still. */
 function watch() {
   const { told } = page;
   const since = (performance.now() - page.at) / 1000;
@@ -79,6 +79,7 @@ function watch() {
   const veil = $('camera-veil');
   veil.hidden = imageAge < 1.5;
   veil.textContent = page.imageAt ? `no image for ${imageAge.toFixed(0)} s` : 'no image yet';
+  return isLive;
 }
 
 function statusOf(told, age, isLive) {

@@ -73,8 +73,11 @@ function contactRow(index, contact, otherwise) {
 }
 
 /** Rates, latencies, nodes, model: what comes twice a second. */
-export function showSlow(slow, updates) {
-  say('fps', fixed(slow.rates.arriving_hz, 1));
+export function showSlow(slow, updates, isLive) {
+  const namespace = slow.namespace === '/' ? '' : slow.namespace;
+  say('namespace', namespace ? ` ${namespace}` : '');
+  document.title = `Live view ${namespace || '– tactile_nodes'}`;
+  say('fps', isLive ? fixed(slow.rates.arriving_hz, 1) : NONE);
   say('updates', `${updates}`);
   const { lost, skipped, malformed } = slow.rates;
   const damaged = malformed ? `, ${malformed} malformed` : '';
