@@ -43,7 +43,7 @@ class Limits:
     share, forces as |ln ratio|.
     """
 
-    moved_px: tuple[float, float] = (0.03, 0.1)
+    moved_px: tuple[float, float] = (0.02, 0.1)
     since_calibration_px: tuple[float, float] = (0.5, 4.0)
     dented_px: tuple[float, float] = (0.05, 0.2)
     contrast: tuple[float, float] = (0.4, 0.15)

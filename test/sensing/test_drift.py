@@ -224,7 +224,7 @@ def test_a_knocked_camera_does_not_count_as_unlike_contacts_too(monitor: DriftMo
 def test_a_wavering_picture_does_not_flap(monitor: DriftMonitor) -> None:
     levels = []
     for number in range(600):
-        size_px = 0.03 + 0.008 * math.sin(number / 7)
+        size_px = 0.02 + 0.005 * math.sin(number / 7)
         monitor.change(number * S // 2, dataclasses.replace(NOTHING, size_px=size_px))
         levels.append(monitor.verdict.level)
     assert sum(one != other for one, other in pairwise(levels)) == 1
