@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 from collections.abc import Collection
-from urllib.parse import urlsplit
+
+_HOST = re.compile(r'(?P<name>\[[0-9a-fA-F:.]+\]|[\w.-]+)(:\d{1,5})?', re.ASCII)
 
 
 def is_known_host(host: str, names: Collection[str] = ()) -> bool:
@@ -20,12 +22,10 @@ def is_known_host(host: str, names: Collection[str] = ()) -> bool:
     >>> is_known_host('127.0.0.1:7470'), is_known_host('localhost:9000'), is_known_host('evil.example:7470')
     (True, True, False)
     """
-    try:
-        name = urlsplit(f'//{host}').hostname
-    except ValueError:
+    match = _HOST.fullmatch(host)
+    if match is None:
         return False
-    if name is None:
-        return False
+    name = match['name'].strip('[]').lower()
     try:
         ipaddress.ip_address(name)
     except ValueError:

@@ -28,9 +28,11 @@ HEARTBEAT_S = 10.0
 LONGEST_WORD = 4096  # bytes of what a viewer may say at once
 CLOSE_WITHIN_S = 0.5
 TOKEN = 'X-Tactile-Token'  # noqa: S105 - the header's name
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+    "connect-src 'self' ws://{host}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)  # some browsers do not take a WebSocket to the same host for 'self'
 _HEADERS = {
-    'Content-Security-Policy': "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     'X-Content-Type-Options': 'nosniff',
     'Referrer-Policy': 'no-referrer',
     'Cross-Origin-Resource-Policy': 'same-origin',
@@ -117,7 +119,6 @@ class PageServer:
         if closing:
             await asyncio.wait(closing, timeout=CLOSE_WITHIN_S)
         await runner.cleanup()
-        await self._loop.shutdown_default_executor()
 
     def application(self) -> web.Application:
         """The routes; for tests, too."""
@@ -197,5 +198,7 @@ async def _index(_: web.Request) -> web.StreamResponse:
     return web.FileResponse(STATIC / 'index.html')
 
 
-async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
+async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     response.headers.update(_HEADERS)
+    if response.status != web.HTTPMisdirectedRequest.status_code:  # else the host is none that we know
+        response.headers['Content-Security-Policy'] = _POLICY.format(host=request.host)

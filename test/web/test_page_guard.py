@@ -12,7 +12,18 @@ def test_addresses_and_this_machine_are_known(host: str) -> None:
     assert guard.is_known_host(host)
 
 
-@pytest.mark.parametrize('host', ['evil.example:7470', 'localhost.evil.example', '', '[::1', '127.0.0.1.evil.example'])
+@pytest.mark.parametrize(
+    'host',
+    [
+        'evil.example:7470',
+        'localhost.evil.example',
+        '',
+        '[::1',
+        '127.0.0.1.evil.example',
+        '127.0.0.1:80;x',
+        '127.0.0.1:80\n',
+    ],
+)
 def test_a_name_that_somebody_pointed_here_is_not_known(host: str) -> None:
     assert not guard.is_known_host(host)
 

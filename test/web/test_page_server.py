@@ -26,6 +26,7 @@ class Served:
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, bool]] = []
+        self.slowly = threading.Semaphore(0)
         self.came_or_went = threading.Semaphore(0)
         self.server: PageServer = open_page('127.0.0.1', 0, self._act, self.came_or_went.release, viewers=2)
         self.url = self.server.url.rstrip('/')
@@ -33,6 +34,8 @@ class Served:
 
     def _act(self, action: str, insist: bool) -> Outcome:
         self.asked.append((action, insist))
+        if action == 'slow':
+            self.slowly.acquire()
         return Outcome(action == 'good', f'{action}.', insistable=action != 'good')
 
 
@@ -193,3 +196,22 @@ def test_closing_ends_what_is_open(served: Served) -> None:
             return channel.close_code
 
     assert run(talk()) == 1001
+
+
+def test_closing_does_not_wait_for_a_node_that_does_not_answer(served: Served) -> None:
+    token = run(token_of(served))
+    headers = {'Origin': served.url, TOKEN: token}
+
+    async def talk() -> None:
+        async with aiohttp.ClientSession(headers=headers) as session:
+            asking = asyncio.create_task(session.post(served.url + '/control/slow').__aenter__())
+            while not served.asked:
+                await asyncio.sleep(0)
+            await asyncio.to_thread(served.server.close)
+            with pytest.raises(aiohttp.ClientError):
+                await asking
+
+    try:
+        run(talk())
+    finally:
+        served.slowly.release()

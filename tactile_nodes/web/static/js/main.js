@@ -101,11 +101,28 @@ function complaint(told) {
   return bad[0] ?? silent[0];
 }
 
+/** What was chosen the last time, where the browser lets a page keep it. */
+function remembered(id) {
+  try {
+    return localStorage.getItem(`tactile.${id}`);
+  } catch {
+    return null;
+  }
+}
+
+function remember(id, value) {
+  try {
+    localStorage.setItem(`tactile.${id}`, value);
+  } catch {
+    // then it is chosen anew the next time
+  }
+}
+
 for (const id of ['gain', 'scale']) {
-  const kept = localStorage.getItem(`tactile.${id}`);
-  if (kept && [...$(id).options].some((option) => option.value === kept)) $(id).value = kept;
+  const kept = remembered(id);
+  if ([...$(id).options].some((option) => option.value === kept)) $(id).value = kept;
   $(id).addEventListener('change', () => {
-    localStorage.setItem(`tactile.${id}`, $(id).value);
+    remember(id, $(id).value);
     if (page.told) draw();
   });
 }
