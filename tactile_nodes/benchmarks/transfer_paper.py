@@ -247,10 +247,10 @@ def answers(readout: NetworkReadout, dataset: Dataset) -> np.ndarray:
     values = dataset.features.astype(np.float32).reshape(len(dataset.features), -1)
     if readout.layer:
         values = rectified(values @ readout.layer.weight.T + readout.layer.bias)
-    for number, confidence in enumerate(dataset.confidence):
+    for number in np.unique(dataset.rest):
         rows = dataset.rest == number
         shaped = values[rows].reshape(-1, *dataset.features.shape[1:])
-        values[rows] = readout.scaling(shaped, confidence).reshape(len(shaped), -1)
+        values[rows] = readout.scaling(shaped, dataset.confidence[number]).reshape(len(shaped), -1)
     network, hidden = readout.network, ACTIVATIONS[readout.network.hidden]
     for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
         values = hidden(values @ weight.T + bias)
