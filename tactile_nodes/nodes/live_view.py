@@ -1,7 +1,7 @@
 """The live view in the browser: a page on this machine, with picture, motion, force, health and a few buttons.
 
-Subscribes ``/diagnostics`` and ``/rosout``, and, while somebody watches, ``image_raw``, ``flow_features``,
-``force_distribution`` and ``true_force_distribution``.
+Subscribes ``/diagnostics``, ``/rosout`` and ``calibration_state``, and, while somebody watches, ``image_raw``,
+``flow_features``, ``force_distribution`` and ``true_force_distribution``.
 """
 
 from __future__ import annotations
@@ -56,6 +56,7 @@ class LiveViewNode(Node):
         self._health = Feeds(bus, self.full_name, self.names.resolve)
         self._health.add(topics.DIAGNOSTICS, self._scene.add_diagnostics)
         self._health.add(topics.ROSOUT, self._scene.add_log)
+        self._health.add(topics.CALIBRATION_STATE, self._scene.add_calibration)
         self._data = Feeds(bus, self.full_name, self.names.resolve)
         self._watched = False
         self.server = open_page(

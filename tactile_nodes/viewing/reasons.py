@@ -16,6 +16,8 @@ _SENTENCES = {
     _KIND.REASON_STALE: 'The frame is older than it should be.',
     _KIND.REASON_OTHER_IMAGE: 'The image has another size than the model was trained on.',
     _KIND.REASON_UNLIKE_TRAINING: 'The motion is unlike any that the model was trained on.',
+    _KIND.REASON_CALIBRATION_AGEING: 'The calibration holds less well than it did.',
+    _KIND.REASON_CALIBRATION_INVALID: 'The calibration holds no longer.',
 }
 
 

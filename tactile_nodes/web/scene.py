@@ -30,6 +30,7 @@ class Scene:
         self._images: OrderedDict[int, Received] = OrderedDict()
         self._motions: OrderedDict[int, Any] = OrderedDict()
         self._truths: OrderedDict[int, float] = OrderedDict()
+        self._calibration: Any = None
         self._samples: list[tuple[float, float, float]] = []
         self._jpegs: tuple[int, bytes] = (0, b'')
         self._new = True
@@ -59,6 +60,10 @@ class Scene:
     def add_diagnostics(self, received: Received) -> None:
         self.view.add_diagnostics(received)
         self.recording.add_diagnostics(received)
+
+    def add_calibration(self, received: Received) -> None:
+        """The drift monitor's word on whether the calibration still holds."""
+        self._calibration = received.message
 
     def add_log(self, received: Received) -> None:
         self.view.add_log(received)
@@ -135,7 +140,12 @@ class Scene:
     def _slowly(self, now_ns: int) -> dict[str, Any]:
         made_ns, told = self._slow
         if now_ns - made_ns >= SLOW_EVERY_S * NS_PER_S:
-            told = telling.slowly(self.view.snapshot(now_ns), self.recording.told(), self.controls)
+            told = {
+                **telling.slowly(self.view.snapshot(now_ns)),
+                'calibration': telling.calibration(self._calibration),
+                'recording': self.recording.told(),
+                'controls': self.controls,
+            }
             self._slow = now_ns, told
         return told
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from tactile_nodes.messages import stamp_ns
@@ -12,6 +11,7 @@ from tactile_nodes.viewing.state import SILENT_AFTER_S, NodeHealth, Snapshot
 
 _STATUSES = ('ok', 'degraded', 'invalid')
 _LEVELS = ('ok', 'warning', 'error', 'stale')
+_CALIBRATION = ('valid', 'ageing', 'invalid', 'unknown')
 _MM = 1000.0
 
 
@@ -56,8 +56,15 @@ def motion(message: Any) -> dict[str, Any] | None:
     }
 
 
-def slowly(shot: Snapshot, recording: Mapping[str, Any] | None, controls: Mapping[str, bool]) -> dict[str, Any]:
-    """What a person reads: it changes a few times a second at most."""
+def calibration(message: Any) -> dict[str, str] | None:
+    """Whether the calibration still holds, in the drift monitor's words; None where none speaks."""
+    if message is None:
+        return None
+    return {'level': _CALIBRATION[min(message.level, 3)], 'text': message.text}
+
+
+def slowly(shot: Snapshot) -> dict[str, Any]:
+    """What a person reads of the sensor: it changes a few times a second at most."""
     return {
         'namespace': shot.namespace,
         'rates': {
@@ -73,8 +80,6 @@ def slowly(shot: Snapshot, recording: Mapping[str, Any] | None, controls: Mappin
         'health': [_health(each) for each in shot.health],
         'logs': list(shot.logs),
         'provenance': _provenance(shot.force),
-        'recording': dict(recording) if recording is not None else None,
-        'controls': dict(controls),
     }
 
 

@@ -23,6 +23,7 @@ from tactile_nodes.web import packet
 from tactile_nodes.web.packet import Packet
 
 Advertise = Callable[[Topic], Publisher]
+WORDS = {topics.DIAGNOSTICS.name, topics.ROSOUT.name, f'/{topics.CALIBRATION_STATE.name}'}
 DATA = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION, topics.TRUE_FORCE)
 
 
@@ -58,7 +59,7 @@ def test_while_nobody_watches_no_picture_and_no_force_is_received(
     bus: InProcessBus, clock: SteppedClock, node: LiveViewNode
 ) -> None:
     pass_time(node, clock, 1.0)
-    assert subscribed(bus) == {topics.DIAGNOSTICS.name, topics.ROSOUT.name}
+    assert subscribed(bus) == WORDS
 
 
 def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
@@ -67,7 +68,7 @@ def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
     for watching in (1, 0):
         monkeypatch.setattr(type(node.server), 'watching', property(lambda _, count=watching: count))
         pass_time(node, clock, 1.0)
-        data = subscribed(bus) - {topics.DIAGNOSTICS.name, topics.ROSOUT.name}
+        data = subscribed(bus) - WORDS
         assert data == ({f'/{topic.name}' for topic in DATA} if watching else set())
 
 

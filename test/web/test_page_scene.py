@@ -12,6 +12,7 @@ from seen import MS, NAN, diagnostics, force, received
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
+from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.web import packet, picture
 from tactile_nodes.web.recording import Recording
 from tactile_nodes.web.scene import Scene
@@ -192,3 +193,19 @@ def test_the_words_of_nodes_reach_the_page() -> None:
     assert (found['node'], found['level'], found['text'], found['silent_s']) == (
         '/camera', 'warning', 'camera: dark', None,
     )  # fmt: skip
+
+
+def test_whether_the_calibration_still_holds_is_told_in_the_words_of_who_judges() -> None:
+    scene = Scene()
+    assert seen(scene, 1000)[0]['slow']['calibration'] is None
+    state = types.CalibrationState(level=types.CalibrationState.LEVEL_AGEING, text='the lamp is dim')
+    scene.add_calibration(received(state))
+    assert seen(scene, 2000)[0]['slow']['calibration'] == {'level': 'ageing', 'text': 'the lamp is dim'}
+
+
+def test_every_reason_has_a_sentence() -> None:
+    kind = types.ForceDistribution
+    bits = [bit for name, bit in vars(kind).items() if name.startswith('REASON_')]
+    told = sentences(sum(bits))
+    assert len(told) == len(bits)
+    assert all(text[0].isupper() and text[-1] in '.?' and ' ' in text for text in told)

@@ -90,7 +90,9 @@ function statusOf(told, age, isLive) {
   if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet; the nodes are starting.'];
   if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
   const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
-  return [told.force.status, WORDS[told.force.status], told.force.reasons.join(' ') || touch];
+  const { level, text } = told.slow.calibration ?? {};
+  const advice = level === 'ageing' || level === 'invalid' ? [text] : [];
+  return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
 }
 
 /** The worst that a node says of itself. */

@@ -83,7 +83,7 @@ export function showSlow(slow, updates, isLive) {
   const damaged = malformed ? `, ${malformed} malformed` : '';
   say('losses', `${lost} lost on the way here, ${skipped} skipped before${damaged}`);
   showStages(slow.latency_ms);
-  showProvenance(slow.provenance);
+  showProvenance(slow.provenance, slow.calibration);
   showNodes(slow.health, slow.logs);
 }
 
@@ -104,19 +104,25 @@ function showStages(stages) {
   $('stages').replaceChildren(...rows);
 }
 
-function showProvenance(known) {
+function showProvenance(known, calibration) {
   const entries = [
     ['model', known.model && `${known.model} (${known.model_id})`],
     ['gel', known.gel],
-    ['calibration', known.calibration_id || (known.model && 'none of its own')],
+    ['calibration', calibrated(known, calibration), calibration?.level, calibration?.text],
     ['rest image', known.reference_id],
   ];
   if (known.tare_id) entries.push(['tare', known.tare_id]);
-  $('provenance').replaceChildren(...entries.map(([name, text]) => {
+  $('provenance').replaceChildren(...entries.map(([name, text, className, title]) => {
     const pair = element('div');
-    pair.append(element('dt', name), element('dd', text || NONE));
+    pair.append(element('dt', name), element('dd', text || NONE, className));
+    pair.title = title ?? '';
     return pair;
   }));
+}
+
+function calibrated(known, state) {
+  const made = known.calibration_id || (known.model ? 'none of its own' : '');
+  return [made, state?.level].filter(Boolean).join(', ');
 }
 
 function showNodes(health, logs) {
