@@ -17,7 +17,7 @@ from tactile_nodes.benchmarks.report import surroundings, table, write_json
 from tactile_nodes.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from tactile_nodes.benchmarks.drift_cases import Course, Point
+    from tactile_nodes.benchmarks.drift_cases import Course, Effort, Point
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
 
@@ -79,13 +79,20 @@ def measure(
     return found, undisturbed(loaded, hours, progress)
 
 
-def undisturbed(loaded: LoadedModel, hours: float, progress: Progress) -> Hours:
+def undisturbed(loaded: LoadedModel, hours: float, progress: Progress, effort: Effort | None = None) -> Hours:
     """Presses by many bodies, and nothing wrong."""
     from tactile_nodes.benchmarks.drift_cases import PER_S, Bench
     from tactile_nodes.learning.evaluate import config_of
     from tactile_nodes.sensing.drift_alarm import Level
 
-    bench, alarms, alarmed, pictures, largest_px, was = Bench(loaded, config_of(loaded).gel), 0, 0, 0, 0.0, False
+    bench, alarms, alarmed, pictures, largest_px, was = (
+        Bench(loaded, config_of(loaded).gel, effort),
+        0,
+        0,
+        0,
+        0.0,
+        False,
+    )
     with progress.bar('minutes in which nothing is wrong', round(hours * 60)) as bar:
         for at_s, verdict in bench.rest_for_hours(hours):
             now = verdict.level > Level.VALID
@@ -113,7 +120,8 @@ def page(command: str, found: Mapping[Course, Sequence[Point]], hours: Hours) ->
         '',
         f'**Nothing wrong** for {hours.hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs',
         f'and dragged ({hours.pictures} pictures): {hours.alarms} alarms, {hours.alarmed_s:g} s of them. The largest',
-        f'motion told was {hours.largest_px:.4f} px; {hours.unlike_share:.0%} of the last contacts were unlike training.',
+        f'motion told was {hours.largest_px:.4f} px; of the last contacts {hours.unlike_share:.0%} were unlike the',
+        'training.',
         *[line for course, points in found.items() for line in _detail(course, points)],
     ])  # fmt: skip
 

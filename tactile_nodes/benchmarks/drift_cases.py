@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +26,9 @@ from tactile_nodes.simulation.optics import Optics, Press
 NS_PER_S = 1_000_000_000
 PER_S, WATCHED_S = 2, 20
 """Pictures a second that the monitor looks at, and how long it is given for each extent of a change."""
-PRESSES, SEED, REACH_MM, DEEPEST_MM = 40, 3, 12.0, 2.0
+SEED, REACH_MM, DEEPEST_MM = 3, 12.0, 2.0
 REST_FRAMES = 16
-CONTACTS, CONTACT_HZ, INDEPENDENT_HZ, INDEPENDENT_NOISE_N, DELAY_S = 8, 30, 200, 0.01, 0.01
+CONTACT_HZ, INDEPENDENT_HZ, INDEPENDENT_NOISE_N, DELAY_S = 30, 200, 0.01, 0.01
 WEIGHT_G = 50.0
 BODIES = (
     (Press(3.0, -4.0, 1.2),),
@@ -58,6 +58,15 @@ class Course:
     again: bool = False
     apart: bool = False
     compared: str = ''
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is computed: what presses while the monitor looks, presses that errors are over, contacts compared."""
+
+    bodies: tuple[tuple[Press, ...], ...] = BODIES
+    presses: int = 40
+    contacts: int = 8
 
 
 @dataclass(frozen=True)
@@ -125,8 +134,8 @@ COURSES = (
 class Sensor:
     """A gel under a camera: pictures of it, cut as the model wants them. Every picture has noise of its own."""
 
-    def __init__(self, gel: Gel, calibrated: Gel, side_px: int) -> None:
-        others = {name: contact_table(calibrated, name) for name in ('ball', 'punch')}
+    def __init__(self, gel: Gel, calibrated: Gel, side_px: int, indenters: Collection[str] = ()) -> None:
+        others = {name: contact_table(calibrated, name) for name in indenters if name != 'tip'}
         # A layer a little thinner is pressed as before: what counts here is where its markers are.
         self.table = contact_table(dataclasses.replace(gel, soft_mm=calibrated.soft_mm))
         self._optics, self._side_px, self._seed = Optics(gel, self.table, others), side_px, 0
@@ -163,7 +172,8 @@ class Reader:
 class Bench:
     """A sensor that was calibrated, with its monitor, as time goes by."""
 
-    def __init__(self, loaded: LoadedModel, gel: Gel) -> None:
+    def __init__(self, loaded: LoadedModel, gel: Gel, effort: Effort | None = None) -> None:
+        self._effort = effort or Effort()
         self._gel, self._side_px, self._now_s = gel, loaded.image_size[0], 0.0
         self.reader, self.monitor = Reader(loaded), DriftMonitor(Limits.of_flow(loaded.flow[0]))
         self._random = np.random.default_rng(SEED)
@@ -173,7 +183,8 @@ class Bench:
 
     def sensor(self, gel: Gel) -> Sensor:
         """The sensor with another gel, camera or light."""
-        return Sensor(gel, self._gel, self._side_px)
+        indenters = {press.indenter for presses in self._effort.bodies for press in presses}
+        return Sensor(gel, self._gel, self._side_px, indenters)
 
     def capture(self, sensor: Sensor) -> None:
         """A new rest image."""
@@ -183,9 +194,9 @@ class Bench:
 
     def watch(self, sensor: Sensor, for_s: float = WATCHED_S) -> float | None:
         """Let the monitor look for a while, half of it at presses; after how many seconds the level rose."""
-        before, risen = self.monitor.verdict.level, None
+        before, risen, bodies = self.monitor.verdict.level, None, self._effort.bodies
         for number in range(round(for_s * PER_S)):
-            presses = BODIES[number // 8 % len(BODIES)] if number % 4 >= 2 else ()
+            presses = bodies[number // 8 % len(bodies)] if number % 4 >= 2 else ()
             self.monitor.frame(self._at(number / PER_S), sensor.picture(presses))
             if risen is None and self.monitor.verdict.level > before:
                 risen = number / PER_S
@@ -194,10 +205,10 @@ class Bench:
 
     def rest_for_hours(self, hours: float) -> Iterator[tuple[float, Verdict]]:
         """Presses by one body after another while nothing is wrong, as fast as they can be computed."""
-        sensor, reader = self.sensor(self._gel), self.reader
+        sensor, reader, bodies = self.sensor(self._gel), self.reader, self._effort.bodies
         for number in range(round(hours * 3600 * PER_S)):
             at_s = number / PER_S
-            presses = BODIES[round(at_s // 4) % len(BODIES)] if at_s % 4 >= 1 else ()
+            presses = bodies[round(at_s // 4) % len(bodies)] if at_s % 4 >= 1 else ()
             picture, at_ns = sensor.picture(presses), self._at(at_s)
             self.monitor.frame(at_ns, picture)
             if number % 2 == 0:
@@ -211,7 +222,7 @@ class Bench:
         if how == 'weight':
             self._weigh(sensor)
         else:
-            for place in self._random.uniform(-8, 8, (CONTACTS, 2)):
+            for place in self._random.uniform(-8, 8, (self._effort.contacts, 2)):
                 self._contact(sensor, (float(place[0]), float(place[1])))
 
     def _contact(self, sensor: Sensor, place: tuple[float, float]) -> None:
@@ -222,7 +233,7 @@ class Bench:
             force_n = sensor.table.force_at(_depth_mm(at_s - DELAY_S))
             x, y, z = (float(each) for each in bias + self._random.normal(0, INDEPENDENT_NOISE_N, 3))
             self.monitor.independent_force(self._at(at_s), (x, y, z - force_n))
-        for number in range(2 * CONTACT_HZ):
+        for number in range(3 * CONTACT_HZ):
             at_s = number / CONTACT_HZ
             self._read(sensor, (Press(*place, _depth_mm(at_s)),), at_s)
         self._now_s += 3
@@ -248,7 +259,7 @@ class Bench:
         """Force RMSE (N) and median error of the place (mm) over presses, and the share that the model flags."""
         random = np.random.default_rng(SEED)
         forces, places, flagged = [], [], []
-        for x, y, share in random.uniform(-1, 1, (PRESSES, 3)):
+        for x, y, share in random.uniform(-1, 1, (self._effort.presses, 3)):
             press = Press(x * REACH_MM, y * REACH_MM, 0.25 + (share + 1) / 2 * (DEEPEST_MM - 0.25))
             found = self.reader.read(sensor.picture((press,)))
             forces.append(found.total_n - sensor.table.force_at(press.depth_mm))
@@ -262,12 +273,12 @@ def _depth_mm(at_s: float) -> float:
     return 1.5 * math.sin(math.pi * (at_s - 1)) if 1 < at_s < 2 else -1.0
 
 
-def follow(course: Course, loaded: LoadedModel, gel: Gel) -> list[Point]:
+def follow(course: Course, loaded: LoadedModel, gel: Gel, effort: Effort | None = None) -> list[Point]:
     """All extents of a course, in turn."""
-    points, bench = [], Bench(loaded, gel)
+    points, bench = [], Bench(loaded, gel, effort)
     for extent in course.extents:
         if course.apart:
-            bench = Bench(loaded, gel)
+            bench = Bench(loaded, gel, effort)
         sensor = bench.sensor(course.gel(gel, extent))
         if course.again:
             bench.capture(sensor)
