@@ -51,14 +51,14 @@ class StillnessParams:
 
     check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion', read_only=True)
     limit: float = parameter(
-        4.7, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
+        4.0, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
     )
     most_noise_grey: float = parameter(
         3.0, 'noise of a pixel (standard deviation, grey levels) from which every frame is measured', minimum=0.1,
         read_only=True,
     )  # fmt: skip
     full_every: int = parameter(
-        16, 'of frames in which nothing touches one in so many is measured all the same; 1: all', minimum=1,
+        32, 'of frames in which nothing touches one in so many is measured all the same; 1: all', minimum=1,
         read_only=True,
     )  # fmt: skip
 

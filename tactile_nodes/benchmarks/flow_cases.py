@@ -45,10 +45,10 @@ class Case:
 
 
 class Sensor:
-    """The default gel, seen through the crop."""
+    """A gel (the default one unless told), seen through the crop."""
 
-    def __init__(self) -> None:
-        gel = Gel()
+    def __init__(self, gel: Gel | None = None) -> None:
+        self.gel = gel = gel or Gel()
         self.optics = Optics(gel, contact_table(gel))
         corner = (gel.image_width - SIDE) / 2, (gel.image_height - SIDE) / 2
         self._corner = np.array(corner, np.float32)
@@ -57,7 +57,7 @@ class Sensor:
 
     def image(self, presses: tuple[Press, ...], seed: int) -> np.ndarray:
         """The crop of a camera image."""
-        return centre_crop(self.optics.render(presses, seed), SIDE, SIDE)
+        return seen_by(self.optics.render(presses, seed))
 
     def truth(self, presses: tuple[Press, ...], regions: int) -> Truth:
         """Mean motion of the markers that are in each region at rest; regions with three or more count."""
@@ -69,6 +69,11 @@ class Sensor:
         sums = np.stack([np.bincount(number, each, regions**2) for each in moved[inside].T], axis=-1)
         mean = sums / np.maximum(count, 1)[:, None]
         return mean.reshape(regions, regions, 2), (count >= LEAST_MARKERS).reshape(regions, regions)
+
+
+def seen_by(camera_image: np.ndarray) -> np.ndarray:
+    """The crop of a camera image."""
+    return centre_crop(camera_image, SIDE, SIDE)
 
 
 def pressed(sensor: Sensor, count: int) -> dict[str, Iterator[Case]]:

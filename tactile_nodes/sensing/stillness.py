@@ -3,9 +3,10 @@
 The image at half size is cut into blocks, and what differs from the rest image is split, in each, into four parts that
 are known beforehand (brightness, contrast, and motion along x and y: the first step of inverse compositional
 Lucas-Kanade) and what is left over. Of noise alone each part is as large as one pixel's noise, which what is left over
-tells; motion under a touch is alike in blocks side by side, where noise is not. So a frame is still when the motion,
-averaged over neighbours, is what noise makes, and when nothing else has changed: neither light, nor sharpness, nor a
-part of the picture. The answer follows from the two images and the options alone.
+tells. A touch moves markers away from it or towards it, all around: so motion is asked how much of it points away from
+each of many places, and how much is alike in blocks side by side, as when a camera is knocked. A frame is still when
+neither is more than noise makes, and when nothing else has changed: neither light, nor sharpness, nor a part of the
+picture. The answer follows from the two images and the options alone.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.fixed_reference_patches import SLOPE_STEP_PX, moved_image, shrunk
@@ -30,6 +31,15 @@ LARGEST_UNEVENNESS = 2.0
 SPREAD_BLOCKS = 1.0
 """Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
 
+TOUCH_BLOCKS = 0.85
+"""Distance at which the markers around a light touch move most, in blocks: 2.9 mm of the paper's gel."""
+
+PLACES_A_BLOCK = 2
+"""Places of touches that are looked for, along each axis."""
+
+FREEDOM = 1.15
+"""Noise makes motion in any direction larger by this than motion away from a place: it has two numbers to vary in."""
+
 SMALLEST_BLOCK_PX = 6
 """Side of a block at half size under which four parts leave too little over to tell the noise by."""
 
@@ -38,15 +48,15 @@ SMALLEST_BLOCK_PX = 6
 class StillnessOptions:
     """When a frame counts as still.
 
-    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 4.7 in one frame
-    of fifty). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
+    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 4 in one frame of
+    seven). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
     frame is called still at all. Of the frames that are still, one in `full_every` is measured all the same, so that
     whatever watches motion for slow changes goes on seeing some; 1 measures all. `blocks` x `blocks` cover the image.
     """
 
-    limit: float = 4.7
+    limit: float = 4.0
     most_noise_grey: float = 3.0
-    full_every: int = 16
+    full_every: int = 32
     blocks: int = 10
 
 
@@ -85,6 +95,7 @@ class StillnessCheck:
         self._rest: np.ndarray
         self._light: np.ndarray
         self._most_change: float
+        self._away: np.ndarray
         self._average = _averaging(self.options.blocks)
 
     def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
@@ -100,8 +111,10 @@ class StillnessCheck:
             return
         model = self._model(image.astype(np.float32))
         basis, triangle = np.linalg.qr(model)
-        # As it comes an axis may point either way; neighbours are averaged, so right must be right everywhere.
-        basis *= np.where(np.einsum('bkk->bk', triangle) < 0, -1.0, 1.0)[:, None]
+        size = np.einsum('bkk->bk', triangle)
+        # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
+        basis *= np.where(size < 0, -1.0, 1.0)[:, None]
+        self._away = _away_from_places(self.options.blocks, np.abs(size[:, 2:]))
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
@@ -158,8 +171,10 @@ class StillnessCheck:
         )
 
     def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
-        """The largest of the neighbours' averages, of which noise of 1 makes 1 along each axis."""
-        return math.sqrt(np.square(self._average @ motion).sum(axis=1).max())
+        """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
+        away = float(np.abs(self._away @ motion.reshape(-1)).max())
+        alike = math.sqrt(np.square(self._average @ motion).sum(axis=1).max())
+        return max(away, alike / FREEDOM)
 
     def _model(self, full: Float32[np.ndarray, 'h w']) -> np.ndarray:
         """Brightness, contrast and motion along x and y: (blocks, pixels, 4), the third and fourth per pixel moved."""
@@ -188,6 +203,24 @@ def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
     along = np.exp(-0.5 * np.square(apart / SPREAD_BLOCKS))
     along /= np.sqrt(np.square(along).sum(axis=1, keepdims=True))
     return np.kron(along, along).astype(np.float32)
+
+
+def _away_from_places(count: int, texture: Float[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'places numbers']:
+    """Motion away from each place, strongest at `TOUCH_BLOCKS` from it, as sums of all blocks' motion along x and y.
+
+    `texture` is how much of each block's picture changes per pixel of motion along each axis: blocks that show more
+    count for more. Scaled such that independent noise of 1 gives 1.
+    """
+    block = np.arange(count)
+    place = np.arange(-PLACES_A_BLOCK // 2, (count - 1) * PLACES_A_BLOCK + PLACES_A_BLOCK // 2 + 1) / PLACES_A_BLOCK
+    blocks = np.stack(np.meshgrid(block, block), axis=-1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(place, place), axis=-1).reshape(-1, 2)
+    apart = blocks - places[:, None]
+    motion = apart * np.exp(-0.5 * np.square(apart / TOUCH_BLOCKS).sum(axis=-1, keepdims=True))
+    away = (motion * (texture / max(float(texture.mean()), 1e-9))).reshape(len(places), -1)
+    away /= np.maximum(np.sqrt(np.square(away).sum(axis=1, keepdims=True)), 1e-9)
+    scaled: np.ndarray = away.astype(np.float32)
+    return scaled
 
 
 def _require_possible(options: StillnessOptions) -> None:

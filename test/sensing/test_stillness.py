@@ -30,7 +30,7 @@ def frame(light: np.ndarray = PATTERN, seed: int = 0, noise_grey: float = NOISE_
 
 
 def check(**options: float) -> StillnessCheck:
-    made = StillnessCheck(StillnessOptions(**{'full_every': 1000, **options}))  # type: ignore[arg-type]
+    made = StillnessCheck(StillnessOptions(**{'full_every': 1000, 'limit': 6.0, **options}))  # type: ignore[arg-type]
     made.set_reference(average([frame(seed=seed) for seed in range(100, 116)]))
     return made
 
@@ -40,14 +40,14 @@ def test_noise_is_still_and_its_size_is_told() -> None:
     # A variance of 4, a sixteenth more for the mean of 16 frames at rest, and what rounding adds: a twelfth to a pixel,
     # and at half size a twelfth to each of the two images, which count for four pixels: 4.25 + 0.09 + 0.67.
     assert [each.noise_grey for each in looked] == pytest.approx([5.0**0.5] * 5, rel=0.03)
-    assert all(each.within(StillnessOptions()) for each in looked)
+    assert all(each.within(StillnessOptions(limit=6.0)) for each in looked)
 
 
 def test_noise_moves_as_much_as_noise_makes_whatever_its_size() -> None:
     made, twice = check(), check(most_noise_grey=5.0)
     single = np.mean([made.look(frame(seed=seed)).motion for seed in range(10)])
     double = np.mean([twice.look(frame(seed=seed, noise_grey=4.0)).motion for seed in range(10)])
-    # The largest of some thirty independent lengths with Rayleigh's distribution is about sqrt(2 ln 30) = 2.6.
+    # The largest of some hundred independent numbers, either way, is about 2.8.
     assert 2.0 < single < 4.0
     assert double == pytest.approx(single, rel=0.15)
 
@@ -113,7 +113,7 @@ def test_no_touch_of_20_mn_is_called_still() -> None:
     places = np.random.default_rng(8).uniform(-14, 14, (60, 2)).tolist()
     assert not any(made(seen((Press(x, y, depth_mm),), 100 + i)) for i, (x, y) in enumerate(places))
     untouched = sum(made(seen((), 500 + i)) for i in range(60))
-    assert untouched > 45  # of the 60, a sixteenth is measured all the same, and noise passes the limit in a fiftieth
+    assert untouched > 35  # of the 60, one in 32 is measured all the same, and noise passes the limit in one of seven
 
 
 def test_images_too_small_for_blocks_are_never_still() -> None:
