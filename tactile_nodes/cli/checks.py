@@ -53,6 +53,7 @@ PACKAGES = {
     'serial': ('pyserial',),
     'psutil': ('psutil',),
     'argcomplete': ('argcomplete',),
+    'aiohttp': ('aiohttp',),
 }
 
 
