@@ -34,3 +34,21 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip('the recordings of other people are not beside this checkout')
     return folder
+
+
+@pytest.fixture(scope='session')
+def first_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of the simulated gel that is quick to calibrate for another."""
+    from press_bags import Sensor
+    from pressed_model import small_response
+
+    return small_response(tmp_path_factory.mktemp('models') / 'first.safetensors', Sensor())
+
+
+@pytest.fixture(scope='session')
+def other_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """16 presses on another gel: half as hard again, other markers, the camera 0.7 mm aside."""
+    from press_bags import Sensor, spread_collection
+    from pressed_model import OTHER
+
+    return spread_collection(tmp_path_factory.mktemp('bags') / 'other', Sensor(OTHER), 16)

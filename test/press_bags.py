@@ -31,9 +31,10 @@ PLAN = 'a1b2c3d4e5f6'
 class Sensor:
     """The simulated gel under its camera; every image has noise of its own."""
 
-    def __init__(self) -> None:
-        self.table: ContactTable = solve(Gel())
-        self._optics = Optics(Gel(), self.table)
+    def __init__(self, gel: Gel | None = None) -> None:
+        gel = gel or Gel()
+        self.table: ContactTable = solve(gel)
+        self._optics = Optics(gel, self.table)
         self._seed = 0
 
     def image(self, *presses: Press) -> np.ndarray:
@@ -145,4 +146,14 @@ def whole_collection(folder: Path, sensor: Sensor) -> Path:
         if slot in (0, 6):
             collection.reference(slot)
         collection.press(slot, slot + 1, x_mm, y_mm, depth_mm)
+    return collection.close()
+
+
+def spread_collection(folder: Path, sensor: Sensor, count: int) -> Path:
+    """Presses anywhere within 11 mm, 0.3 to 1.5 mm deep, against one rest image."""
+    collection, random = Collection(folder, sensor), np.random.default_rng(7)
+    collection.reference(0)
+    for slot in range(count):
+        x_mm, y_mm = random.uniform(-11.0, 11.0, 2)
+        collection.press(slot, slot + 1, float(x_mm), float(y_mm), float(random.uniform(0.3, 1.5)))
     return collection.close()

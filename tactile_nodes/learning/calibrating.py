@@ -47,6 +47,10 @@ class Presses(Protocol):
         """No more are needed; those that are under way still come."""
         ...
 
+    def close(self) -> None:
+        """Let go of what is open."""
+        ...
+
 
 class BagPresses:
     """The presses of some bags, one bag after the other. Raises what `CollectionBag` raises."""
@@ -116,6 +120,7 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     """
     calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
     tell(fit_line(calibrator))
+    calibrator.require_live_gel()
     if calibrator.made is None:
         raise DatasetError(calibrator.objection)
     return calibrator.made

@@ -53,7 +53,7 @@ class CalibrationSession:
         self._written = Written(self._source, self.calibrator, 'tactile launch calibrate')
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
-        """The whole of it; the file that was written. The rig that presses is asked to end in any case.
+        """The whole of it, once; the file that was written. The rig that presses is asked to end in any case.
 
         Raises:
             DatasetError: no calibration follows from the presses; says why.
@@ -65,6 +65,8 @@ class CalibrationSession:
             made = finish(self.calibrator, presses, self._tell)
         finally:
             presses.stop()
+            presses.close()
+            self.calibrator.close()
         file = self._file()
         replaces = live.in_use(file) if live is not None and live.present else None
         model_id = self._written.to(file, replaces)
@@ -99,10 +101,6 @@ class CalibrationSession:
                 f'model {self._settings.model} needs {needed}, and the running sensor measures {found}; start it with '
                 'that model, or calibrate one of these features'
             )
-
-    def close(self) -> None:
-        """Keep what was measured."""
-        self.calibrator.close()
 
     def _file(self) -> Path:
         settings = self._settings

@@ -168,6 +168,7 @@ class Calibrator:
         if not samples:
             return None
         self._require_fitting(press, samples[0].reference_id)
+        self.require_live_gel()
         sample = samples[0]
         before = _reading(self.loaded.model.readout, sample, self._builder)
         after = _reading(self.made.readout, sample, self._builder) if self.made else None
@@ -235,15 +236,22 @@ class Calibrator:
                 f'the images of the presses give {self._measurer.side}x{self._measurer.side} pixels, and model '
                 f'{self.loaded.model_id} needs {needed}x{needed}; set the camera as the model needs it'
             )
-        if self._rest is not None and self.live_rest is not None:
-            self.require_gel(self.live_rest, 'the running sensor')
-            self.live_rest = None
         if reference in self._rests:
             return
         if self._rest is None:
             self._rest = PictureComparison(press.reference.image)
         self.require_gel(press.reference.image, f'the rest image of press {press.told.press}')
         self._rests.add(reference)
+
+    def require_live_gel(self) -> None:
+        """Refuse presses on another gel than the running sensor sees, once its rest image has come.
+
+        Raises:
+            DatasetError: says so.
+        """
+        if self._rest is not None and self.live_rest is not None:
+            self.require_gel(self.live_rest, 'the running sensor')
+            self.live_rest = None
 
 
 def _reading(readout: Any, sample: Sample, builder: Builder) -> Reading:

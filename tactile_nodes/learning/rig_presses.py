@@ -108,6 +108,9 @@ class RigPresses:
             self._stopping = True
             self._stop_rig()
 
+    def close(self) -> None:
+        """Nothing is open here."""
+
     def _give(self, press: RecordedPress | None) -> None:
         if press is not None:
             self._ready.put(press)

@@ -55,11 +55,12 @@ class CalibratorNode(Node):
         self._features = self.create_subscription(topics.FLOW_FEATURES, self._on_features)
         self.create_trigger('~/finish', self._finish)
         self._thread = threading.Thread(target=self._calibrate, name='calibration', daemon=True)
-        self._thread.start()
+        self.post(self._thread.start)  # after the latched messages that are there already
 
     def on_close(self) -> None:
         self._rig.end()
-        self._thread.join(timeout=1.0)
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)
 
     def _calibrate(self) -> None:
         try:

@@ -1,0 +1,119 @@
+"""Presses put together from the messages of a running rig, as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from press_bags import SECOND_NS, START_NS
+
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
+from tactile_nodes.conversions import header
+from tactile_nodes.learning.bags import CollectionBag
+from tactile_nodes.learning.rig_presses import IDLE_NS, SETTLED_NS, RigPresses
+from tactile_nodes.messages import types
+
+TOPICS = (PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE)
+
+
+class Rig:
+    """Counts how often it was asked to end."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def stop(self) -> None:
+        self.asked += 1
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+@pytest.fixture
+def presses(rig: Rig) -> RigPresses:
+    return RigPresses(rig.stop)
+
+
+def feed(presses: RigPresses, bag: Path, most: int = 1000) -> None:
+    """The messages of a bag in the order in which they were told, up to so many presses."""
+    with BagReader(bag) as reader:
+        takers: dict[str, Callable[..., None]] = {
+            f'/{PRESS_IMAGE.name}': presses.image, f'/{REFERENCE_IMAGE.name}': presses.reference,
+            f'/{RIG_STATE.name}': presses.state,
+        }  # fmt: skip
+        for message in reader.messages([f'/{topic.name}' for topic in TOPICS]):
+            told = reader.decode(message)
+            if message.topic in takers:
+                takers[message.topic](told)
+                continue
+            presses.press(told, message.data, START_NS)
+            most -= 1
+            if not most:
+                return
+
+
+def between(seconds: float) -> types.RigState:
+    """The rig's state between presses."""
+    return types.RigState(header=header(START_NS + round(seconds * SECOND_NS), 'rig'), depth=-0.01, press=0)
+
+
+def test_presses_are_those_that_a_bag_of_the_same_messages_holds(presses: RigPresses, bag: Path) -> None:
+    feed(presses, bag)
+    presses.end()
+    with CollectionBag(bag) as recorded:
+        expected = [(press.told.press, len(press.frames), len(press.untouched)) for press in recorded.presses()]
+    found = [(press.told.press, len(press.frames), len(press.untouched)) for _, press in presses]
+    assert found == expected
+    assert len(found) == 12
+
+
+def test_the_bag_that_a_recorder_makes_of_them_is_named(presses: RigPresses, bag: Path) -> None:
+    feed(presses, bag)
+    with CollectionBag(bag) as recorded:
+        list(recorded.presses())
+        assert presses.told('gel-7')[0]['id'] == recorded.bag_id
+    assert (presses.told('gel-7')[0]['attempts'], presses.told('gel-7')[0]['gel']) == (12, 'gel-7')
+
+
+def test_the_last_press_waits_for_its_images_and_no_longer(presses: RigPresses, bag: Path) -> None:
+    feed(presses, bag, most=1)
+    presses.look(START_NS + SETTLED_NS - 1, rig_is_there=True)
+    assert not presses.waiting
+    presses.look(START_NS + SETTLED_NS, rig_is_there=True)
+    assert presses.waiting
+
+
+def test_they_end_when_the_rig_is_gone(presses: RigPresses, bag: Path) -> None:
+    presses.look(START_NS, rig_is_there=False)  # it has not come yet
+    feed(presses, bag, most=2)
+    presses.look(START_NS, rig_is_there=True)
+    presses.look(START_NS, rig_is_there=False)
+    assert [press.told.press for _, press in presses] == [1, 2]
+    assert list(presses) == []
+
+
+def test_a_rig_that_was_asked_to_end_has_done_so_when_it_told_of_no_press_for_two_seconds(
+    presses: RigPresses, rig: Rig
+) -> None:
+    presses.state(between(0.0))
+    presses.state(between(60.0))
+    assert not presses.waiting
+    presses.stop()
+    assert rig.asked == 1
+    presses.state(between(61.0))
+    presses.state(types.RigState(header=header(START_NS + 62 * SECOND_NS, 'rig'), press=7))
+    presses.state(between(63.0))
+    presses.state(between(63.0 + 0.99 * IDLE_NS / SECOND_NS))
+    assert not presses.waiting
+    presses.state(between(63.0 + IDLE_NS / SECOND_NS))
+    assert list(presses) == []
+
+
+def test_a_rig_that_has_ended_is_not_asked_to(presses: RigPresses, rig: Rig) -> None:
+    presses.end()
+    presses.stop()
+    assert rig.asked == 0
