@@ -10,6 +10,7 @@ BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
     'transfer_paper': "the paper's calibration layer on other gels, and why its published rate does harm",
+    'take_over': 'what a recorded calibration shows of the live node: forces before and after, frames lost',
     'drift': 'when the monitor says that a calibration is ageing, and how wrong forces are by then',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
