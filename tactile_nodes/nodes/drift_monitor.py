@@ -21,18 +21,19 @@ from tactile_nodes.drifting import Calibrated, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.drift import DriftMonitor, Limits
-from tactile_nodes.sensing.drift_alarm import Level
 from tactile_nodes.sensing.reference import content_id
-
-HEALTH = {Level.VALID: Health.OK, Level.AGEING: Health.WARN, Level.INVALID: Health.ERROR, Level.UNKNOWN: Health.OK}
 
 
 @dataclass(frozen=True)
 class DriftMonitorParams(NodeParams):
     """Parameters of the drift monitor."""
 
-    model: str = parameter('fast', 'model whose simulated gel stands in where a model holds no rest image')
-    source: str = parameter('', 'the source of the camera; the simulated gel stands in only if it is `simulated`')
+    model: str = parameter(
+        'fast', 'model whose simulated gel stands in where a model holds no rest image', read_only=True
+    )
+    source: str = parameter(
+        '', 'the source of the camera; the simulated gel stands in only if it is `simulated`', read_only=True
+    )
     check_s: float = parameter(0.5, 'time between two pictures that are looked at', minimum=0.05)
     force_topic: str = parameter(
         '', 'topic of an independent force sensor (WrenchStamped); empty: none', read_only=True
@@ -105,7 +106,7 @@ class DriftMonitorNode(Node):
         verdict = self._monitor.verdict
         self._told.publish(state_message(verdict, at_ns, self._calibrated, self._reference_id))
         self.report(
-            'calibration', HEALTH[verdict.level], verdict.text, compared_with=self._calibrated.origin,
+            'calibration', Health(verdict.level), verdict.text, compared_with=self._calibrated.origin,
             moved_px=verdict.moved_px, lost=verdict.lost, unlike_share=verdict.unlike_share,
         )  # fmt: skip
 
