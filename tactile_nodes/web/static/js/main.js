@@ -75,6 +75,7 @@ function watch() {
   showTotal(told?.force ?? null, told?.truth ?? null, isLive, age, Number($('scale').value));
   showContacts(told?.force ?? null, isLive);
   controls.show(told?.slow, link.open);
+  document.body.classList.toggle('cut', !link.open);
   const imageAge = page.imageAt ? (performance.now() - page.imageAt) / 1000 : Infinity;
   const veil = $('camera-veil');
   veil.hidden = imageAge < 1.5;
