@@ -1,0 +1,26 @@
+"""Programs of nodes, before they run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_program_that_is_asked_to_end_while_it_imports_ends_quietly(name: str) -> None:
+    code = (
+        'import os, signal, sys; sys.argv = ["/bin/camera_node"]; import tactile_nodes.nodes; '
+        f'os.kill(os.getpid(), signal.{name}); print("went on")'
+    )
+    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
+
+
+def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
+    code = (
+        'import signal; before = signal.getsignal(signal.SIGINT); import tactile_nodes.nodes; '
+        'assert signal.getsignal(signal.SIGINT) is before'
+    )
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
