@@ -66,14 +66,19 @@ class RigPresses:
         self._give(self._aligner.take_press(message))
         self._told_ns = now_ns
 
-    def look(self, now_ns: int, rig_is_there: bool) -> None:
-        """To be called again and again: gives the last press once its images must have come, and ends with the rig."""
+    def look(self, now_ns: int, rig_is_there: bool) -> bool:
+        """To be called again and again: gives the last press once its images must have come, and ends with the rig.
+
+        True when the rig has just gone.
+        """
         if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
             self._give(self._aligner.finish())
             self._told_ns = None
-        if self._seen and not rig_is_there:
+        gone = self._seen and not rig_is_there and not self._over
+        if gone:
             self.end()
         self._seen |= rig_is_there
+        return gone
 
     def end(self) -> None:
         """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""

@@ -95,7 +95,8 @@ class CalibratorNode(Node):
 
     def _look(self) -> None:
         there = self.bus.graph().publishers(self.names.resolve(topics.PRESS.name))
-        self._rig.look(self.clock.now_ns(), bool(there))
+        if self._rig.look(self.clock.now_ns(), bool(there)):
+            self.log.info(f'{self.params.rig} has ended')
 
     def _stop_rig(self) -> None:
         service = f'{self.names.resolve(self.params.rig)}/{self.params.rig_end}'

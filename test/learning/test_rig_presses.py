@@ -88,10 +88,11 @@ def test_the_last_press_waits_for_its_images_and_no_longer(presses: RigPresses, 
 
 
 def test_they_end_when_the_rig_is_gone(presses: RigPresses, bag: Path) -> None:
-    presses.look(START_NS, rig_is_there=False)  # it has not come yet
+    assert not presses.look(START_NS, rig_is_there=False)  # it has not come yet
     feed(presses, bag, most=2)
-    presses.look(START_NS, rig_is_there=True)
-    presses.look(START_NS, rig_is_there=False)
+    assert not presses.look(START_NS, rig_is_there=True)
+    assert presses.look(START_NS, rig_is_there=False)
+    assert not presses.look(START_NS, rig_is_there=False)
     assert [press.told.press for _, press in presses] == [1, 2]
     assert list(presses) == []
 
