@@ -29,6 +29,7 @@ VERBS = {
     'collect': 'look at a plan of presses before a rig does it',
     'train': 'make a force model from simulated or recorded presses',
     'calibrate': 'transfer a model to another gel by a few presses',
+    'tune': 'find the smallest configuration that is good or fast enough',
     'evaluate': 'score a force model on presses that it never saw',
     'model': 'take a trained model elsewhere: export it as ONNX',
     'bench': 'measure this machine with the benchmarks that the documentation quotes',

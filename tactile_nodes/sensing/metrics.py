@@ -132,6 +132,21 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return ranks
 
 
+def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
+    """Which of several no other beats in cost without losing in error, from the cheapest to the best.
+
+    Costs 1, 2, 3 with errors 5, 6, 4: the second costs more than the first and is worse, so 0 and 2 remain. Of equals
+    the first one remains; what is not a number is never on the front.
+    """
+    front: list[int] = []
+    least = float('inf')
+    for place in sorted(range(len(costs)), key=lambda each: (costs[each], errors[each])):
+        if errors[place] < least and costs[place] < float('inf'):
+            least = errors[place]
+            front.append(place)
+    return front
+
+
 @dataclass(frozen=True)
 class LatencySummary:
     """Latencies of one stage in milliseconds; percentiles interpolate linearly between samples."""

@@ -1,0 +1,126 @@
+"""``tactile tune``: the smallest configuration that is good or fast enough, on this machine and on your presses."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.config import TrainConfig
+    from tactile_nodes.learning.tuning import RecordedSource, SimulatedSource
+
+DESCRIPTION = (
+    'Try flows, scales, grids and readouts on the same presses, and write the smallest one that meets a wish as a '
+    'profile: a model for the live node and the run that trains it again. Presses come from the bags of a collection, '
+    'or from the simulator. A data set (.npz) cannot be tuned with: it holds the features of one flow and grid, not '
+    'images. Times are CPU times of a frame in contact, on one thread of this machine.'
+)
+EPILOG = """\
+examples:
+  tactile tune --max-error 0.01 -o small.safetensors             simulated: the cheapest with an aRMSE up to 0.01 N
+  tactile tune collected_1 collected_2 --max-ms 0.8 -o mine.safetensors    your gel: the best that takes up to 0.8 ms
+  tactile tune collected_1 --max-error 0.01 --metric total_rmse_n -o mine.safetensors
+  tactile tune --train my_gel.yaml --presses 4000 --max-ms 1.5 -o mine.safetensors
+  tactile launch live model:=mine.safetensors                    flow and grid come from the model
+  tactile train mine.yaml                                        trains the same again, or with more presses
+"""
+SIMULATED_PRESSES = 1500
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='bags of a collection (default: simulate)')
+    parser.add_argument('--max-error', type=float, metavar='E', help='take the cheapest with at most this error')
+    parser.add_argument('--max-ms', type=float, metavar='MS', help='take the best of at most this CPU time a frame')
+    parser.add_argument(
+        '--metric', default='armse_n', choices=('armse_n', 'rmse_mc_n', 'd_loc_mm', 'total_rmse_n'),
+        help='which error counts, on held-out presses (default: armse_n, the paper\'s, in N)',
+    )  # fmt: skip
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='FILE', help='model to write (.safetensors)'
+    )
+    parser.add_argument(
+        '--train', type=Path, metavar='RUN.yaml', help='run that all else is taken from: gel, plan, split'
+    )
+    parser.add_argument('--presses', type=int, metavar='N', help=f'presses to simulate (default: {SIMULATED_PRESSES})')
+    parser.add_argument('--only', metavar='TEXT', help='try only configurations whose name holds this, such as "ours"')
+    parser.add_argument('--gel', default='', help='name of the gel in the bags, or the YAML file of a simulated one')
+    parser.add_argument(
+        '--without-contact', type=float, default=0.05, metavar='SHARE',
+        help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
+    )  # fmt: skip
+    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Try, choose, write, and say what was chosen."""
+    # Before numpy is there: the live node runs with one thread of linear algebra, too.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    from tactile_nodes.benchmarks.report import table
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.tuned_profile import said_of, table_rows, write_profile
+    from tactile_nodes.learning.tuning import RecordedSource, Wish, candidates, tune
+
+    wish = Wish(arguments.max_error, arguments.max_ms, arguments.metric)
+    among = [each for each in candidates() if arguments.only is None or arguments.only in each.name]
+    if not among:
+        names = ', '.join(each.name for each in candidates())
+        raise ConfigurationError(f'no configuration is called {arguments.only!r}; there are: {names}')
+    command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
+    source = _source(arguments)
+    tuned = tune(source, wish, progress, command, among)
+    print(table(*table_rows(tuned)))
+    presses = None
+    if isinstance(source, RecordedSource):
+        presses = source.presses(tuned.chosen.candidate, progress, command)
+    files = write_profile(tuned.chosen, arguments.output, command, presses)
+    print(f'\n{said_of(tuned, arguments.metric)}\nwritten: {", ".join(map(str, files))}')
+    return 0
+
+
+def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.building import BuildOptions, gel_told
+    from tactile_nodes.learning.tuning import RecordedSource, SimulatedSource
+
+    if data_sets := [path for path in arguments.bags if path.suffix == '.npz']:
+        raise ConfigurationError(
+            f'{data_sets[0]} is a data set, which holds features of one flow and one grid, not images; name the bags '
+            'that it was built from'
+        )
+    base = _base(arguments)
+    if not arguments.bags:
+        return SimulatedSource(base)
+    if arguments.presses is not None:
+        raise ConfigurationError('--presses says how many presses to simulate; bags hold what they hold')
+    if not 0 <= arguments.without_contact <= 0.5:
+        raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')
+    options = BuildOptions(
+        gel=gel_told(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
+        without_contact=arguments.without_contact,
+    )  # fmt: skip
+    return RecordedSource(arguments.bags, options, base)
+
+
+def _base(arguments: argparse.Namespace) -> TrainConfig:
+    from tactile_nodes import paths
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.config import load_train_config
+
+    shipped = 'recorded.yaml' if arguments.bags else 'fast.yaml'
+    config = load_train_config(arguments.train or paths.share_directory() / 'config' / 'train' / shipped)
+    # What is tried takes the place of the run's own flow and features, so it states none.
+    config = dataclasses.replace(config, stated=frozenset())
+    if arguments.presses is not None and arguments.presses < 200:
+        raise ConfigurationError(f'--presses must be at least 200, got {arguments.presses}')
+    presses = SIMULATED_PRESSES if arguments.presses is None and arguments.train is None else arguments.presses
+    data = config.data if presses is None else dataclasses.replace(config.data, presses=presses)
+    if arguments.train is None:  # the validation set chooses here, and a tenth of few presses would choose by chance
+        config = dataclasses.replace(config, training=dataclasses.replace(config.training, validation=0.2))
+    return dataclasses.replace(config, data=data)

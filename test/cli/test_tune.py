@@ -1,0 +1,46 @@
+"""`tactile tune`, as a person runs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from press_bags import Sensor, spread_collection
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.config import load_train_config
+from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.model_file import load_model
+
+
+@pytest.fixture(scope='module', autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
+        yield
+
+
+def test_bags_become_a_profile_of_model_run_and_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag, output = spread_collection(tmp_path / 'collected', Sensor(), 50), tmp_path / 'mine.safetensors'
+    words = ['tune', str(bag), '--max-error', '1', '--only', 'quarter size, 10x10, 24', '--without-contact', '0.3']
+    assert main([*words, '--gel', 'gel-7', '-o', str(output)]) == 0
+    shown = capsys.readouterr().out
+    assert '| ours at quarter size, 10x10, 24 |' in shown
+    assert 'There is no smaller one on the front.' in shown
+    model, run = load_model(output), load_train_config(output.with_suffix('.yaml'))
+    assert model.flow == ('inverse_compositional', run.make_flow().options)
+    assert model.gel == 'gel-7'
+    assert run.data.file == str(output.with_suffix('.npz'))
+    assert load_dataset(run.data.file).fingerprint == model.card['data']['fingerprint']
+
+
+def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['tune', 'presses.npz', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
+    assert 'presses.npz is a data set' in capsys.readouterr().err
+
+
+def test_a_configuration_that_does_not_exist_names_those_that_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['tune', '--only', 'magic', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
+    assert 'DIS medium, 20x20, 64' in capsys.readouterr().err
