@@ -68,7 +68,7 @@ def monitor(rest: np.ndarray) -> DriftMonitor:
 
 
 def watched(
-    monitor: DriftMonitor, pictures: list[np.ndarray], begin_s: float = 0.0, for_s: float = 8.0
+    monitor: DriftMonitor, pictures: list[np.ndarray], begin_s: float = 0.0, for_s: float = 5.0
 ) -> DriftMonitor:
     """Pictures in turn, one every half second."""
     for number in range(round(2 * for_s)):
@@ -83,11 +83,11 @@ def test_before_the_rest_image_nothing_is_known() -> None:
 def test_an_untouched_gel_is_valid(monitor: DriftMonitor, plain: Seen) -> None:
     verdict = watched(monitor, [plain.picture(seed=7)]).verdict
     assert (verdict.level, verdict.reasons, verdict.text) == (Level.VALID, Reason(0), 'valid')
-    assert verdict.quiet_ns == round(7.5 * S)
+    assert verdict.quiet_ns == round(4.5 * S)
 
 
 def test_a_press_that_is_held_is_no_drift(monitor: DriftMonitor, plain: Seen) -> None:
-    verdict = watched(monitor, [plain.picture(PRESSED)], for_s=60).verdict
+    verdict = watched(monitor, [plain.picture(PRESSED)], for_s=20).verdict
     assert verdict.level == Level.VALID
     assert verdict.quiet_ns is None
 
