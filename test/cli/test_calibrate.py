@@ -23,6 +23,7 @@ from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 FLOW = {'name': 'dis', 'options': {}}
 ENCODING = {'name': 'cartesian_mean', 'options': {'rows': 6, 'cols': 6}}
+REST_IMAGE = np.random.default_rng(9).integers(0, 255, (440, 440), np.uint8)
 
 
 def field(places: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -65,6 +66,7 @@ def recorded(dataset: Dataset, gel: str) -> RecordedPresses:
             'flow': FLOW, 'encoding': ENCODING, 'crop_px': 440, 'gel': {'id': gel}, 'bags': [bag], 'labels': labels,
             'frames': 'each', 'plans': ['p'], 'indenters': ['tip'],
         },
+        rest_image=REST_IMAGE,
     )  # fmt: skip
 
 
@@ -101,6 +103,10 @@ def test_the_file_is_a_model_that_names_gel_source_and_errors(model: Path, calib
     said = loaded.card['training']['calibration']
     assert said['presses'] == 36
     assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
+
+
+def test_the_model_holds_the_rest_image_that_the_gel_is_compared_with_later(calibrated: Path) -> None:
+    np.testing.assert_array_equal(load_model(calibrated).rest_image, REST_IMAGE)
 
 
 def test_the_model_reads_the_new_gel(calibrated: Path) -> None:
