@@ -25,6 +25,9 @@ class Topic:
 
 _LATEST = Qos('latest', 1)
 _LATCHED = Qos('latest', 1, latched=True)
+# What is answered in a fraction of the time that it took to make: a short pause delays frames and loses none. Overload
+# is shed before, at the images, so that nothing piles up here.
+_RECENT = Qos('latest', 4)
 
 IMAGE = Topic(
     'image_raw',
@@ -44,7 +47,7 @@ REFERENCE_IMAGE = Topic(
     'reference_image', 'sensor_msgs/msg/Image', 'the rest image that motion is measured against', _LATCHED
 )
 FLOW_FEATURES = Topic(
-    'flow_features', 'tactile_nodes/msg/FlowFeatures', 'motion averaged over a grid of regions', _LATEST, 60.0
+    'flow_features', 'tactile_nodes/msg/FlowFeatures', 'motion averaged over a grid of regions', _RECENT, 60.0
 )
 FORCE_DISTRIBUTION = Topic(
     'force_distribution',
