@@ -63,13 +63,12 @@ class CalibratorNode(Node):
             self._thread.join(timeout=1.0)
 
     def _calibrate(self) -> None:
-        try:
-            self._session.run(BagPresses([Path(self.params.bag)]) if self.params.bag else self._rig, self._live)
-        except TactileError as error:
+        bag = self.params.bag
+        error = self._session.attempt(lambda: BagPresses([Path(bag)]) if bag else self._rig, self._live)
+        if error:
             self.fail('calibration', error)
-        else:
-            if not self.params.stay:
-                self.stop()
+        elif not self.params.stay:
+            self.stop()
 
     def _tell(self, text: str) -> None:
         self.log.info(text)

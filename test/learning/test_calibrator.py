@@ -158,6 +158,17 @@ def test_presses_in_one_corner_are_an_objection_that_says_so(
     assert 'press all over the surface' in calibrator.objection
 
 
+def test_a_sensor_that_was_never_tared_is_an_objection_that_says_so(
+    calibrator: Calibrator, pressed: list[RecordedPress]
+) -> None:
+    for press in pressed[:10]:
+        force = types.Vector3(z=press.told.wrench.force.z - 0.5)
+        calibrator.take(told_otherwise(press, wrench=types.Wrench(force=force)))
+    calibrator.fit(TOLD)
+    assert calibrator.made is None
+    assert 'tare the force sensor' in calibrator.objection
+
+
 def test_a_press_that_the_rig_rejected_is_left_out_with_its_reason(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
