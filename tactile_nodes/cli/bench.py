@@ -19,6 +19,7 @@ BENCHMARKS = {
     'stopping': 'how soon and how far a force above its limit stops the tip',
     'runtimes': 'models in numpy, onnxruntime and torch: time, memory, size, and the same answers',
     'flow': 'motion by each flow method against known motion, and its time',
+    'front': 'speed against accuracy: ways to measure motion, grids and readouts, trained alike; the front of them',
     'untouched': 'frames in which nothing touches: are any touches missed, and what does not measuring them save?',
     'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',

@@ -1,0 +1,103 @@
+"""The page and the chart of speed against accuracy, from the numbers of `tactile bench front`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.benchmarks.report import table
+
+LABELS = {'armse_n': 'aRMSE [N]', 'd_loc_mm': 'd_loc [mm]', 'rmse_mc_n': 'RMSE_mc [N]'}
+ABOUT = """\
+Every frame was rendered once and measured by all, in turn, on one thread. From {train} frames each contender's readout
+was fitted (the response of the profiles: 40 components on 10x10 regions, 64 on finer ones; *network*: 400, 200 and 200
+rectified units), on {test} others with rest images of their own it was scored. *CPU* and *wall* are medians of a frame
+in contact, from image to force, with the range of the middle half; *at rest* is CPU time where nothing touches, without
+the look that would spare it (untouched.md). *memory* is what measuring adds to a process. Fewer frames than the models
+that ship were trained on, so errors are larger than theirs (accuracy.md); compare within the table."""
+COLOURS = {'ours': 'tab:red', 'DIS': 'tab:blue', 'Farneback': 'tab:green', 'TV-L1': 'tab:olive',
+           'pyramidal': 'tab:purple', 'phase': 'tab:brown', 'small': 'tab:gray'}  # fmt: skip
+MARKERS = {10: 'o', 20: 's', 40: '^'}
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page in Markdown."""
+    return '\n\n'.join(
+        [
+            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', ABOUT.format(**result['plan']),
+            _surroundings(result), _table(result), '## The front', _fronts(result), '![the chart](front.png)',
+        ]
+    )  # fmt: skip
+
+
+def _surroundings(result: Mapping[str, Any]) -> str:
+    machine = result['machine']
+    versions = ', '.join(f'{name} {version}' for name, version in result['versions'].items())
+    return (
+        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
+        f'{result["commit"]}; {versions}; {result["threads"]} thread.'
+    )
+
+
+def _table(result: Mapping[str, Any]) -> str:
+    heads = ['contender', *LABELS.values(), 'right bin', 'CPU [ms]', 'wall [ms]', 'at rest', 'flow', 'predict',
+             'memory [MB]', 'on the front of']  # fmt: skip
+    rows = []
+    for name, each in sorted(result['contenders'].items(), key=lambda one: one[1]['cpu_ms']['median']):
+        on = [LABELS[error].split()[0] for error, front in result['fronts'].items() if name in front]
+        stages = each['stages_cpu_ms']
+        rows.append([
+            name, f'{each["armse_n"]:.4f}', f'{each["d_loc_mm"]:.3f}', f'{each["rmse_mc_n"]:.4f}',
+            f'{each["right_bin"]:.1%}', _range(each['cpu_ms']), _range(each['wall_ms']),
+            f'{each["rest_cpu_ms"]["median"]:.2f}', f'{stages["flow and features"]:.2f}', f'{stages["predict"]:.2f}',
+            f'{each["memory_mb"]:.0f}', ', '.join(on),
+        ])  # fmt: skip
+    return table(heads, rows)
+
+
+def _range(found: Mapping[str, float]) -> str:
+    return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
+
+
+def _fronts(result: Mapping[str, Any]) -> str:
+    """The front of each error in words, and what is not on any."""
+    on_any = {name for front in result['fronts'].values() for name in front}
+    lines = [f'- {LABELS[error]}: {"; ".join(front)}' for error, front in result['fronts'].items()]
+    ways = {each['way'] for each in result['contenders'].values()}
+    never = sorted(ways - {result['contenders'][name]['way'] for name in on_any})
+    lines.append(f'- on none of them, with any grid: {"; ".join(never) if never else "no way"}')
+    return '\n'.join(lines)
+
+
+def draw(result: Mapping[str, Any], file: Path) -> None:
+    """Time of a frame against each error; colours are ways, markers grids, and the front is drawn through.
+
+    Raises:
+        ConfigurationError: matplotlib is not installed.
+        DatasetError: the file cannot be written.
+    """
+    from tactile_nodes.learning.figures import figure, save
+
+    drawn = figure(15.0, 5.5)
+    axes = drawn.subplots(1, len(LABELS))
+    for axis, (error, label) in zip(axes, LABELS.items(), strict=True):
+        for each in result['contenders'].values():
+            colour = next(colour for begin, colour in COLOURS.items() if each['way'].startswith(begin))
+            axis.plot(
+                each['cpu_ms']['median'], max(each[error], 1e-6), MARKERS[each['regions']], color=colour, markersize=6,
+                fillstyle='none' if each['readout'] == 'network' else 'full',
+            )  # fmt: skip
+        front = [result['contenders'][name] for name in result['fronts'][error]]
+        axis.step(
+            [each['cpu_ms']['median'] for each in front], [max(each[error], 1e-6) for each in front], 'k-', where='post'
+        )
+        axis.set(xscale='log', yscale='log', xlabel='CPU time of a frame, image to force [ms]', ylabel=label)
+        axis.grid(which='both', linewidth=0.3)
+    for begin, colour in COLOURS.items():
+        axes[0].plot([], [], 'o', color=colour, label=begin)
+    for regions, marker in MARKERS.items():
+        axes[0].plot([], [], marker, color='k', label=f'{regions}x{regions}')
+    axes[0].legend(fontsize=7)
+    drawn.suptitle('speed against accuracy; the line is the front')
+    save(drawn, file)

@@ -1,0 +1,82 @@
+"""The chart of speed against accuracy: other people's methods measure what they should, and the front is the front."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.benchmarks import front
+from tactile_nodes.benchmarks.front_contenders import WAYS, Measuring, Way, contenders
+from tactile_nodes.benchmarks.front_flows import SmallPixels
+from tactile_nodes.benchmarks.front_page import page
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.fixed_reference_patches import moved_image
+
+WHITE = np.random.default_rng(2).normal(0, 1, (440, 440))
+NOISE = sum(size * cv2.GaussianBlur(WHITE, (0, 0), size) for size in (1.0, 2.0, 4.0))
+PATTERN = np.clip(110 + 40 * NOISE / NOISE.std(), 0, 255).astype(np.uint8)
+"""Structure of several sizes: a quarter of the picture still shows some, and phase correlation wants the finest."""
+QUICK_WAYS = [way for way in WAYS if not way.slow]
+
+
+@pytest.mark.parametrize('way', [way for way in QUICK_WAYS if way.name != 'small pixels'], ids=lambda way: way.name)
+def test_every_way_reads_a_shift_of_two_pixels(way: Way) -> None:
+    measuring = Measuring(way, [(10, 'cartesian_mean')])
+    measuring.set_reference(PATTERN)
+    moved = np.clip(np.round(moved_image(PATTERN.astype(np.float32), 2.0, -1.0)), 0, 255).astype(np.uint8)
+    ((_, flow),) = measuring.flows()
+    features = measuring.encode(10, 'cartesian_mean', flow(moved))
+    assert features.values.shape == (10, 10, 2)
+    np.testing.assert_allclose(np.median(features.values, axis=(0, 1)), [2.0, -1.0], atol=0.4)
+
+
+def test_small_pixels_are_how_much_brighter_a_region_is() -> None:
+    way = SmallPixels(20)
+    way.set_reference(PATTERN)
+    brighter = PATTERN.copy()
+    brighter[:22, :22] = PATTERN[:22, :22] // 2 + 60
+    found: Any = way(brighter)
+    assert isinstance(found, Features)
+    assert found.values.shape == (20, 20, 1)
+    change = (brighter[:22, :22].astype(float) - PATTERN[:22, :22]).mean()
+    assert (found.values[0, 0, 0], found.values[5, 5, 0]) == (pytest.approx(change, abs=1e-3), 0.0)
+
+
+def test_frames_of_the_test_have_rest_images_of_their_own() -> None:
+    seen = list(front.frames(front.Plan(train=4, test=3)))
+    assert len(seen) == 7
+    assert len({id(each.rest) for each in seen[:4]}) == 1
+    assert (seen[0].rest != seen[4].rest).any()
+    assert all((each.press[3] > 0) == (each.press[2] > 0) for each in seen)
+
+
+def test_contenders_have_names_of_their_own() -> None:
+    every = contenders(WAYS, networks=True)
+    assert len({each.name for each in every}) == len(every)
+    assert sum(each.readout == 'network' for each in every) == 4
+
+
+def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
+    ways = [way for way in WAYS if way.name in ('ours, quarter size', 'small pixels')]
+    ways = [Way(way.name, way.make, way.grids[:1], way.by_grid) for way in ways]
+    result = front.measure(ways, front.Plan(train=260, test=12), Progress())
+    ours, pixels = result['contenders']['ours, quarter size, 10x10'], result['contenders']['small pixels, 20x20']
+    assert ours['armse_n'] < 0.03
+    assert ours['armse_n'] < pixels['armse_n']
+    assert 0 < ours['stages_cpu_ms']['flow and features'] < ours['cpu_ms']['median']
+    assert 'ours, quarter size, 10x10' in result['fronts']['armse_n']
+    text = page(result)
+    assert '| ours, quarter size, 10x10 |' in text
+    assert '- aRMSE [N]: ' in text
+
+
+def test_the_front_is_by_time_and_each_error() -> None:
+    def told(ms: float, *errors: float) -> dict[str, Any]:
+        return {'cpu_ms': {'median': ms}, **dict(zip(front.ERRORS, errors, strict=True))}
+
+    table = {'a': told(1.0, 5.0, 1.0, 9.0), 'b': told(2.0, 4.0, 2.0, 9.0), 'c': told(3.0, 4.5, 0.5, 8.0)}
+    assert front.fronts(table) == {'armse_n': ['a', 'b'], 'd_loc_mm': ['a', 'c'], 'rmse_mc_n': ['a', 'c']}
