@@ -125,6 +125,7 @@ def test_page_and_figure_name_every_way_and_the_own_gel(scores: list[Score], tmp
     published = next(line for line in text.splitlines() if line.startswith(f'| {PUBLISHED}'))
     score = next(each for each in scores if (each.way, each.tested) == (PUBLISHED, NEW))
     assert f'{score.armse_n:.4f}' in published
+    assert 'With 60 presses `layer as it ships` on the rest of the 800: aRMSE' in text
     draw([*own, *scores], tmp_path / 'figure.png')
     assert (tmp_path / 'figure.png').stat().st_size > 10_000
 
