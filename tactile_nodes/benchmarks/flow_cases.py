@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -103,9 +103,9 @@ def _presses(
         yield Case(sensor.rest, image, partial(sensor.truth, presses))
 
 
-def rigid(sensor: Sensor, count: int = 3) -> dict[str, Iterator[Case]]:
+def rigid(sensor: Sensor, count: int = 3, sizes_px: Sequence[float] = RIGID_PX) -> dict[str, Iterator[Case]]:
     """The rest image moved as a whole, to the right and up."""
-    return {f'moved by {size:g} px': _rigid(sensor, size * 0.5**0.5, count) for size in RIGID_PX}
+    return {f'moved by {size:g} px': _rigid(sensor, size * 0.5**0.5, count) for size in sizes_px}
 
 
 def _rigid(sensor: Sensor, each_px: float, count: int) -> Iterator[Case]:

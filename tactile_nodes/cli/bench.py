@@ -20,6 +20,7 @@ BENCHMARKS = {
     'runtimes': 'models in numpy, onnxruntime and torch: time, memory, size, and the same answers',
     'flow': 'motion by each flow method against known motion, and its time',
     'front': 'speed against accuracy: ways to measure motion, grids and readouts, trained alike; the front of them',
+    'motion': 'flow alone: error and bias of each way against how far the picture moved',
     'untouched': 'frames in which nothing touches: are any touches missed, and what does not measuring them save?',
     'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
