@@ -51,7 +51,7 @@ class StillnessParams:
 
     check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion', read_only=True)
     limit: float = parameter(
-        4.0, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
+        3.8, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
     )
     most_noise_grey: float = parameter(
         3.0, 'noise of a pixel (standard deviation, grey levels) from which every frame is measured', minimum=0.1,

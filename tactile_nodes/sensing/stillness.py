@@ -48,13 +48,13 @@ SMALLEST_BLOCK_PX = 6
 class StillnessOptions:
     """When a frame counts as still.
 
-    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 4 in one frame of
-    seven). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
+    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 3.8 in one frame
+    of five). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
     frame is called still at all. Of the frames that are still, one in `full_every` is measured all the same, so that
     whatever watches motion for slow changes goes on seeing some; 1 measures all. `blocks` x `blocks` cover the image.
     """
 
-    limit: float = 4.0
+    limit: float = 3.8
     most_noise_grey: float = 3.0
     full_every: int = 32
     blocks: int = 10

@@ -113,7 +113,7 @@ def test_no_touch_of_20_mn_is_called_still() -> None:
     places = np.random.default_rng(8).uniform(-14, 14, (60, 2)).tolist()
     assert not any(made(seen((Press(x, y, depth_mm),), 100 + i)) for i, (x, y) in enumerate(places))
     untouched = sum(made(seen((), 500 + i)) for i in range(60))
-    assert untouched > 35  # of the 60, one in 32 is measured all the same, and noise passes the limit in one of seven
+    assert untouched > 30  # of the 60, one in 32 is measured all the same, and noise passes the limit in one of five
 
 
 def test_images_too_small_for_blocks_are_never_still() -> None:
