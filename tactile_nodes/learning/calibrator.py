@@ -38,12 +38,12 @@ GROWTH = 1.25
 class StopRule:
     """When more presses no longer pay: when twice as many are expected to lower the held-out errors by little."""
 
-    least: int = parameter(20, 'presses before which the calibration goes on anyway', minimum=5)
+    least: int = parameter(30, 'presses before which the calibration goes on anyway', minimum=5)
     most: int = parameter(100, 'presses after which it ends anyway', minimum=5)
     worth: float = parameter(
         0.1, 'share by which twice as many presses must be expected to lower the error of force or place', minimum=0.0
     )
-    agree: int = parameter(2, 'fits in a row that must expect less', minimum=1)
+    agree: int = parameter(3, 'fits in a row that must expect less', minimum=1)
     first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
 
     def reason(self, presses: int, fits: Sequence[Fitted]) -> str:
