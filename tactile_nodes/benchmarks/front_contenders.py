@@ -56,7 +56,7 @@ WAYS = (
     Way('Farneback', lambda _: DenseFlow('farneback', farneback)),
     Way('Farneback, halved', lambda _: DenseFlow('farneback', farneback, 1)),
     Way('TV-L1, halved', lambda _: DenseFlow('tv_l1', tv_l1, 1), slow=True),
-    Way('TV-L1, quartered', lambda _: DenseFlow('tv_l1', tv_l1, 2)),
+    Way('TV-L1, quartered', lambda _: DenseFlow('tv_l1', tv_l1, 2), slow=True),
     Way('pyramidal LK', lambda regions: PyramidalLk(regions, 1.2, 11), by_grid=True),
     Way('phase correlation', lambda regions: PhaseCorrelation(regions, 1.2, 32), (10, 20), by_grid=True),
     Way('small pixels', SmallPixels, (20, 40), by_grid=True),

@@ -220,11 +220,12 @@ def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
     write_json(folder / 'motion.json', result)
     drawn = figure(13.0, 5.5)
     axes = drawn.subplots(1, 2)
-    for name in result['cpu_ms']:
+    for number, name in enumerate(result['cpu_ms']):
+        style = ('-', '--')[number // 10 % 2]  # there are ten colours
         found = [each[name] for each in result['moved'].values()]
-        axes[0].loglog(result['sizes_px'], [max(each['rms_px'], 1e-4) for each in found], '.-', label=name)
+        axes[0].loglog(result['sizes_px'], [max(each['rms_px'], 1e-4) for each in found], f'.{style}', label=name)
         shares = [each['bias_px'] / size for each, size in zip(found, result['sizes_px'], strict=True)]
-        axes[1].semilogx(result['sizes_px'], shares, '.-')
+        axes[1].semilogx(result['sizes_px'], shares, f'.{style}')
     axes[0].set(xlabel='motion [px]', ylabel='rms error of a region [px]')
     axes[1].set(xlabel='motion [px]', ylabel='bias, as a share of the motion', ylim=(-1.05, 0.5))
     axes[0].legend(fontsize=6, ncols=2)

@@ -28,6 +28,9 @@ LARGEST_LIGHT_SHARE = 0.03
 LARGEST_UNEVENNESS = 2.0
 """Left over in one block, at most so many times the variance left over in the middle one."""
 
+PLAIN_UNEVENNESS = 2.4
+"""The same of all that changed, motion and light included: what is beyond needs no closer look."""
+
 SPREAD_BLOCKS = 1.0
 """Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
 
@@ -94,7 +97,6 @@ class StillnessCheck:
         self._parts: np.ndarray
         self._rest: np.ndarray
         self._light: np.ndarray
-        self._most_change: float
         self._away: np.ndarray
         self._average = _averaging(self.options.blocks)
 
@@ -118,9 +120,6 @@ class StillnessCheck:
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
-        # A pixel at half size has a quarter of the variance of the image's noise.
-        noise = 0.25 * self.options.most_noise_grey**2 * self._rest.size
-        self._most_change = LARGEST_UNEVENNESS * noise + LARGEST_LIGHT_SHARE**2 * float(self._light.sum())
 
     def __call__(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether a frame is still and need not be measured.
@@ -131,16 +130,13 @@ class StillnessCheck:
         require_like(self._reference, image)
         if not self._able:
             return False
-        options, small = self.options, shrunk(image)
-        change = self._change(small)
-        if (
-            cv2.norm(change, cv2.NORM_L2SQR) > self._most_change
-        ):  # as under most presses; the rest would not change that
-            return False
-        if not self._look(change).within(options):
+        small = shrunk(image)
+        change = self._blocks(self._change(small))
+        energy = np.einsum('bn,bn->b', change, change)
+        if self._plain(energy) or not self._look(change, energy).within(self.options):
             return False
         # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
-        return int(cv2.sumElems(small)[0]) % options.full_every > 0
+        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0
 
     def look(self, image: UInt8[np.ndarray, 'h w']) -> Stillness:
         """How still a frame is; the rest image must not be too small.
@@ -150,19 +146,24 @@ class StillnessCheck:
         """
         require_like(self._reference, image)
         assert self._able
-        return self._look(self._change(shrunk(image)))
+        change = self._blocks(self._change(shrunk(image)))
+        return self._look(change, np.einsum('bn,bn->b', change, change))
 
     def _change(self, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
         change: np.ndarray = cv2.subtract(small, self._rest, dtype=cv2.CV_32F)
         return change
 
-    def _look(self, plane: Float32[np.ndarray, 'h w']) -> Stillness:
-        change = self._blocks(plane)
+    def _plain(self, energy: Float32[np.ndarray, ' blocks']) -> bool:
+        """Whether blocks changed by so much that no split into parts could make them even, as under most presses."""
+        most = PLAIN_UNEVENNESS * _middle(energy) + LARGEST_LIGHT_SHARE**2 * self._light
+        return bool((energy > most).any())
+
+    def _look(self, change: Float32[np.ndarray, 'blocks pixels'], energy: Float32[np.ndarray, ' blocks']) -> Stillness:
         part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
         squared = np.square(part)
-        left = np.maximum(np.einsum('bn,bn->b', change, change) - squared.sum(axis=1), 1e-6)
+        left = np.maximum(energy - squared.sum(axis=1), 1e-6)
         left /= change.shape[1] - part.shape[1]
-        middle = float(np.partition(left, len(left) // 2)[len(left) // 2])
+        middle = _middle(left)
         return Stillness(
             motion=self._largest(part[:, 2:]) / middle**0.5,
             noise_grey=2 * middle**0.5,  # a pixel at half size is the mean of four
@@ -195,6 +196,10 @@ class StillnessCheck:
         cut = small[: height * count, : width * count].reshape(count, height, count, width)
         blocks: np.ndarray = cut.swapaxes(1, 2).reshape(count * count, height * width)
         return blocks
+
+
+def _middle(values: Float32[np.ndarray, ' blocks']) -> float:
+    return float(np.partition(values, len(values) // 2)[len(values) // 2])
 
 
 def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
