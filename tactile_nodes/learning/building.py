@@ -142,7 +142,8 @@ class Builder:
         """
         samples = self.finish()
         if not samples:
-            raise DatasetError(f'no press of {_listed(bags)} can be used: {_reasons(self.left_out)}')
+            of = f' of {_listed(bags)}' if bags else ''
+            raise DatasetError(f'no press{of} can be used: {_reasons(self.left_out)}')
         recordings = self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
         return replace(recordings, rest_image=self._rest[1])
 
