@@ -21,13 +21,14 @@ from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.paths import share_directory
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION, LAYERED_VERSION = 2, 3
-"""A network with a calibration layer has a version of its own: earlier releases would read it without the layer."""
+FORMAT_VERSION, LAYERED_VERSION, AXISYMMETRIC_VERSION = 2, 3, 4
+"""Readouts that earlier releases would take for another have versions of their own."""
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
 NO_IMAGE = np.zeros((0, 0), np.uint8)
@@ -120,17 +121,17 @@ def load_model(path: Path | str) -> LoadedModel:
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
-    if card.get('format_version') not in (FORMAT_VERSION, LAYERED_VERSION):
+    if card.get('format_version') not in range(FORMAT_VERSION, AXISYMMETRIC_VERSION + 1):
         raise ModelError(
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
-            f'and {LAYERED_VERSION}; update tactile_nodes or train the model again'
+            f'to {AXISYMMETRIC_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12])
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
     return {
-        'format_version': LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION,
+        'format_version': _version(readout),
         'layout': asdict(model.layout),
         'bins': asdict(model.bins),
         'readout': readout,
@@ -138,6 +139,12 @@ def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
         'contact_threshold_n': model.contact_threshold_n,
         'units': {'normal_force': 'N, positive into the gel', 'position': 'mm, surface frame', 'flow': 'px'},
     }
+
+
+def _version(readout: Mapping[str, Any]) -> int:
+    if readout['kind'] == AxisymmetricReadout.kind:
+        return AXISYMMETRIC_VERSION
+    return LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION
 
 
 def _read(path: Path) -> bytes:

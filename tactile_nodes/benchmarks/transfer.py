@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.dataset import Dataset
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
+    from tactile_nodes.sensing.readout_arrays import AnyReadout
     from tactile_nodes.sensing.response import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
@@ -50,7 +51,7 @@ class Score:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``tactile bench transfer``."""
-    parser.add_argument('--model', default='fast', help='a response model (default: fast)')
+    parser.add_argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)')
     parser.add_argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write transfer.json and transfer.md there')
 
@@ -138,11 +139,12 @@ def _few(dataset: Dataset, presses: int) -> Dataset:
     return dataset.take(np.sort(chosen))
 
 
-def _on_gel(source: ResponseReadout, dataset: Dataset, number: int) -> list[Score]:
+def _on_gel(source: AnyReadout, dataset: Dataset, number: int) -> list[Score]:
     from tactile_nodes.learning.transfer_fit import transfer
 
     tested = _tested(dataset)
     scores = [_score(number, 0, AS_IT_IS, source, tested)]
+    readout: AnyReadout
     for presses in COUNTS:
         few = _few(dataset, presses)
         begun = clock.perf_ns()
@@ -158,7 +160,7 @@ def _on_gel(source: ResponseReadout, dataset: Dataset, number: int) -> list[Scor
     return scores
 
 
-def _alone(few: Dataset, presses: int, source: ResponseReadout) -> ResponseReadout:
+def _alone(few: Dataset, presses: int, source: AnyReadout) -> ResponseReadout:
     """A response fitted to the few presses alone, as finely as they allow."""
     from tactile_nodes.learning.config import ResponseConfig
     from tactile_nodes.learning.progress import Progress
@@ -168,7 +170,7 @@ def _alone(few: Dataset, presses: int, source: ResponseReadout) -> ResponseReado
     return fit_response(few, np.zeros(len(few.presses), bool), config, source.bins, Progress())
 
 
-def _score(gel: int, presses: int, way: str, readout: ResponseReadout, tested: Dataset) -> Score:
+def _score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Dataset) -> Score:
     from tactile_nodes.sensing import metrics
 
     read = [

@@ -126,12 +126,37 @@ class ResponseConfig:
 
 
 @dataclass(frozen=True)
+class AxisymmetricConfig:
+    """How the profiles of an axisymmetric response are measured."""
+
+    lateral: int = parameter(2, 'profiles of motion away from the press', minimum=1, maximum=4)
+    vertical: int = parameter(2, 'profiles of vertical motion', minimum=1, maximum=4)
+    levels: int = parameter(3, 'intervals between the knots along the force', minimum=1)
+    turns: int = parameter(10, 'how often regions and profiles are fitted in turn', minimum=4)
+    presses_per_turn: int = parameter(600, 'presses that a turn looks at', minimum=50)
+    most_presses: int = parameter(3000, 'presses that the last turn looks at', minimum=50)
+    trusted_floor: float = parameter(
+        0.5, 'regions that are less certain than this in most frames are silenced', minimum=0.0, maximum=1.0
+    )
+    confidence_floor: float = parameter(
+        0.1, 'regions that are less certain than this in a frame have no say in it', minimum=0.0, maximum=1.0
+    )
+    most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
+    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
+    seed: int = parameter(1, 'seed of which presses each turn takes, and of those that judge')
+
+
+READOUTS = 'network', 'response', 'axisymmetric'
+
+
+@dataclass(frozen=True)
 class _Blocks:
     output: str = parameter('model.safetensors', 'the file to write')
-    readout: str = parameter('network', 'what turns features into forces', choices=('network', 'response'))
+    readout: str = parameter('network', 'what turns features into forces', choices=READOUTS)
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
+    axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
 
 
@@ -155,6 +180,7 @@ class TrainConfig:
     gel: Gel = field(default_factory=Gel)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
+    axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     recorded_bins: BinGrid | None = None
     stated: frozenset[str] = frozenset()
@@ -168,7 +194,7 @@ class TrainConfig:
 
     def resolved(self) -> dict[str, Any]:
         """The run as `load_train_config` reads it, every default filled in that bears on its readout."""
-        names = ['data', 'gel', 'network', 'training', *(['response'] if self.readout == 'response' else [])]
+        names = ['data', 'gel', 'network', 'training', *([self.readout] if self.readout != 'network' else [])]
         blocks = {name: asdict(getattr(self, name)) for name in names}
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
         named = {block: {'name': made.name, 'options': _stated(made.options)} for block, made in methods.items()}
@@ -209,6 +235,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
         gel=Gel.from_mapping(_under('gel', written), str(path)),
         network=blocks.network,
         response=blocks.response,
+        axisymmetric=blocks.axisymmetric,
         training=blocks.training,
         stated=frozenset(written),
     )

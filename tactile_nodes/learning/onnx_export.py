@@ -11,6 +11,7 @@ from tactile_nodes.learning.onnx_network import write_network
 from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
 from tactile_nodes.learning.onnx_response import write_response
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import NetworkReadout
 
 _MEANING = (
@@ -26,8 +27,14 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
 
     Raises:
         ConfigurationError: the package onnx is not installed.
+        ModelError: the model is axisymmetric, for which there is no graph yet.
     """
     writer, readout = Writer(), loaded.model.readout
+    if isinstance(readout, AxisymmetricReadout):
+        raise ModelError(
+            f'model {loaded.model_id} is {readout.kind}, which cannot be exported; export a network or a measured '
+            'response, such as fast, or use tactile_nodes itself, which needs no torch'
+        )
     layer = readout.layer if isinstance(readout, NetworkReadout) else None
     inputs = write_inputs(writer, loaded.model.layout, readout.scaling, layer)
     if isinstance(readout, NetworkReadout):

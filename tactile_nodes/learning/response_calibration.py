@@ -31,8 +31,8 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     presses = dataset.presses[judges[touched]]
     errors, sigmas = _errors(raw, presses, [fit for fit, press in zip(fits, touched, strict=True) if press])
     heights = np.maximum(presses[:, 3], 0.0) ** raw.response.power / raw.response.s.high
-    place_floor, place_factors = _spread(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
-    force_floor, force_factors = _spread(errors[:, 2], sigmas[:, 1], heights)
+    place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
+    force_floor, force_factors = spread_of(errors[:, 2], sigmas[:, 1], heights)
     limit = float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))
     gains = [raw.gain(each, fit) for each, fit, t in zip(components, fits, touched, strict=True) if not t]
     least = float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else 0.0
@@ -84,7 +84,7 @@ def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> t
     return np.array(errors), np.array(sigmas)
 
 
-def _spread(
+def spread_of(
     errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']
 ) -> tuple[float, tuple[float, ...]]:
     """The floor that makes the errors most probable, and the factors that make 90 % of them likely at every height.

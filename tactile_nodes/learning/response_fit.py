@@ -15,7 +15,7 @@ import scipy.sparse
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_calibration import calibrated, rescaled
@@ -49,7 +49,7 @@ def fit_response(
         raise ConfigurationError('response.smoothing must name weights to try, none below zero, such as [0.001, 0.1]')
     used = np.flatnonzero(~held_out)
     subspace = _Subspace.of(dataset, used, config)
-    inner = _inner_held_out(dataset, used, config.seed)
+    inner = inner_held_out(dataset, used, config.seed)
     first, rest = used[~inner], used[inner]
     if not (subspace.touched[first].any() and subspace.touched[rest].any()):
         raise DatasetError('a response needs presses at many places, of which some can be kept to judge it by')
@@ -85,7 +85,7 @@ def _at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
     return np.array([i for i in np.flatnonzero(held_out) if tuple(dataset.presses[i, :2].tolist()) not in known], int)
 
 
-def _inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
+def inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
     """Which of the used samples judge: whole positions, so that interpolation between positions is judged too.
 
     Images of the untouched gel have no position and count each for itself.
@@ -195,7 +195,7 @@ def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.nd
     return shrunk
 
 
-def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig) -> InputScaling:
+def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig | AxisymmetricConfig) -> InputScaling:
     """Features about their mean over the untouched gel, in units of their noise there; quiet ones count as the median.
 
     Regions without markers are silenced.

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__, clock
-from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_fit import fit_network
 from tactile_nodes.learning.network_inputs import judging_samples
@@ -21,8 +22,7 @@ from tactile_nodes.learning.runs import Run, RunFolder
 from tactile_nodes.learning.source import TrainingData, training_data
 from tactile_nodes.model_file import save_model
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import NetworkReadout
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.readout_arrays import AnyReadout
 
 NETWORK_THRESHOLD_N = 0.05
 """Above what a network that is trained as published reads while nothing touches."""
@@ -70,21 +70,32 @@ def train(
 
 def threshold_of(config: TrainConfig) -> float:
     """The total force from which the live node says that something touches."""
-    return config.response.contact_threshold_n if config.readout == 'response' else NETWORK_THRESHOLD_N
+    thresholds = {
+        'response': config.response.contact_threshold_n,
+        'axisymmetric': config.axisymmetric.contact_threshold_n,
+    }
+    return thresholds.get(config.readout, NETWORK_THRESHOLD_N)
 
 
-def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[NetworkReadout | ResponseReadout, dict[str, Any]]:
+def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:
     """The readout that the configuration asks for, and what the card says of its training."""
     config, dataset = data.config, data.dataset
     if config.readout == 'network':
         return fit_network(dataset, data.held_out, config, progress, run)
     begun = clock.perf_ns()
-    response = fit_response(dataset, data.held_out, config.response, config.bins, progress)
+    settings: ResponseConfig | AxisymmetricConfig
+    readout: AnyReadout
+    if config.readout == 'axisymmetric':
+        settings = config.axisymmetric
+        readout = fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress)
+    else:
+        settings = config.response
+        readout = fit_response(dataset, data.held_out, settings, config.bins, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-    return response, {'settings': asdict(config.response), 'seconds': seconds, 'device': 'cpu'}
+    return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 
 
-def validation_of(readout: NetworkReadout | ResponseReadout, data: TrainingData) -> Validation:
+def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:
     """Scores on the samples held out, each read as the live node reads it."""
     dataset: Dataset = data.dataset
     judges = judging_samples(dataset, data.held_out, data.config)

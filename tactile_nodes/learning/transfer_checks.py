@@ -7,6 +7,8 @@ import numpy as np
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response import ResponseReadout
 
 LEAST_PRESSES = 5
@@ -16,27 +18,27 @@ MOST_OFFSET_N = 0.1
 """Beyond what differences between gels bring about, by twice and more."""
 
 
-def source_readout(loaded: LoadedModel) -> ResponseReadout:
-    """The response of a model that can be transferred.
+def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout:
+    """The readout of a model that can be transferred.
 
     Raises:
         ModelError: it is a network, or its features are no Cartesian motion.
     """
     readout, layout = loaded.model.readout, loaded.model.layout
-    if not isinstance(readout, ResponseReadout):
+    if isinstance(readout, NetworkReadout):
         raise ModelError(
             f'model {loaded.model_id} is a {readout.kind}, and only the response of a gel can be transferred to '
-            'another; choose a model with readout: response, such as fast'
+            'another; choose an axisymmetric model, such as portable'
         )
     if layout.encoding != 'cartesian_mean':
         raise ModelError(
             f'model {loaded.model_id} reads {layout.encoding}, and only motion along x and y can be transferred; '
-            'choose a model with encoding: cartesian_mean, such as fast'
+            'choose a model with encoding: cartesian_mean, such as portable'
         )
     return readout
 
 
-def require_presses(dataset: Dataset, source: ResponseReadout) -> None:
+def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
     """Refuse presses that are too few or too close together.
 
     Raises:
@@ -50,10 +52,11 @@ def require_presses(dataset: Dataset, source: ResponseReadout) -> None:
         )
     if not (touched[:, 3] > 0).any():
         raise DatasetError('a calibration needs presses with a force, and none has one; check the force sensor')
-    for name, axis, along in zip('xy', (source.response.x, source.response.y), places.T, strict=True):
-        if np.ptp(along) < LEAST_SPREAD * (axis.high - axis.low):
+    known_mm = 2 * source.correction.reach_mm
+    for name, along in zip('xy', places.T, strict=True):
+        if np.ptp(along) < LEAST_SPREAD * known_mm:
             raise DatasetError(
-                f'the presses span {np.ptp(along):.1f} mm along {name} of the {axis.high - axis.low:.1f} mm that the '
+                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known_mm:.1f} mm that the '
                 'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
             )
 

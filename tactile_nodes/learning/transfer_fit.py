@@ -1,31 +1,39 @@
-"""Calibrate a response model for another gel from a few presses: as many numbers as these support, no more.
+"""Calibrate a model for another gel from a few presses: as many numbers as these support, no more.
 
-Forms from the simplest on: a gain of force and motion, an affine warp, with it every region's own deviation, and a
-smooth correction of what is left. Each is judged by presses that its fit did not see.
+What a press does around it is much the same in any soft layer, so the known gel's profiles serve the other one. Three
+forms from the simplest on: only hardness, what differs as a whole (hardness, thickness, camera), and with that every
+region's own place and couplings, held near what regions of the known gel scatter by. Each is judged by presses that its
+fit did not see.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric_calibration import Judged, least_gain
+from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, Expected, Presses, fit_regions, numbers_of, views
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_build import Samples, Told, build, hardest_force
+from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED
 from tactile_nodes.learning.transfer_checks import require_presses, require_tared
-from tactile_nodes.learning.transfer_warp import Pairs, SourceField, fit_warp, force_offset, with_regions
-from tactile_nodes.sensing.response import Calibration, ResponseReadout
+from tactile_nodes.learning.transfer_source import axisymmetric_source
+from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
+from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.readout_arrays import AnyReadout
+from tactile_nodes.sensing.response import Calibration
 
-FORMS = ('gain', 'affine', 'regions', 'corrected')
-REGION_SIGMA = 0.05
-"""How far a region's markers may be expected to deviate: as a share of motion, and in mm."""
+FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
+REGION_TURNS = 4
 FOLDS = 5
 WORTH = 1.02
 """A simpler form is taken if its held-out misfit is at most this times the best."""
@@ -48,15 +56,20 @@ class Errors:
 
 @dataclass(frozen=True)
 class Transfer:
-    """A calibrated readout, and how it came about. `misfits` are by form, in units of the noise at rest."""
+    """A calibrated readout, and how it came about.
 
-    readout: ResponseReadout
+    `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
+    `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer_whole.SIZES`.
+    """
+
+    readout: AxisymmetricReadout
     form: str
     misfits: Mapping[str, float]
     before: Errors
     after: Errors
     presses: int
     force_offset_n: float
+    whole: Mapping[str, float]
 
     @property
     def reason(self) -> str:
@@ -72,45 +85,133 @@ class Transfer:
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
-def transfer(source: ResponseReadout, dataset: Dataset, progress: Progress | None = None) -> Transfer:
-    """The readout for the gel of a data set.
+def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = None) -> Transfer:
+    """The readout for the gel of a data set; `source` is an axisymmetric one, or a response that one follows from.
 
     Raises:
+        ModelError: the source cannot be transferred.
         DatasetError: presses from which no calibration follows, or which it would read worse than without.
     """
     progress = progress or Progress()
-    require_presses(dataset, source)
-    field = SourceField.of(source)
-    samples = Samples.of(source, dataset, field.gain)
-    pairs, fold = samples.pairs, folds_of(samples.pairs.presses)
-    offset = force_offset(field, pairs)
-    require_tared(offset)
-    with progress.bar('comparing forms', len(FORMS)) as bar:
-        left = {}
-        for form in FORMS:
-            left[form] = held_out_left(field, pairs, fold, form)
-            bar.advance()
-    misfits = {form: float(np.sqrt(np.mean(each**2))) for form, each in left.items()}
-    form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
-    judged = _Judged.of(field, source, samples, dataset, fold, form, left[form])
-    before = Errors.of(_errors(source, dataset, samples.rows)[0])
-    after = Errors.of(judged.errors)
+    known = axisymmetric_source(source)
+    require_presses(dataset, known)
+    other = OtherGel.of(known, dataset)
+    with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
+        offset = fit_whole(other.start, other.presses, offset=True).offset_n
+        require_tared(offset)
+        bar.advance()
+        fold = folds_of(other.presses.contacts)
+        folds = other.folds(fold, bar.advance)
+        misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
+        form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
+        whole = other.whole(form)
+        readout = other.readout(whole.response if form != 'regions' else other.regions(whole.response))
+        held = [
+            Judged.of(other.readout(made), dataset, other.rows[fold == number])
+            for number, made in zip(np.unique(fold), folds[form], strict=True)
+        ]
+        bar.advance()
+    held = [each for each in held if each.fits]
+    if not held:
+        raise DatasetError('no press shows enough regions to be read; check the camera and the light')
+    before = Errors.of(live_errors(source, dataset, other.rows))
+    after = Errors.of(np.concatenate([each.errors for each in held]))
     _require_better(before, after)
-    told = fit_form(field, pairs, form)
-    made = build(told, source, samples, left[form], told.heights(pairs.presses))
-    made = replace(made, calibration=judged.calibration(source))
-    share = max(source.likeness.share, judged.share)
-    made = replace(made, likeness=replace(made.likeness, share=share))
-    return Transfer(made, form, misfits, before, after, len(pairs), offset)
+    readout = replace(readout, calibration=_calibration(readout, held, dataset, other.untouched))
+    told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
+    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told)
 
 
-def fit_form(field: SourceField, pairs: Pairs, form: str) -> Told:
-    """A form fitted to presses; 'regions' and 'corrected' stand on the affine warp."""
-    warp, _ = fit_warp(field, pairs, 'gain' if form == 'gain' else 'affine')
-    if form in ('regions', 'corrected'):
-        warp = with_regions(field, warp, pairs, REGION_SIGMA, REGION_SIGMA)
-    told = Told(field, warp, hardest_force(field, warp, pairs))
-    return told.corrected(pairs) if form == 'corrected' else told
+@dataclass(frozen=True)
+class OtherGel:
+    """Presses on another gel, and what is expected of its regions before any of them is looked at."""
+
+    source: AxisymmetricReadout
+    scaling: InputScaling
+    presses: Presses
+    rows: np.ndarray
+    untouched: np.ndarray
+    typical: Typical
+    view: Float[np.ndarray, 'regions 2']
+
+    @classmethod
+    def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
+        """Its regions are those that show markers on it, whether or not they did on the known gel."""
+        touched = dataset.presses[:, 2] > 0
+        scaling = _scaling_of(source.scaling, dataset)
+        rows, untouched = np.flatnonzero(touched), np.flatnonzero(~touched)
+        typical = Typical.of(source.response, views(source.scaling.trusted))
+        return cls(
+            source, scaling, Presses.of(dataset, rows, scaling), rows, untouched, typical, views(scaling.trusted)
+        )
+
+    @property
+    def start(self) -> AxisymmetricResponse:
+        return self.typical.at(self.view)
+
+    def whole(self, form: str) -> WholeFit:
+        """What differs as a whole, of those numbers that a form leaves open, by all presses."""
+        return fit_whole(self.start, self.presses, FORMS[form])
+
+    def folds(
+        self, fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
+    ) -> dict[str, list[AxisymmetricResponse]]:
+        """Each form fitted to the presses of all folds but one, for each of them."""
+        rest = [np.flatnonzero(fold != number) for number in np.unique(fold)]
+        made = {}
+        for form in ('hardness', 'whole'):
+            begin = self.whole(form).numbers
+            fits = [fit_whole(self.start, self.presses.take(each), FORMS[form], begin=begin) for each in rest]
+            made[form] = [each.response for each in fits]
+            advance(1, form)
+        made['regions'] = [self.regions(whole, each) for whole, each in zip(made['whole'], rest, strict=True)]
+        advance(1, 'regions')
+        return made
+
+    def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
+        """With every region's own numbers, by some of the presses or all."""
+        presses = self.presses if chosen is None else self.presses.take(chosen)
+        precision, over = np.linalg.inv(self.typical.scatter), powers(self.view)
+        smooth = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
+        for _ in range(REGION_TURNS):
+            response = fit_regions(response, presses, Expected(over @ smooth, precision), FIRST_DOUBT)
+            # What all regions turn out to share follows their mean, within what the smooth start was off by.
+            left = numbers_of(response) - over @ smooth
+            smooth = smooth + np.linalg.solve(over.T @ over + np.eye(over.shape[1]), over.T @ left)
+        return response
+
+    def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
+        """Root mean square of what held-out presses leave over, in units of what is expected of them."""
+        squares = []
+        for number, response in zip(np.unique(fold), folds, strict=True):
+            out = self.presses.take(np.flatnonzero(fold == number))
+            left = (out.motion - response.motion(out.contacts)) * self._weights(out)
+            squares.append(np.square(left).ravel())
+        return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+    @staticmethod
+    def _weights(presses: Presses) -> np.ndarray:
+        """The same for every form: of noise, and of a tenth of the motion that was seen."""
+        size = np.square(presses.motion).sum(axis=-1, keepdims=True)
+        return np.asarray(np.sqrt(presses.certainty / (1 + presses.certainty * 0.01 * size)))
+
+    def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
+        """The source's readout with another response."""
+        return replace(self.source, scaling=self.scaling, response=response, doubt=FIRST_DOUBT)
+
+
+def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
+    """The other gel's own rest and noise, where enough images of it untouched are there; else the source's."""
+    untouched = dataset.presses[:, 2] <= 0
+    trusted = np.asarray(dataset.trusted(0.5), np.float32)
+    if untouched.sum() < LEAST_UNTOUCHED:
+        return replace(source, trusted=trusted * source.trusted)
+    values = dataset.features[untouched].astype(np.float32)
+    noise = values.std(axis=0)
+    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
+    # Few images tell a region's noise badly, so it counts as the median at least.
+    gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
+    return replace(source, mean=np.asarray(values.mean(axis=0), np.float32), gain=gain, trusted=trusted)
 
 
 def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
@@ -121,82 +222,43 @@ def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
     return fold
 
 
-def held_out_left(field: SourceField, pairs: Pairs, fold: np.ndarray, form: str) -> Float[np.ndarray, 'n inputs']:
-    """What a form leaves over of each press when fitted to the other folds, in units of noise."""
-    left = np.zeros((len(pairs), field.gain.size))
-    for number in np.unique(fold):
-        out = np.flatnonzero(fold == number)
-        left[out] = fit_form(field, pairs.take(np.flatnonzero(fold != number)), form).left(pairs.take(out))
-    return left
+def live_errors(readout: AnyReadout, dataset: Dataset, rows: np.ndarray) -> Float[np.ndarray, 'n 3']:
+    """Errors of x, y (mm) and force (N) as the live node would answer; what it cannot read is left out."""
+    errors = []
+    for row in rows.tolist():
+        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        x, y, _, force_n = dataset.presses[row].tolist()
+        errors.append((found.contacts[0].x_mm - x, found.contacts[0].y_mm - y, found.normal_force_n.sum() - force_n))
+    array = np.reshape(errors, (-1, 3)).astype(float)
+    finite: np.ndarray = array[np.isfinite(array).all(axis=1)]
+    return finite
 
 
-@dataclass(frozen=True)
-class _Judged:
-    """Errors of held-out presses and what was stated of them, pooled over the folds."""
+def _calibration(
+    readout: AxisymmetricReadout, held: list[Judged], dataset: Dataset, untouched: np.ndarray
+) -> Calibration:
+    """Stated uncertainties that nine of ten held-out presses fall within; with few presses rather more do.
 
-    errors: Float[np.ndarray, 'n 3']
-    sigmas: Float[np.ndarray, 'n 2']
-    misfits: Float[np.ndarray, ' n']
-    share: float
-
-    @classmethod
-    def of(
-        cls,
-        field: SourceField,
-        source: ResponseReadout,
-        samples: Samples,
-        dataset: Dataset,
-        fold: np.ndarray,
-        form: str,
-        left: np.ndarray,
-    ) -> _Judged:
-        found = []
-        for number in np.unique(fold):
-            rest, out = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
-            told = fit_form(field, samples.pairs.take(rest), form)
-            heights = told.heights(samples.pairs.presses[rest])
-            readout = build(told, source, samples, left[rest], heights)
-            found.append(_errors(readout, dataset, samples.rows[out]))
-        errors, sigmas, rest_of = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        if not len(errors):
-            raise DatasetError('no press shows enough regions to be read; check the camera and the light')
-        left_over = (rest_of[:, 1] - source.likeness.floor) / np.maximum(rest_of[:, 2], 1e-9)
-        return cls(errors, sigmas, rest_of[:, 0], float(left_over.max()))
-
-    def calibration(self, source: ResponseReadout) -> Calibration:
-        """Stated uncertainties that nine of ten held-out presses fall within; with few presses rather more do."""
-        old = source.calibration
-        place = np.hypot(old.place_floor_mm, np.repeat(self.sigmas[:, 0], 2))
-        force = np.hypot(old.force_floor_n, self.sigmas[:, 1])
-        return replace(
-            old,
-            place_factors=(cautious(np.abs(self.errors[:, :2]).reshape(-1) / place, len(self.errors)) / NORMAL_90,),
-            force_factors=(cautious(np.abs(self.errors[:, 2]) / force, len(self.errors)) / NORMAL_90,),
-            misfit_limit=max(old.misfit_limit, math.sqrt(float(self.misfits.max()))),
-        )
+    `readout` still has the calibration of its source, whose floors and limits hold at least.
+    """
+    old = readout.calibration
+    errors, sigmas = (np.concatenate([getattr(each, name) for each in held]) for name in ('errors', 'sigmas'))
+    place = np.hypot(old.place_floor_mm, np.repeat(sigmas[:, 0], 2))
+    force = np.hypot(old.force_floor_n, sigmas[:, 1])
+    misfits = [fit.misfit for each in held for fit in each.fits]
+    return replace(
+        old,
+        place_factors=(cautious(np.abs(errors[:, :2]).reshape(-1) / place, len(errors)) / NORMAL_90,),
+        force_factors=(cautious(np.abs(errors[:, 2]) / force, len(errors)) / NORMAL_90,),
+        misfit_limit=max(old.misfit_limit, math.sqrt(max(misfits))),
+        least_gain=max(old.least_gain, least_gain(readout, dataset, untouched)),
+    )
 
 
 def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
     """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
     level = min(1.0, COVERAGE * (1 + 1 / presses))
     return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))
-
-
-def _errors(
-    readout: ResponseReadout, dataset: Dataset, rows: np.ndarray
-) -> tuple[Float[np.ndarray, 'n 3'], Float[np.ndarray, 'n 2'], Float[np.ndarray, 'n 3']]:
-    """Errors of x, y (mm) and force (N), stated deviations, and misfit, left over and size, of readable presses."""
-    errors, sigmas, rest = [], [], []
-    for row in rows.tolist():
-        seen = readout.seen(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
-        if not np.isfinite(seen.scores).all():
-            continue
-        fit = readout.fit(readout.whitening @ seen.scores)
-        contact, (x, y, _, force_n) = readout.contacts(fit)[0], dataset.presses[row].tolist()
-        errors.append((contact.x_mm - x, contact.y_mm - y, contact.force_n - force_n))
-        sigmas.append((contact.sigma_mm, contact.sigma_n))
-        rest.append((fit.misfit, seen.left_over, seen.size))
-    return np.reshape(errors, (-1, 3)), np.reshape(sigmas, (-1, 2)), np.reshape(rest, (-1, 3))
 
 
 def _require_better(before: Errors, after: Errors) -> None:

@@ -13,9 +13,9 @@ from jaxtyping import Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.network import InputScaling, NetworkReadout
+from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.readout_arrays import AnyReadout
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class ForceModel:
 
     layout: FeatureLayout
     bins: BinGrid
-    readout: NetworkReadout | ResponseReadout
+    readout: AnyReadout
     contact_threshold_n: float = 0.05
     model_id: str = field(default='unsaved')
 

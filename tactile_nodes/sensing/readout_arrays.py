@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
@@ -15,23 +17,29 @@ from tactile_nodes.sensing.response import Calibration, Response, ResponseReadou
 from tactile_nodes.sensing.splines import SplineAxis
 
 Arrays = dict[str, np.ndarray]
+AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
 
 
-def readout_arrays(readout: NetworkReadout | ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
+def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
     """Arrays by name, and the numbers beside them; both stand in a model file."""
-    made = _network_arrays(readout) if isinstance(readout, NetworkReadout) else _response_arrays(readout)
+    if isinstance(readout, NetworkReadout):
+        made = _network_arrays(readout)
+    elif isinstance(readout, ResponseReadout):
+        made = _response_arrays(readout)
+    else:
+        made = _axisymmetric_arrays(readout)
     return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
 
 
-def readout_from(
-    arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid
-) -> NetworkReadout | ResponseReadout:
+def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AnyReadout:
     """What `readout_arrays` took apart.
 
     Raises:
         KeyError, TypeError: a part is missing.
     """
-    return (_network if said['kind'] == NetworkReadout.kind else _response)(arrays, said, bins)
+    if said['kind'] == NetworkReadout.kind:
+        return _network(arrays, said, bins)
+    return (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
 
 
 def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
@@ -90,6 +98,37 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         likeness,
         arrays['whitening'],
         Response(x, y, s, arrays['coefficients'], arrays['growth'], said['power']),
+        bins,
+        _calibration(said['calibration']),
+        said['most_contacts'],
+    )
+
+
+def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str, Any]]:
+    response, correction = readout.response, readout.correction
+    arrays = _scaling_arrays(readout.scaling)
+    arrays |= {name: np.asarray(getattr(response, name), np.float32) for name in ('profiles', 'places', 'couplings')}
+    arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
+    return arrays, {
+        **_said(readout.kind, readout.scaling, None),
+        'lateral': response.lateral,
+        'hardest_n': response.hardest_n,
+        'width': response.width,
+        'softness': response.softness,
+        'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
+        'calibration': asdict(readout.calibration),
+        'most_contacts': readout.most_contacts,
+    }
+
+
+def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
+    profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
+    numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
+    return AxisymmetricReadout(
+        _scaling(arrays, said),
+        AxisymmetricResponse(profiles, said['lateral'], *numbers),
+        arrays['doubt'].astype(float),
+        Correction(arrays['correction'].astype(float), **said['correction']),
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
 """Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
@@ -43,6 +43,18 @@ class SplineAxis:
         pair = _BOTH @ np.array([1.0, t, t * t, t * t * t])
         pair[1] *= self.intervals / (self.high - self.low)
         return first, pair
+
+    def weights_of(
+        self, values: Float[np.ndarray, '*shape']
+    ) -> tuple[Int[np.ndarray, '*shape'], Float[np.ndarray, '2 *shape 4']]:
+        """As `weights`, of many values."""
+        per_unit = self.intervals / (self.high - self.low)
+        along = (np.clip(values, self.low, self.high) - self.low) * per_unit
+        first = np.minimum(along.astype(np.intp), self.intervals - 1)
+        t = along - first
+        both: np.ndarray = np.einsum('gij,...j->g...i', _BOTH, np.stack([t**0, t, t**2, t**3], axis=-1))
+        both[1] *= per_unit
+        return first, both
 
     def design(self, values: Float[np.ndarray, ' n']) -> Float[np.ndarray, 'n count']:
         """All splines' values at many places."""

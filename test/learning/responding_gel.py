@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 
 CONFIG = ResponseConfig(components=16, spacing_mm=2.0, levels=3, smoothing=(1e-3, 1e-1, 10.0, 1e5), most_contacts=1)
+AXISYMMETRIC = AxisymmetricConfig(
+    lateral=1, vertical=1, turns=4, presses_per_turn=150, most_presses=300, most_contacts=1
+)
 NOISE_PX = 0.01
 REACH_MM = 10.0
 

@@ -19,10 +19,11 @@ import onnx
 from onnx.reference import ReferenceEvaluator
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.onnx_check import compare
 from tactile_nodes.learning.onnx_export import export_onnx, onnx_bytes
 from tactile_nodes.learning.onnx_session import OnnxSession
-from tactile_nodes.model_file import LoadedModel, load_model, save_model
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -248,3 +249,8 @@ def test_without_onnx_it_says_what_to_install(
         monkeypatch.delitem(sys.modules, name)
     assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 1
     assert "pip install 'tactile_nodes[onnx]'" in capsys.readouterr().err
+
+
+def test_an_axisymmetric_model_is_refused_with_what_to_export_instead() -> None:
+    with pytest.raises(ModelError, match='export a network or a measured response, such as fast'):
+        onnx_bytes(load_model(find_model('portable')))

@@ -6,17 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responding_gel import CONFIG, NOISE_PX, REACH_MM, motion, presses
+from responding_gel import AXISYMMETRIC, CONFIG, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_build import Samples
-from tactile_nodes.learning.transfer_fit import Transfer, cautious, folds_of, transfer
-from tactile_nodes.learning.transfer_warp import SourceField, Warp, fit_warp, force_offset
+from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, cautious, folds_of, transfer
+from tactile_nodes.learning.transfer_whole import changed, fit_whole
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.readout_arrays import AnyReadout
 
 SOFTER = 1.25
 AWAY_MM = np.array([0.8, -0.5])
@@ -37,17 +38,17 @@ def other_gel(count: int, seed: int, reach_mm: float = REACH_MM - 1) -> Dataset:
 
 
 @pytest.fixture(scope='module')
-def source() -> ResponseReadout:
-    dataset = presses(3000, seed=1)
-    return fit_response(dataset, np.arange(3000) % 4 == 1, CONFIG, BinGrid(), Progress())
+def source() -> AxisymmetricReadout:
+    dataset = presses(500, seed=1)
+    return fit_axisymmetric(dataset, np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())
 
 
 @pytest.fixture(scope='module')
-def made(source: ResponseReadout) -> Transfer:
+def made(source: AxisymmetricReadout) -> Transfer:
     return transfer(source, other_gel(25, seed=3))
 
 
-def errors(readout: ResponseReadout, dataset: Dataset) -> tuple[np.ndarray, np.ndarray]:
+def errors(readout: AnyReadout, dataset: Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Distances of place (mm) and errors of force (N) of the presses."""
     touched = np.flatnonzero(dataset.presses[:, 2] > 0)
     read = [readout.read(dataset.features[i].astype(np.float32), dataset.confidence[0]).contacts[0] for i in touched]
@@ -55,65 +56,44 @@ def errors(readout: ResponseReadout, dataset: Dataset) -> tuple[np.ndarray, np.n
     return np.hypot(*place.T), np.array([each.force_n for each in read]) - dataset.presses[touched, 3]
 
 
-def test_the_field_of_a_readout_is_the_motion_it_was_fitted_to(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
-    at = np.tile([2.0, -3.0, 0.5], (1, 36, 1))
-    true = motion(np.array([[2.0, -3.0]]), np.array([0.5]))
-    assert field.motion(at)[0] == pytest.approx(true.reshape(36, 2), abs=0.03)
+def test_the_whole_fit_finds_softness_and_shift(source: AxisymmetricReadout) -> None:
+    other = OtherGel.of(source, other_gel(25, seed=3))
+    found = fit_whole(other.start, other.presses).response
+    # The known gel answers a press here as this one answers a press 0.8 and -0.5 mm less far along: so do its regions.
+    assert (found.places - source.response.places).mean(axis=0) == pytest.approx(-AWAY_MM, abs=0.1)
+    press = np.array([[0.0, 0.0, 0.4]])
+    there = np.array([[*AWAY_MM, 0.4]])
+    size = np.linalg.norm(found.motion(press)) / np.linalg.norm(source.response.motion(there))
+    assert size == pytest.approx(SOFTER, rel=0.05)
 
 
-def test_slopes_are_those_of_finite_differences(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
-    at, step = np.tile([2.0, -3.0, 0.5], (1, 36, 1)), 1e-2
-    slopes = field.slopes(at)[1:]
-    for axis in range(3):
-        more, less = at.copy(), at.copy()
-        more[..., axis] += step
-        less[..., axis] -= step
-        measured = (field.motion(more) - field.motion(less)) / (2 * step)
-        assert slopes[axis] == pytest.approx(measured, abs=2e-3)
-
-
-def test_beyond_what_the_source_knows_motion_goes_straight_on(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
-    high = field.axes[2].high
-    at, above = (np.tile([2.0, -3.0, s], (1, 36, 1)) for s in (high, high + 0.2))
-    value, *_, along_s = field.slopes(at)
-    assert field.motion(above) == pytest.approx(value + 0.2 * along_s, abs=1e-5)
-
-
-def test_an_affine_warp_finds_softness_and_shift(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
-    pairs = Samples.of(source, other_gel(25, seed=3), field.gain).pairs
-    warp, _ = fit_warp(field, pairs, 'affine')
-    assert warp.away_mm.mean(axis=0) == pytest.approx(AWAY_MM, abs=0.05)
-    # In this gel motion is linear in force, so softness may stand in the gain of either.
-    assert warp.gain * warp.motion[0, 0, 0] == pytest.approx(SOFTER, rel=0.03)
-
-
-def test_the_warp_of_an_equal_gel_changes_nothing(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
+def test_an_equal_gel_is_left_as_it_is(source: AxisymmetricReadout) -> None:
+    same = changed(source.response, np.zeros(13))
     press = np.array([[1.0, 2.0, 0.6]])
-    at = np.tile([1.0, 2.0, 0.6], (1, 36, 1))
-    assert Warp.none(36).predict(field, press) == pytest.approx(field.motion(at))
+    assert same.motion(press) == pytest.approx(source.response.motion(press))
 
 
-def test_fresh_presses_are_read_as_well_as_the_source_reads_its_own(source: ResponseReadout, made: Transfer) -> None:
+def test_fresh_presses_are_read_nearly_as_well_as_the_source_reads_its_own(
+    source: AxisymmetricReadout, made: Transfer
+) -> None:
     place, force = errors(made.readout, other_gel(100, seed=4))
     own_place, own_force = errors(source, presses(100, seed=5))
-    assert np.median(place) < 1.5 * np.median(own_place)
-    assert np.sqrt(np.mean(force**2)) < 1.5 * np.sqrt(np.mean(own_force**2))
+    assert np.median(place) < 2.5 * np.median(own_place)
+    assert np.sqrt(np.mean(force**2)) < 2.5 * np.sqrt(np.mean(own_force**2))
 
 
-def test_uncalibrated_the_shift_remains(source: ResponseReadout) -> None:
+def test_uncalibrated_the_shift_remains(source: AxisymmetricReadout) -> None:
     place, _ = errors(source, other_gel(50, seed=4))
     assert np.median(place) == pytest.approx(np.hypot(*AWAY_MM), abs=0.1)
 
 
-def test_a_gel_that_is_only_warped_needs_no_larger_form(made: Transfer) -> None:
-    assert made.form == 'affine'
-    assert made.reason.startswith('affine: ')
-    assert made.misfits['affine'] < made.misfits['gain'] / 2
+def test_the_form_taken_is_the_simplest_of_those_that_explain_held_out_presses(made: Transfer) -> None:
+    best = min(made.misfits.values())
+    simpler = list(FORMS)[: list(FORMS).index(made.form)]
+    assert made.misfits[made.form] <= 1.02 * best
+    assert all(made.misfits[form] > 1.02 * best for form in simpler)
+    assert made.misfits['whole'] < made.misfits['hardness'] / 2
+    assert made.reason.startswith(f'{made.form}: ')
 
 
 def test_the_card_tells_errors_before_and_after(made: Transfer) -> None:
@@ -132,17 +112,17 @@ def test_five_of_six_fresh_presses_lie_within_the_stated_90_percent(made: Transf
     assert within.mean() > 0.83
 
 
-def test_few_presses_are_refused(source: ResponseReadout) -> None:
+def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='presses at 5 places at least, and there are 4'):
         transfer(source, other_gel(4, seed=3))
 
 
-def test_presses_in_one_corner_are_refused(source: ResponseReadout) -> None:
+def test_presses_in_one_corner_are_refused(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='press all over the surface'):
         transfer(source, other_gel(25, seed=3, reach_mm=3.0))
 
 
-def test_forces_that_were_never_tared_are_refused(source: ResponseReadout) -> None:
+def test_forces_that_were_never_tared_are_refused(source: AxisymmetricReadout) -> None:
     dataset = other_gel(25, seed=3)
     touched = dataset.presses[:, 2] > 0
     shifted = dataset.presses.copy()
@@ -151,15 +131,14 @@ def test_forces_that_were_never_tared_are_refused(source: ResponseReadout) -> No
         transfer(source, dataclasses.replace(dataset, presses=shifted))
 
 
-def test_an_offset_of_the_forces_is_found_with_its_sign(source: ResponseReadout) -> None:
-    field = SourceField.of(source)
-    pairs = Samples.of(source, other_gel(25, seed=3), field.gain).pairs
-    assert force_offset(field, pairs) == pytest.approx(0.0, abs=0.01)
+def test_forces_that_begin_at_zero_are_found_to(source: AxisymmetricReadout) -> None:
+    other = OtherGel.of(source, other_gel(25, seed=3))
+    assert fit_whole(other.start, other.presses, offset=True).offset_n == pytest.approx(0.0, abs=0.02)
 
 
-def test_the_gel_of_the_model_itself_is_not_made_worse(source: ResponseReadout) -> None:
+def test_the_gel_of_the_model_itself_is_not_made_worse(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='would not pay'):
-        transfer(source, presses(30, seed=8, still=0.4))
+        transfer(source, presses(20, seed=9, still=0.6))
 
 
 def test_presses_at_one_place_are_held_out_together() -> None:
@@ -171,3 +150,12 @@ def test_with_ten_presses_the_largest_error_counts() -> None:
     ratios = np.arange(1.0, 101.0)
     assert cautious(ratios, 10) == 100.0
     assert cautious(ratios, 1000) == pytest.approx(91, abs=1.0)
+
+
+def test_a_measured_response_can_be_transferred_too() -> None:
+    dataset = presses(2000, seed=1)
+    response = fit_response(dataset, np.arange(2000) % 4 == 1, CONFIG, BinGrid(), Progress())
+    fresh = other_gel(60, seed=4)
+    before, _ = errors(response, fresh)
+    after, _ = errors(transfer(response, other_gel(25, seed=3)).readout, fresh)
+    assert np.median(after) < np.median(before) / 3

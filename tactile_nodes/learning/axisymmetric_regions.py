@@ -1,0 +1,132 @@
+"""What each region of an axisymmetric response sees, from presses: its place and couplings, near what is expected."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
+from tactile_nodes.sensing.network import InputScaling
+
+LARGEST_STEP_MM = 0.6
+PRESSES_AT_ONCE = 200
+LEAST_NOISE_PX = 0.004
+"""Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
+FIRST_DOUBT = np.array([0.25, 0.2, 0.14, 0.09, 0.06, 0.04, 0.04, 0.04])
+"""Of a region's motion, at the distances `DOUBT_MM`: measured on two gels, and measured anew where there is enough."""
+
+
+def views(trusted: Float[np.ndarray, 'rows cols']) -> Float[np.ndarray, 'regions 2']:
+    """Where the known regions are in the image: -1 to 1 from left to right and from top to bottom."""
+    v, u = np.meshgrid(*((2 * np.arange(count) + 1) / count - 1 for count in trusted.shape), indexing='ij')
+    known: np.ndarray = np.column_stack([u.ravel(), v.ravel()])[trusted.reshape(-1) > 0]
+    return known
+
+
+@dataclass(frozen=True)
+class Presses:
+    """Presses (x, y in mm, force in N), the motion of the known regions (px), and one over its variance; 0: unseen."""
+
+    contacts: Float[np.ndarray, 'n 3']
+    motion: Float[np.ndarray, 'n regions 2']
+    certainty: Float[np.ndarray, 'n regions 2']
+
+    @classmethod
+    def of(cls, dataset: Dataset, rows: np.ndarray, scaling: InputScaling) -> Presses:
+        """Some samples of a data set, about what the scaling says of rest."""
+        known = np.flatnonzero(scaling.trusted.reshape(-1) > 0)
+        motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
+        confidence = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
+        noise = 1 / scaling.gain.reshape(-1, 2)[known].astype(float)
+        certainty = 1 / (noise**2 + LEAST_NOISE_PX**2)
+        seen = confidence >= scaling.confidence_floor
+        contacts = dataset.presses[rows][:, [0, 1, 3]].astype(float)
+        return cls(contacts, np.where(seen[..., None], motion, 0.0).astype(float), seen[..., None] * certainty)
+
+    def __len__(self) -> int:
+        return len(self.contacts)
+
+    def take(self, chosen: np.ndarray | slice) -> Presses:
+        """Some of the presses."""
+        return Presses(self.contacts[chosen], self.motion[chosen], self.certainty[chosen])
+
+    def weights(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> np.ndarray:
+        """One over the standard deviation of each motion (n, regions, 2): noise, and a share of what is foretold."""
+        share = np.interp(response.distances_mm(self.contacts), DOUBT_MM, doubt)
+        off = np.square(share) * np.square(response.motion(self.contacts)).sum(axis=-1)
+        return np.asarray(np.sqrt(self.certainty / (1 + self.certainty * off[..., None])))
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Numbers that each region is expected to have (couplings, then place), and one over their covariance."""
+
+    numbers: Float[np.ndarray, 'regions numbers']
+    precision: Float[np.ndarray, 'numbers numbers']
+
+    @classmethod
+    def around(cls, response: AxisymmetricResponse, looseness: float = 1e-3) -> Expected:
+        """Wherever the regions are now, and hardly held there."""
+        numbers = numbers_of(response)
+        return cls(numbers, looseness * np.eye(numbers.shape[1]))
+
+
+def numbers_of(response: AxisymmetricResponse) -> Float[np.ndarray, 'regions numbers']:
+    """Couplings and place of each region in one row."""
+    return np.concatenate([response.couplings.reshape(len(response.places), -1), response.places], axis=1)
+
+
+def with_numbers(response: AxisymmetricResponse, numbers: Float[np.ndarray, 'regions numbers']) -> AxisymmetricResponse:
+    """The response with what `numbers_of` gives."""
+    return replace(response, couplings=numbers[:, :-2].reshape(response.couplings.shape), places=numbers[:, -2:])
+
+
+def fit_regions(
+    response: AxisymmetricResponse, presses: Presses, expected: Expected, doubt: Float[np.ndarray, ' distances']
+) -> AxisymmetricResponse:
+    """One Gauss-Newton step of every region's numbers towards the most probable ones."""
+    here = numbers_of(response)
+    square = np.tile(expected.precision, (len(here), 1, 1))
+    down = (expected.numbers - here) @ expected.precision
+    for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
+        some = presses.take(part)
+        weight = some.weights(response, doubt)
+        lever = _levers(response, some.contacts) * weight[..., None]
+        left = (some.motion - response.motion(some.contacts)) * weight
+        by_region = lever.transpose(1, 0, 2, 3).reshape(len(here), -1, here.shape[1])
+        square += by_region.transpose(0, 2, 1) @ by_region
+        down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
+    step = np.linalg.solve(square, down[..., None])[..., 0]
+    step[:, -2:] = np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)
+    return with_numbers(response, here + step)
+
+
+def _levers(response: AxisymmetricResponse, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2 numbers']:
+    """How the motion of each region changes with each of its numbers."""
+    columns, slopes = response.columns_and_slopes(contacts)
+    count = columns.shape[2]
+    levers = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
+    for channel in (0, 1):
+        levers[:, :, channel, channel * count : (channel + 1) * count] = columns
+        for axis in (0, 1):
+            levers[:, :, channel, 2 * count + axis] = -(slopes[axis] * response.couplings[:, channel]).sum(axis=-1)
+    return levers
+
+
+def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np.ndarray, ' distances']:
+    """The share of its motion by which a region is off beyond noise, at the distances `DOUBT_MM` from the press."""
+    told, seen = response.motion(presses.contacts), presses.certainty[..., 0] > 0
+    noise = np.divide(2.0, presses.certainty[..., 0], out=np.zeros_like(told[..., 0]), where=seen)
+    left = (np.square(presses.motion - told).sum(axis=-1) - noise) / 2
+    size, distance = np.square(told).sum(axis=-1), response.distances_mm(presses.contacts)
+    borders = np.concatenate([[0.0], (DOUBT_MM[1:] + DOUBT_MM[:-1]) / 2, [np.inf]])
+    shares = []
+    for low, high in itertools.pairwise(borders):
+        near = (distance >= low) & (distance < high) & seen
+        shares.append(np.sqrt(max(left[near].sum() / max(size[near].sum(), 1e-9), 1e-4)))
+    return np.array(shares)

@@ -1,0 +1,139 @@
+"""A gel's response told once for all places: what a press does around it, and how each region sees that.
+
+A soft layer answers a round tip alike wherever it presses: at a distance the gel moves towards or away from the press
+and up or down, by amounts that depend on nothing but that distance and the force (axial symmetry; Johnson, Contact
+Mechanics, 1985, ch. 3). These profiles are functions of two numbers. A region of the image adds where on the surface
+it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.splines import SplineAxis
+
+BEND_MM = 1.0
+"""Profiles are splines of arcsinh(distance / this): fine near the press, coarse far from it."""
+CORE_MM = 0.15
+"""Within about this of the press lateral motion has no direction, and is let go to zero."""
+FURTHEST_MM = 45.0
+DISTANCES = SplineAxis(0.0, float(np.arcsinh(FURTHEST_MM / BEND_MM)), 21)
+TINY_MM = 1e-3
+
+_FOUR = np.arange(4)
+
+
+@dataclass(frozen=True)
+class AxisymmetricResponse:
+    """Profiles over distance and force, and how each region sees them.
+
+    `profiles` are coefficients of cubic splines over arcsinh(distance / `BEND_MM`) and force, to be multiplied by the
+    force: `lateral` of them are motion away from the press, the others vertical motion. A region at `places` (mm,
+    surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
+    Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
+    the force times `softness` and the distance over `width`.
+    """
+
+    profiles: Float[np.ndarray, 'profiles distances forces']
+    lateral: int
+    hardest_n: float
+    places: Float[np.ndarray, 'regions 2']
+    couplings: Float[np.ndarray, 'regions 2 columns']
+    width: float = 1.0
+    softness: float = 1.0
+
+    @cached_property
+    def force(self) -> SplineAxis:
+        """The axis of force, of the gel that the profiles were measured on."""
+        return SplineAxis(0.0, self.hardest_n, self.profiles.shape[2] - 3)
+
+    @property
+    def highest_n(self) -> float:
+        """The force (N) on this gel that the profiles end at."""
+        return self.hardest_n / self.softness
+
+    @property
+    def parameter_count(self) -> int:
+        return int(self.profiles.size + self.places.size + self.couplings.size + 2)
+
+    def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
+        """Motion of each region (px) under each contact (x, y in mm and force in N)."""
+        seen: np.ndarray = self._seen(self.columns(contacts))
+        return seen
+
+    def motion_and_slopes(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
+        """Motion as above, and its slopes along x, y and force."""
+        columns, slopes = self.columns_and_slopes(contacts)
+        return self._seen(columns), np.stack([self._seen(each) for each in slopes])
+
+    def _seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
+        seen: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
+        return seen
+
+    def columns(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions columns']:
+        """The profiles' values at each region: two columns (x, y) for each lateral one, one for each vertical one."""
+        away, distance = self._away(contacts)
+        value = self._values(distance, contacts[:, 2])[0]
+        return self._columns(value, away / distance[..., None] * np.tanh(distance / CORE_MM)[..., None])
+
+    def columns_and_slopes(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[Float[np.ndarray, 'n regions columns'], Float[np.ndarray, '3 n regions columns']]:
+        """Columns as above, and their slopes along the contact's x, y and force."""
+        away, distance = self._away(contacts)
+        value, outward, by_force = self._values(distance, contacts[:, 2])
+        toward, core = away / distance[..., None], np.tanh(distance / CORE_MM)
+        lateral, unit = self.lateral, toward * core[..., None]
+        # d(g u)/dx for motion g along the unit vector u: the slope of g along u, and g / distance across it.
+        along = outward[..., :lateral] * core[..., None] + value[..., :lateral] * ((1 - core**2) / CORE_MM)[..., None]
+        across = value[..., :lateral] * (core / distance)[..., None]
+        slopes = np.empty((3, *distance.shape, self.couplings.shape[2]))
+        for axis in (0, 1):
+            for channel in (0, 1):
+                product = (toward[..., axis] * toward[..., channel])[..., None]
+                slopes[axis, ..., channel : 2 * lateral : 2] = along * product + across * ((axis == channel) - product)
+            slopes[axis, ..., 2 * lateral :] = outward[..., lateral:] * toward[..., axis, None]
+        slopes[:2] /= self.width
+        slopes[2] = self._columns(by_force, unit)
+        return self._columns(value, unit), slopes
+
+    def _columns(self, value: Float[np.ndarray, 'n regions profiles'], unit: np.ndarray) -> np.ndarray:
+        """Values along a direction (lateral) and as they are (vertical)."""
+        lateral = self.lateral
+        columns = np.empty((*value.shape[:2], 2 * lateral + value.shape[2] - lateral))
+        columns[..., 0 : 2 * lateral : 2] = value[..., :lateral] * unit[..., :1]
+        columns[..., 1 : 2 * lateral : 2] = value[..., :lateral] * unit[..., 1:]
+        columns[..., 2 * lateral :] = value[..., lateral:]
+        return columns
+
+    def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
+        """From each region to each contact, and how far that is, both over the width."""
+        away = (contacts[:, None, :2] - self.places) / self.width
+        return away, np.sqrt(np.square(away).sum(axis=-1) + TINY_MM**2)
+
+    def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
+        """From each contact to each region, over the width."""
+        return self._away(contacts)[1]
+
+    def _values(
+        self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The profiles' values, and their slopes along distance and force: (n, regions, profiles) each."""
+        force = force_n * self.softness
+        k, weights = self.force.weights_of(force)
+        inside = (force < self.hardest_n)[:, None]
+        by_force = np.stack([weights[0] * force[:, None], weights[0] + weights[1] * force[:, None] * inside])
+        block = self.profiles[:, :, k[:, None] + _FOUR]
+        along = np.einsum('pdnf,gnf->gndp', block, by_force)
+        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
+        number = np.arange(len(force))[:, None, None]
+        four = along[:, number, i[..., None] + _FOUR]
+        value = np.einsum('nrip,nri->nrp', four[0], near[0])
+        outward = np.einsum('nrip,nri->nrp', four[0], near[1]) / np.sqrt(distance**2 + BEND_MM**2)[..., None]
+        return value, outward, np.einsum('nrip,nri->nrp', four[1], near[0]) * self.softness

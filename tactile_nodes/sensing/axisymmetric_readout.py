@@ -1,0 +1,260 @@
+"""A readout that knows what a press does around it: which place and force explain how all regions move?
+
+Every region has a say by how well it is known: noise counts, and beside it a share of the motion that grows towards
+the press, where single markers rule. The contact that explains the regions best is found by Gauss-Newton steps whose
+weights follow along, from the best entry of a coarse table. What profiles that are alike everywhere get wrong, smoothly
+over the surface, a polynomial corrects in the end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, spread_over_bins
+from tactile_nodes.sensing.response import DAMPING, NOWHERE_MM, Calibration, Fit, factor_at
+
+DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
+"""Distances from the press at which the share of motion that a region may be off by is stated."""
+MOST_STEPS = 12
+LARGEST_STEP_MM = 1.5
+CONVERGED = np.array([2e-4, 2e-4, 2e-5])
+"""Steps end where none along x, y (mm) or force (N) is longer."""
+START_SPACING_MM = 2.0
+START_FORCES = np.array([0.15, 0.5, 0.9])
+"""Of the hardest press."""
+MARGIN = 1.1
+"""How much harder than the hardest known press a contact may come out."""
+LEAST_REGIONS = 12
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Polynomials in a contact's place and force that are added to it: x, y (mm), and a share of the force.
+
+    Of the fourth degree in x and y, of the second where they are multiplied with the force; `reach_mm` and `hardest_n`
+    are what counts as 1, in distances and forces of the gel that they were measured on. A place beyond counts as there.
+    """
+
+    terms: Float[np.ndarray, 'terms 3']
+    reach_mm: float
+    hardest_n: float
+
+    @classmethod
+    def none(cls, reach_mm: float, hardest_n: float) -> Correction:
+        """Nothing is added."""
+        return cls(np.zeros((cls.powers(np.zeros((1, 3)), 1.0, 1.0).shape[1], 3)), reach_mm, hardest_n)
+
+    @staticmethod
+    def powers(contacts: Float[np.ndarray, 'n 3'], reach_mm: float, hardest_n: float) -> Float[np.ndarray, 'n terms']:
+        """What the terms are multiplied with."""
+        x, y = np.clip(contacts[:, :2] / reach_mm, -1.0, 1.0).T
+        height = contacts[:, 2] / hardest_n - 0.5
+        low = [np.ones_like(x), x, y, x * x, x * y, y * y]
+        high = [x**3, x * x * y, x * y * y, y**3, x**4, x * x * y * y, y**4]
+        return np.stack([*low, *high, *(each * height for each in low)], axis=1)
+
+    def __call__(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+        added = self.powers(contacts, self.reach_mm, self.hardest_n) @ self.terms
+        added[:, 2] *= contacts[:, 2]
+        corrected: np.ndarray = contacts + added
+        return corrected
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame: motion of the known regions (px), and one over the variance of its noise; 0 where it is not seen."""
+
+    motion: Float[np.ndarray, 'regions 2']
+    certainty: Float[np.ndarray, 'regions 2']
+
+    @property
+    def enough(self) -> bool:
+        return int((self.certainty[:, 0] > 0).sum()) >= LEAST_REGIONS and bool(np.isfinite(self.motion).all())
+
+
+@dataclass(frozen=True)
+class AxisymmetricReadout:
+    """Motion of regions to contacts, contacts to bins.
+
+    `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
+    response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
+    distances `DOUBT_MM` from the press.
+    """
+
+    scaling: InputScaling
+    response: AxisymmetricResponse
+    doubt: Float[np.ndarray, ' distances']
+    correction: Correction
+    bins: BinGrid
+    calibration: Calibration = field(default_factory=Calibration)
+    most_contacts: int = 1
+
+    kind = 'axisymmetric'
+
+    @property
+    def parameter_count(self) -> int:
+        """Profiles, places and couplings, correction, doubt, and the scaling of the regions."""
+        return self.response.parameter_count + self.correction.terms.size + self.doubt.size + 2 * self.scaling.mean.size
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        regions = int((self.scaling.trusted > 0).sum())
+        if self.scaling.mean.size != features or bins != self.bins or regions != len(self.response.places):
+            raise ModelError(
+                f'an axisymmetric response of {regions} known regions, {self.scaling.mean.size} features and '
+                f'{self.bins} does not fit {features} features and {bins}; train it again or use another model file'
+            )
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
+
+    @cached_property
+    def _at_rest(self) -> Float[np.ndarray, 'regions 2']:
+        mean: np.ndarray = self.scaling.mean.reshape(-1, 2)[self._known].astype(float)
+        return mean
+
+    @cached_property
+    def _certainty(self) -> Float[np.ndarray, 'regions 2']:
+        squared: np.ndarray = np.square(self.scaling.gain.reshape(-1, 2)[self._known].astype(float))
+        return squared
+
+    @cached_property
+    def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
+        """Contacts to begin with, the motion that they cause, and its square."""
+        reach = self.correction.reach_mm * self.response.width
+        along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
+        forces = START_FORCES * self.response.highest_n
+        starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
+        fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
+        return starts, fields, np.square(fields).sum(axis=1)
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        return self.reading(self.seen(values, confidence))
+
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Seen:
+        """Motion since rest; regions that cannot be followed now have no say."""
+        lost = confidence.reshape(-1)[self._known] < self.scaling.confidence_floor
+        motion = values.reshape(-1, 2)[self._known] - self._at_rest
+        if not lost.any():
+            return Seen(motion, self._certainty)
+        motion[lost] = 0.0
+        return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
+
+    def fit(self, seen: Seen) -> Fit:
+        """As few contacts as explain what is seen, `most_contacts` at most; their forces are not yet corrected."""
+        fit = self._locate(seen, self._start(seen.motion)[None])
+        limit = self.calibration.misfit_limit**2
+        while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
+            left = (seen.motion - self.response.motion(fit.contacts).sum(axis=0)) * (seen.certainty > 0)
+            more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]))
+            if more.misfit > 0.5 * fit.misfit:
+                break
+            fit = more
+        return fit
+
+    def _start(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, ' 3']:
+        """The entry of the table that comes closest, with the share of its force that comes closest."""
+        starts, fields, squares = self._starts
+        along = fields @ motion.reshape(-1).astype(np.float32)
+        share = np.clip(along / np.maximum(squares, 1e-12), 0.0, MARGIN / START_FORCES[-1])
+        best = int((share * (share * squares - 2 * along)).argmin())
+        x, y, force_n = starts[best].tolist()
+        return np.array([x, y, force_n * float(share[best])])
+
+    def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3']) -> Fit:
+        """Gauss-Newton from `begin` to the most probable contacts."""
+        half = self.bins.width_mm / 2, self.bins.height_mm / 2
+        high = np.array([*half, MARGIN * self.response.highest_n])
+        low = np.array([-half[0], -half[1], 0.0])
+        largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.response.highest_n / 4])
+        damping = np.diag(np.tile(DAMPING, len(begin)))
+        here, found = begin.copy(), []
+        for _ in range(MOST_STEPS):
+            fit, down, cost = self._compare(seen, here)
+            found.append((cost, fit))
+            step = np.linalg.solve(fit.information + damping, down).reshape(-1, 3)
+            moved = np.clip(here + np.clip(step, -largest, largest), low, high)
+            if (np.abs(moved - here) < CONVERGED).all() or not moved[:, 2].any():
+                break
+            here = moved
+        return min(found, key=lambda each: each[0])[1]
+
+    def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
+        """How well contacts explain what is seen, the way down, and how improbable they are."""
+        made, slopes = self.response.motion_and_slopes(contacts)
+        certainty = self.weights(seen, contacts, made)
+        left = seen.motion - made.sum(axis=0)
+        count = max(int((certainty > 0).sum()), 1)
+        lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
+        weighted = lever * certainty.reshape(-1)
+        squared = left * left * certainty
+        misfit = float(squared.sum()) / count
+        doubt = float(np.log(np.where(certainty > 0, seen.certainty / np.maximum(certainty, 1e-300), 1.0)).sum())
+        fit = Fit(contacts, weighted @ lever.T, misfit)
+        return fit, weighted @ left.reshape(-1), misfit + doubt / count
+
+    def weights(
+        self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3'], made: Float[np.ndarray, 'contacts regions 2']
+    ) -> Float[np.ndarray, 'regions 2']:
+        """One over the variance of each region: of its noise, and of its share of the motion."""
+        share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
+        off = (np.square(share) * np.square(made).sum(axis=-1)).sum(axis=0)
+        certainty: np.ndarray = seen.certainty / (1 + seen.certainty * off[:, None])
+        return certainty
+
+    def reading(self, seen: Seen) -> Reading:
+        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+        if not seen.enough:
+            return self._nothing()
+        fit = self.fit(seen)
+        contacts = self.contacts(fit)
+        if self.gain(seen, fit) < self.calibration.least_gain:
+            contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit
+        return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def gain(self, seen: Seen, fit: Fit) -> float:
+        """How much more probable the fitted contacts are than none: half the fall of the squared misfit, in noise."""
+        left = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return float(((np.square(seen.motion) - np.square(left)) * seen.certainty).sum()) / 2
+
+    def contacts(self, fit: Fit) -> tuple[Contact, ...]:
+        """The contacts of a fit, corrected, with their uncertainties, strongest first."""
+        certain = np.diag(np.tile(DAMPING, len(fit.contacts)))
+        variances = np.diag(np.linalg.inv(fit.information + certain)).reshape(-1, 3)
+        corrected = self.corrected(fit.contacts)
+        found = [self._contact(*each) for each in zip(corrected.tolist(), variances.tolist(), strict=True)]
+        return tuple(sorted(found, key=lambda contact: -contact.force_n))
+
+    def corrected(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+        """With the correction, which is told in distances and forces of the gel that it was measured on."""
+        unit = np.array([self.response.width, self.response.width, 1 / self.response.softness])
+        corrected: np.ndarray = self.correction(contacts / unit) * unit
+        return corrected
+
+    def _contact(self, place: list[float], variance: list[float]) -> Contact:
+        (x, y, force_n), c = place, self.calibration
+        height = force_n / self.response.highest_n
+        fitted_mm, fitted_n = math.sqrt((variance[0] + variance[1]) / 2), math.sqrt(variance[2])
+        sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        return Contact(x, y, max(force_n, 0.0), min(sigma_mm, NOWHERE_MM), sigma_n)
+
+    def _nothing(self) -> Reading:
+        """What is said of features that are no numbers, or too few."""
+        forces = np.full((self.bins.rows, self.bins.cols), UNKNOWN, np.float32)
+        return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))

@@ -1,0 +1,67 @@
+"""Measuring an axisymmetric response: what it finds on a gel whose motion is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from responding_gel import AXISYMMETRIC, motion, presses
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric_regions import Presses, measured_doubt, views
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.geometry import BinGrid
+
+
+@pytest.fixture(scope='module')
+def readout() -> AxisymmetricReadout:
+    dataset = presses(500, seed=1)
+    return fit_axisymmetric(dataset, np.arange(500) % 5 == 1, AXISYMMETRIC, BinGrid(), Progress())
+
+
+def test_the_fitted_motion_is_that_of_the_gel(readout: AxisymmetricReadout) -> None:
+    press = np.array([[2.0, -3.0, 0.5]])
+    true = motion(press[:, :2], press[:, 2]).reshape(1, 36, 2)
+    left = readout.response.motion(press) - true
+    assert np.linalg.norm(left) < 0.06 * np.linalg.norm(true)
+
+
+def test_regions_are_found_where_they_look(readout: AxisymmetricReadout) -> None:
+    """They lie 4.4 mm apart, from -11 mm on; the first guess put them 5.3 mm apart."""
+    inner = np.abs(views(np.ones((6, 6)))).max(axis=1) < 0.6
+    true = np.stack(np.meshgrid(*[np.linspace(-11.0, 11.0, 6)] * 2), axis=-1).reshape(-1, 2)
+    assert np.abs(readout.response.places - true)[inner].max() < 0.3
+
+
+def test_presses_that_no_fit_saw_are_read(readout: AxisymmetricReadout) -> None:
+    fresh = presses(80, seed=9, still=0.0)
+    read = [readout.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
+    away = np.hypot(*(np.array([(each.x_mm, each.y_mm) for each in read]) - fresh.presses[:, :2]).T)
+    off = np.array([each.force_n for each in read]) - fresh.presses[:, 3]
+    assert np.median(away) < 0.15
+    assert np.median(np.abs(off)) < 0.01
+
+
+def test_nine_of_ten_fresh_presses_lie_within_the_stated_90_percent(readout: AxisymmetricReadout) -> None:
+    """Of 200 the share has a standard deviation of 2 %, and the factors follow from some 60 presses alone."""
+    fresh = presses(200, seed=10, still=0.0)
+    read = [readout.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
+    off = np.abs(np.array([each.force_n for each in read]) - fresh.presses[:, 3])
+    within = off <= 1.645 * np.array([each.sigma_n for each in read])
+    assert 0.82 < within.mean() < 0.99
+
+
+def test_what_regions_miss_is_measured_as_a_share_of_their_motion(readout: AxisymmetricReadout) -> None:
+    """With a tenth more motion than is foretold, each region is off by a tenth."""
+    fresh = presses(100, seed=11, still=0.0)
+    seen = Presses.of(fresh, np.arange(100), readout.scaling)
+    told = readout.response.motion(seen.contacts)
+    more = Presses(seen.contacts, 1.1 * told, np.full_like(seen.certainty, 1e12))
+    # The mean of both channels' squares: sqrt(0.1^2 / 2) of the whole motion, a channel.
+    assert measured_doubt(readout.response, more)[2:6] == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
+
+
+def test_too_few_presses_are_refused() -> None:
+    with pytest.raises(DatasetError, match='at least 12 images of the untouched gel and 100 presses'):
+        fit_axisymmetric(presses(60, seed=1), np.zeros(60, bool), AXISYMMETRIC, BinGrid(), Progress())
