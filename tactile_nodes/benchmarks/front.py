@@ -205,8 +205,8 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     plan = QUICK if arguments.quick else Plan()
     train = plan.train if arguments.train is None else arguments.train
     test = plan.test if arguments.test is None else arguments.test
-    if train < 200 or test < 1:
-        raise ConfigurationError('--train must be at least 200, and --test at least 1')
+    if train < 300 or test < 1:
+        raise ConfigurationError('--train must be at least 300, and --test at least 1')
     return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks)
 
 
