@@ -2,7 +2,8 @@
 
 The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2 degrees tilted, 3 rolled, 3 % of focal
 length), and have other markers each. Tested on presses at continuous places that no calibration saw, beside the model
-as it is and a response fitted to the same few presses alone.
+as it is, a model of many other gels that needs no press of the new one, and a response fitted to the same few presses
+alone.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes import clock
-from tactile_nodes.benchmarks.report import surroundings, table, write_json
+from tactile_nodes.benchmarks.report import surroundings, write_json
 from tactile_nodes.errors import ConfigurationError, DatasetError
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.dataset import Dataset
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
+    from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
     from tactile_nodes.sensing.readout_arrays import AnyReadout
     from tactile_nodes.sensing.response import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
@@ -31,13 +33,19 @@ if TYPE_CHECKING:
 GELS_SEED, PRESSES_SEED = 77, 5001
 FRAMES, WITHOUT_CONTACT, TESTED, UNTOUCHED = 625, 0.2, 300, 20
 COUNTS = 10, 25, 50, 100
-MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n')
-AS_IT_IS, CALIBRATED, ALONE = 'as it is', 'calibrated', 'fitted alone'
+MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'd_loc_mm', 'rmse_mc_n')
+AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
+MANY_SEED, MANY_PRESSES = 1077, 400
+"""Of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
+REFUSED = 'refused'
 
 
 @dataclass(frozen=True)
 class Score:
-    """What one readout does on the test presses of one gel; `seconds` is how long it took to make."""
+    """What one readout does on the test presses of one gel; `seconds` is how long it took to make.
+
+    `covered` is the share of forces within the 90 % interval that the readout states; NaN where it states none.
+    """
 
     gel: int
     presses: int
@@ -45,6 +53,9 @@ class Score:
     force_rmse_n: float
     place_median_mm: float
     armse_n: float
+    d_loc_mm: float
+    rmse_mc_n: float
+    covered: float
     form: str = ''
     seconds: float = 0.0
 
@@ -53,37 +64,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``tactile bench transfer``."""
     parser.add_argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)')
     parser.add_argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write transfer.json and transfer.md there')
+    parser.add_argument(
+        '--many', type=int, default=8, metavar='N', help='gels that a model without any press learns from (default: 8)'
+    )
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FOLDER', help='write transfer.json, transfer.md and transfer.png there'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep."""
+    from tactile_nodes.benchmarks.transfer_page import draw, page
+    from tactile_nodes.learning.evaluate import config_of
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model, load_model
 
-    if arguments.gels < 1:
-        raise ConfigurationError('--gels must be at least 1')
-    command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels}'
+    if arguments.gels < 1 or arguments.many < 0:
+        raise ConfigurationError('--gels must be at least 1, and --many at least 0')
+    command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}'
     plain = surroundings(command)
     loaded = load_model(find_model(arguments.model))
-    own, scores = measure(loaded, range(arguments.gels), TerminalProgress())
-    text = page(command, own, scores)
+    own, scores = measure(loaded, range(arguments.gels), TerminalProgress(), arguments.many)
+    gels = [other_gel(config_of(loaded).gel, number) for number in range(arguments.gels)]
+    text = page(command, plain, own, scores, gels)
     print(text)
     if arguments.output:
         _keep(arguments.output, text, {**plain, 'own': asdict(own), 'scores': [asdict(each) for each in scores]})
+        draw(own, scores, arguments.output / 'transfer.png')
     return 0
 
 
-def other_gel(gel: Gel, number: int) -> Gel:
+def other_gel(gel: Gel, number: int, seed: int = GELS_SEED) -> Gel:
     """A gel that differs from another as makes of one sensor do; thickness in three steps."""
-    random = np.random.default_rng([GELS_SEED, number])
+    random = np.random.default_rng([seed, number])
     stiffer = _within(random, 0.3)
     thicker = 0.3 * float(random.integers(-1, 2))
     shift = _within(random, 1.0), _within(random, 1.0)
     tilt = _within(random, 2.0), _within(random, 2.0)
     return dataclasses.replace(
         gel,
-        seed=100 + number,
+        seed=100 + number + (seed - GELS_SEED),
         shear_modulus_mpa=gel.shear_modulus_mpa * (1 + stiffer),
         soft_mm=gel.soft_mm + thicker,
         camera_shift_mm=shift,
@@ -97,8 +117,8 @@ def _within(random: np.random.Generator, most: float) -> float:
     return float(random.uniform(-most, most))
 
 
-def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress) -> tuple[Score, list[Score]]:
-    """The model's score on its own gel, and all scores on the others.
+def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0) -> tuple[Score, list[Score]]:
+    """The model's score on its own gel, and all scores on the others; with a model of `many` further gels beside.
 
     Raises:
         ModelError: it cannot be transferred.
@@ -108,21 +128,56 @@ def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress) -> tup
 
     source, gel = source_readout(loaded), config_of(loaded).gel
     own = _score(-1, 0, AS_IT_IS, source, _tested(_presses(loaded, gel, progress)))
+    of_many = _of_many(loaded, gel, many, progress) if many else None
     scores = []
     for number in gels:
-        made = _on_gel(source, _presses(loaded, other_gel(gel, number), progress), number)
+        dataset = _presses(loaded, other_gel(gel, number), progress)
+        made = _on_gel(source, dataset, number)
+        if of_many is not None:
+            made.append(_score(number, 0, MANY, _at_rest(of_many, dataset), _tested(dataset)))
         scores += made
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
     return own, scores
 
 
-def _presses(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
+def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> AxisymmetricReadout:
+    """An axisymmetric response fitted to presses on many gels at once, as if they were one."""
+    from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+    from tactile_nodes.learning.config import AxisymmetricConfig
+
+    parts = [_presses(loaded, other_gel(gel, number, MANY_SEED), progress, MANY_PRESSES) for number in range(many)]
+    centred = [part.features - _rest_of(part) for part in parts]
+    begins = np.cumsum([0, *(len(part.confidence) for part in parts)])
+    pooled = dataclasses.replace(
+        parts[0],
+        features=np.concatenate(centred).astype(np.float16),
+        presses=np.concatenate([part.presses for part in parts]),
+        rest=np.concatenate([part.rest + begin for part, begin in zip(parts, begins, strict=False)]),
+        confidence=np.concatenate([part.confidence for part in parts]),
+    )
+    config = AxisymmetricConfig(most_contacts=1)
+    return fit_axisymmetric(pooled, np.zeros(len(pooled.presses), bool), config, loaded.model.bins, progress)
+
+
+def _rest_of(dataset: Dataset) -> np.ndarray:
+    """What the first images of the untouched gel show, which needs no press."""
+    untouched = np.flatnonzero(dataset.presses[:, 2] <= 0)[:UNTOUCHED]
+    mean: np.ndarray = dataset.features[untouched].astype(np.float32).mean(axis=0)
+    return mean
+
+
+def _at_rest(readout: AxisymmetricReadout, dataset: Dataset) -> AxisymmetricReadout:
+    """The readout about the new gel's own rest."""
+    return dataclasses.replace(readout, scaling=dataclasses.replace(readout.scaling, mean=_rest_of(dataset)))
+
+
+def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int = FRAMES) -> Dataset:
     from tactile_nodes.learning.config import DataConfig
     from tactile_nodes.learning.dataset import simulate
     from tactile_nodes.learning.evaluate import config_of
 
     data = DataConfig(
-        presses=FRAMES, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
+        presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
         without_contact=WITHOUT_CONTACT, presses_per_rest_image=0, processes=1, crop=loaded.card['crop_px'],
     )  # fmt: skip
     return simulate(dataclasses.replace(config_of(loaded), data=data, gel=gel), progress)
@@ -152,7 +207,7 @@ def _on_gel(source: AnyReadout, dataset: Dataset, number: int) -> list[Score]:
             made = transfer(source, few)
             readout, form = made.readout, made.form
         except DatasetError:
-            readout, form = source, 'refused'
+            readout, form = source, REFUSED
         seconds = (clock.perf_ns() - begun) / clock.NS_PER_S
         score = _score(number, presses, CALIBRATED, readout, tested)
         scores.append(dataclasses.replace(score, form=form, seconds=round(seconds, 1)))
@@ -181,38 +236,12 @@ def _score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Datase
     places = np.array([(each.contacts[0].x_mm, each.contacts[0].y_mm) for each in read])
     labels = tested.labels(readout.bins)
     away = np.hypot(*(places - tested.presses[:, :2]).T)
-    force = metrics.root_mean_square(metrics.total_errors_n(labels, bins))
-    return Score(gel, presses, way, force, float(np.median(away)), metrics.armse(labels, bins))
-
-
-def page(command: str, own: Score, scores: Sequence[Score]) -> str:
-    """The results as a page of documentation."""
-    gels = len({each.gel for each in scores})
-    rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, CALIBRATED, ALONE)]
-    told = [each for each in rows if each]
-    heads = ['', 'presses', 'force RMSE, N', 'place, mm', 'aRMSE, N', 'time, s', 'forms chosen']
-    level = ['own gel', 'all', *(f'{getattr(own, name):.4f}' for name in MEASURES), '', '']
-    return '\n'.join([
-        '# Transfer to other gels',
-        '',
-        f'`{command}`',
-        '',
-        f'{gels} simulated gels; median (worst) over the gels, each tested on {TESTED} presses at new continuous',
-        'places. The place is the median over the presses of a gel. The first row is the model on its own gel.',
-        '',
-        table(heads, [level, *told]),
-    ])  # fmt: skip
-
-
-def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
-    chosen = [each for each in scores if (each.way, each.presses) == (way, presses)]
-    if not chosen:
-        return []
-    values = [[getattr(each, name) for each in chosen] for name in MEASURES]
-    forms = [each.form for each in chosen if each.form]
-    counted = ', '.join(f'{forms.count(form)} {form}' for form in dict.fromkeys(forms))
-    seconds = f'{np.median([each.seconds for each in chosen]):.1f}' if forms else ''
-    return [way, str(presses), *(f'{np.median(each):.4f} ({max(each):.4f})' for each in values), seconds, counted]
+    off = metrics.total_errors_n(labels, bins)
+    return Score(
+        gel, presses, way, metrics.root_mean_square(off), float(np.median(away)), metrics.armse(labels, bins),
+        metrics.location_error_mm(labels, bins, readout.bins), metrics.peak_rmse_n(labels, bins),
+        metrics.coverage(off, np.array([each.total_sigma_n for each in read])),
+    )  # fmt: skip
 
 
 def _keep(folder: Path, text: str, result: dict[str, Any]) -> None:

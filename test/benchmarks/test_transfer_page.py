@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, Score, other_gel, page
+from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, MANY_SEED, Score, other_gel
+from tactile_nodes.benchmarks.transfer_page import draw, page
 from tactile_nodes.simulation.gel import Gel
+
+PLAIN = {'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.5]}, 'commit': 'abc'}
 
 
 @pytest.mark.parametrize('number', range(10))
@@ -26,13 +31,26 @@ def test_the_same_number_is_the_same_gel() -> None:
 
 
 def test_the_table_has_median_and_worst_over_the_gels() -> None:
-    own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.001)
+    own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.001, 0.02, 0.003, 0.9)
     scores = [
-        Score(gel, 10, CALIBRATED, force_n, 0.2, 0.01, form, 3.0)
-        for gel, force_n, form in ((0, 0.02, 'affine'), (1, 0.03, 'affine'), (2, 0.07, 'gain'))
+        Score(gel, 10, CALIBRATED, force_n, 0.2, 0.01, 0.3, 0.02, 0.88, form, 3.0)
+        for gel, force_n, form in ((0, 0.02, 'whole'), (1, 0.03, 'whole'), (2, 0.07, 'hardness'))
     ]
-    text = page('tactile bench transfer', own, scores)
+    text = page('tactile bench transfer', PLAIN, own, scores, [other_gel(Gel(), 0)])
     assert '3 simulated gels' in text
     row = next(line for line in text.splitlines() if line.startswith(f'| {CALIBRATED}'))
     assert '0.0300 (0.0700)' in row
-    assert '2 affine, 1 gain' in row
+    assert '2 whole, 1 hardness' in row
+    assert '30.00x' in text  # the median of 0.02, 0.03 and 0.07 N over 0.001 N
+
+
+def test_gels_to_learn_from_are_none_of_those_tested() -> None:
+    tested = {other_gel(Gel(), number).gel_id for number in range(10)}
+    assert not tested & {other_gel(Gel(), number, MANY_SEED).gel_id for number in range(10)}
+
+
+def test_the_figure_is_written(tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.001, 0.02, 0.003, 0.9)
+    draw(own, [Score(0, 10, CALIBRATED, 0.02, 0.2, 0.01, 0.3, 0.02, 0.88)], tmp_path / 'transfer.png')
+    assert (tmp_path / 'transfer.png').read_bytes().startswith(b'\x89PNG')

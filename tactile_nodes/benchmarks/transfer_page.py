@@ -1,0 +1,143 @@
+"""The page of transfer: errors against presses as a table and a figure, and the gels they were measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tactile_nodes.benchmarks.report import table
+from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, MEASURES, TESTED, Score
+
+if TYPE_CHECKING:
+    from tactile_nodes.simulation.gel import Gel
+
+HEADS = [
+    '',
+    'presses',
+    'force RMSE, N',
+    'place, mm',
+    'aRMSE, N',
+    'd_loc, mm',
+    'RMSE_mc, N',
+    'covered',
+    'time, s',
+    'form',
+]
+COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1'}
+DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'armse_n': 'aRMSE, N'}
+AIMS = {100: 1.1, 25: 1.5}
+"""Times the source's own error, by presses."""
+
+
+def page(command: str, plain: Mapping[str, Any], own: Score, scores: Sequence[Score], gels: Sequence[Gel] = ()) -> str:
+    """The results as a page of documentation."""
+    rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
+    level = ['own gel', 'all', *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
+    machine = plain['machine']
+    return '\n'.join([
+        '# Transfer to other gels',
+        '',
+        f'`{command}`',
+        '',
+        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
+        f'{plain["commit"]}.',
+        '',
+        f'{len({each.gel for each in scores})} simulated gels; median (worst) over the gels, each tested on {TESTED} '
+        'presses at new continuous',
+        'places. The place is the median over the presses of a gel; `covered` is the share of forces within the stated',
+        '90 % interval; `of many gels` is one response fitted to other gels of the same spread, without a press of the',
+        'gel tested. The first row is the model on its own gel.',
+        '',
+        '![error against number of presses](transfer.png)',
+        '',
+        table(HEADS, [level, *(each for each in rows if each)]),
+        '',
+        '## Against the source on its own gel',
+        '',
+        table(['presses', 'aim', 'force, median gel', 'worst', 'place, median gel', 'worst'], _aims(own, scores)),
+        '',
+        '## The gels',
+        '',
+        table(['gel', 'modulus, kPa', 'soft layer, mm', 'camera aside, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad'],
+              [_gel(number, each) for number, each in enumerate(gels)]),
+    ])  # fmt: skip
+
+
+def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
+    chosen = [each for each in scores if (each.way, each.presses) == (way, presses)]
+    if not chosen:
+        return []
+    values = [[getattr(each, name) for each in chosen] for name in MEASURES]
+    forms = [each.form for each in chosen if each.form]
+    counted = ', '.join(f'{forms.count(form)} {form}' for form in dict.fromkeys(forms))
+    seconds = f'{np.median([each.seconds for each in chosen]):.1f}' if forms else ''
+    covered = f'{np.median([each.covered for each in chosen]):.2f} ({min(each.covered for each in chosen):.2f})'
+    summed = [f'{np.median(each):.4f} ({max(each):.4f})' for each in values]
+    return [way, str(presses), *summed, covered, seconds, counted]
+
+
+def _aims(own: Score, scores: Sequence[Score]) -> list[list[str]]:
+    rows = []
+    for presses in COUNTS:
+        chosen = [each for each in scores if (each.way, each.presses) == (CALIBRATED, presses)]
+        if not chosen:
+            continue
+        force, place = (
+            [getattr(each, name) / getattr(own, name) for each in chosen]
+            for name in ('force_rmse_n', 'place_median_mm')
+        )
+        aim = f'{AIMS[presses]:.1f}x' if presses in AIMS else ''
+        rows.append(
+            [
+                str(presses),
+                aim,
+                *(f'{float(value):.2f}x' for of in (force, place) for value in (np.median(of), max(of))),
+            ]
+        )
+    return rows
+
+
+def _gel(number: int, gel: Gel) -> list[str]:
+    aside, tilt = (', '.join(f'{each:+.2f}' for each in pair) for pair in (gel.camera_shift_mm, gel.camera_tilt_deg))
+    numbers = f'{gel.camera_roll_deg:+.2f}', f'{gel.focal_px_per_rad:.1f}'
+    return [str(number), f'{1e3 * gel.shear_modulus_mpa:.1f}', f'{gel.soft_mm:.1f}', aside, tilt, *numbers]
+
+
+def draw(own: Score, scores: Sequence[Score], file: Path) -> None:
+    """Error against number of presses: median over the gels as lines, all gels as a band.
+
+    Raises:
+        ConfigurationError, DatasetError: see `tactile_nodes.learning.figures`.
+    """
+    from tactile_nodes.learning.figures import figure, save
+
+    drawn = figure(12, 4)
+    for panel, (name, label) in zip(drawn.subplots(1, 3), DRAWN.items(), strict=True):
+        for way in (CALIBRATED, ALONE):
+            _line(panel, way, name, scores)
+        for way in (AS_IT_IS, MANY):
+            values = [getattr(each, name) for each in scores if each.way == way]
+            if values:
+                panel.axhline(np.median(values), color=COLOURS[way], linestyle='--', label=f'{way}, no press')
+        panel.axhline(getattr(own, name), color='k', linestyle=':', label='source on its own gel')
+        panel.set(xscale='log', yscale='log', xlabel='presses on the new gel', ylabel=label)
+        panel.set_xticks(COUNTS, [str(count) for count in COUNTS])
+        panel.minorticks_off()
+        panel.grid(alpha=0.3, which='both')
+    drawn.axes[0].legend(fontsize=8)
+    save(drawn, file)
+
+
+def _line(panel: Any, way: str, name: str, scores: Sequence[Score]) -> None:
+    groups = [[getattr(each, name) for each in scores if (each.way, each.presses) == (way, n)] for n in COUNTS]
+    known = [(n, group) for n, group in zip(COUNTS, groups, strict=True) if group]
+    if not known:
+        return
+    counts, values = [n for n, _ in known], [group for _, group in known]
+    panel.plot(counts, [np.median(each) for each in values], 'o-', color=COLOURS[way], label=way)
+    panel.fill_between(
+        counts, [min(each) for each in values], [max(each) for each in values], color=COLOURS[way], alpha=0.2
+    )
