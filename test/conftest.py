@@ -38,17 +38,17 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope='session')
 def first_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model of the simulated gel that is quick to calibrate for another."""
-    from press_bags import Sensor
-    from pressed_model import small_response
+    """The model that ships for calibrations, as that of a gel named first."""
+    from tactile_nodes.model_file import find_model, load_model, save_model
 
-    return small_response(tmp_path_factory.mktemp('models') / 'first.safetensors', Sensor())
+    loaded, file = load_model(find_model('portable')), tmp_path_factory.mktemp('models') / 'first.safetensors'
+    save_model(file, loaded.model, {**loaded.card, 'gel': {'id': 'first'}})
+    return file
 
 
 @pytest.fixture(scope='session')
 def other_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """16 presses on another gel: half as hard again, other markers, the camera 0.7 mm aside."""
-    from press_bags import Sensor, spread_collection
-    from pressed_model import OTHER
+    from press_bags import OTHER, Sensor, spread_collection
 
     return spread_collection(tmp_path_factory.mktemp('bags') / 'other', Sensor(OTHER), 16)

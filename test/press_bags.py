@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ FRAME_NS = 16_666_667
 PERIOD_NS = 5 * SECOND_NS
 FRAMES = 3
 PLAN = 'a1b2c3d4e5f6'
+OTHER = dataclasses.replace(Gel(), seed=2, shear_modulus_mpa=1.5 * Gel().shear_modulus_mpa, camera_shift_mm=(0.6, -0.4))
+"""Another gel: half as hard again, other markers, the camera aside."""
 
 
 class Sensor:

@@ -18,9 +18,9 @@ DESCRIPTION = (
 )
 EPILOG = """\
 examples:
-  tactile calibrate new_gel_bag --model fast --gel gel-7 -o gel-7.safetensors
-  tactile calibrate first_bag second_bag --model fast --gel gel-7 -o gel-7.safetensors --curve
-  tactile calibrate --dataset new_gel.npz --model fast -o gel-7.safetensors
+  tactile calibrate new_gel_bag --model portable --gel gel-7 -o gel-7.safetensors
+  tactile calibrate first_bag second_bag --model portable --gel gel-7 -o gel-7.safetensors --curve
+  tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
 

@@ -24,7 +24,7 @@ from tactile_nodes.params import parameter
 class CalibrationSettings:
     """What is calibrated, from what, and when that ends."""
 
-    model: str = parameter('fast', 'the model to begin with: name of one that ships, or a file', read_only=True)
+    model: str = parameter('portable', 'the model to begin with: name of one that ships, or a file', read_only=True)
     gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
     folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
     output: str = parameter('', 'file to write instead; one that is there already is replaced')

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from press_bags import SECOND_NS, START_NS, Collection, Sensor
-from pressed_model import OTHER
+from press_bags import OTHER, SECOND_NS, START_NS, Collection, Sensor
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.bags import CollectionBag, Frame, RecordedPress

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from feeding import START_NS, image, run
-from press_bags import Sensor
-from pressed_model import OTHER
+from press_bags import OTHER, Sensor
 
 from tactile_nodes import conversions
 from tactile_nodes.bag.reader import BagReader
@@ -171,7 +170,7 @@ def test_a_sensor_with_other_features_is_refused_before_anything_is_pressed(
     node, source = make(), publisher(topics.FLOW_FEATURES)
     source.publish(dataclasses.replace(features(first_model), method='dis(preset=medium)'))
     run(node)
-    assert 'the running sensor measures 8x8 regions of cartesian_mean' in str(node.failure)
+    assert 'the running sensor measures 20x20 regions of cartesian_mean' in str(node.failure)
 
 
 def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
