@@ -120,9 +120,10 @@ function showProvenance(known, calibration) {
   }));
 }
 
+/** Its id, and whether it still holds; a model that is its own calibration has no id. */
 function calibrated(known, state) {
-  const made = known.calibration_id || (known.model ? 'none of its own' : '');
-  return [made, state?.level].filter(Boolean).join(', ');
+  const told = [known.calibration_id, state?.level].filter(Boolean).join(', ');
+  return told || (known.model ? 'none of its own' : '');
 }
 
 function showNodes(health, logs) {
