@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from responding_gel import AXISYMMETRIC, motion, presses
@@ -9,7 +11,10 @@ from responding_gel import AXISYMMETRIC, motion, presses
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.axisymmetric_regions import Presses, measured_doubt, views
+from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.train import train
+from tactile_nodes.model_file import load_model
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -44,8 +49,8 @@ def test_presses_that_no_fit_saw_are_read(readout: AxisymmetricReadout) -> None:
 
 
 def test_nine_of_ten_fresh_presses_lie_within_the_stated_90_percent(readout: AxisymmetricReadout) -> None:
-    """Of 200 the share has a standard deviation of 2 %, and the factors follow from some 60 presses alone."""
-    fresh = presses(200, seed=10, still=0.0)
+    """Of 120 the share has a standard deviation of 3 %, and the factors follow from some 60 presses alone."""
+    fresh = presses(120, seed=10, still=0.0)
     read = [readout.read(each.astype(np.float32), fresh.confidence[0]).contacts[0] for each in fresh.features]
     off = np.abs(np.array([each.force_n for each in read]) - fresh.presses[:, 3])
     within = off <= 1.645 * np.array([each.sigma_n for each in read])
@@ -65,3 +70,23 @@ def test_what_regions_miss_is_measured_as_a_share_of_their_motion(readout: Axisy
 def test_too_few_presses_are_refused() -> None:
     with pytest.raises(DatasetError, match='at least 12 images of the untouched gel and 100 presses'):
         fit_axisymmetric(presses(60, seed=1), np.zeros(60, bool), AXISYMMETRIC, BinGrid(), Progress())
+
+
+def test_a_run_file_that_asks_for_it_gets_an_axisymmetric_model(tmp_path: Path) -> None:
+    """From the configuration to a file that the live node reads; 130 rendered presses, of regions that are large."""
+    run = tmp_path / 'run.yaml'
+    run.write_text(
+        f'output: {tmp_path / "small.safetensors"}\n'
+        'readout: axisymmetric\n'
+        'data: {presses: 170, without_contact: 0.15, presses_per_rest_image: 0, processes: 1}\n'
+        'flow: {name: inverse_compositional, options: {rows: 5, cols: 5, finest_scale: 1}}\n'
+        'encoding: {name: cartesian_mean, options: {rows: 5, cols: 5}}\n'
+        'axisymmetric: {lateral: 1, vertical: 1, turns: 4, presses_per_turn: 60, most_presses: 120}\n',
+        encoding='utf-8',
+    )
+    loaded = load_model(train(load_train_config(run)))
+    assert loaded.model.readout.kind == 'axisymmetric'
+    assert loaded.model.contact_threshold_n == pytest.approx(0.015)
+    assert loaded.card['training']['settings']['turns'] == 4
+    # Nothing but presses of 0 to 1.2 N was seen, so an error of the total far below their spread of 0.35 N is learned.
+    assert loaded.card['validation']['total_rmse_n'] < 0.2
