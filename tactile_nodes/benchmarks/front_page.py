@@ -15,7 +15,8 @@ was fitted (the response of the profiles: 40 components on 10x10 regions, 64 on 
 rectified units), on {test} others with rest images of their own it was scored. *CPU* and *wall* are medians of a frame
 in contact, from image to force, with the range of the middle half; *at rest* is CPU time where nothing touches, without
 the look that would spare it (untouched.md). *memory* is what measuring adds to a process. Fewer frames than the models
-that ship were trained on, so errors are larger than theirs (accuracy.md); compare within the table."""
+that ship were trained on, so errors are larger than theirs (accuracy.md); compare within the table. One frame of {test}
+in a neighbouring bin instead of its own changes d_loc by {step_mm:.3f} mm: smaller differences are chance."""
 COLOURS = {'ours': 'tab:red', 'DIS': 'tab:blue', 'Farneback': 'tab:green', 'TV-L1': 'tab:olive',
            'pyramidal': 'tab:purple', 'phase': 'tab:brown', 'small': 'tab:gray'}  # fmt: skip
 MARKERS = {10: 'o', 20: 's', 40: '^'}
@@ -25,7 +26,7 @@ def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     return '\n\n'.join(
         [
-            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', ABOUT.format(**result['plan']),
+            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', ABOUT.format(**result['plan'], step_mm=32 / 9 / result['plan']['test']),
             _surroundings(result), _table(result), '## The front', _fronts(result), '![the chart](front.png)',
         ]
     )  # fmt: skip
