@@ -24,10 +24,12 @@ MARKERS = {10: 'o', 20: 's', 40: '^'}
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
+    plan = result['plan']
+    about = ABOUT.format(**plan, step_mm=32 / 9 / plan['test'])
     return '\n\n'.join(
         [
-            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', ABOUT.format(**result['plan'], step_mm=32 / 9 / result['plan']['test']),
-            _surroundings(result), _table(result), '## The front', _fronts(result), '![the chart](front.png)',
+            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', about, _surroundings(result),
+            _table(result), '## The front', _fronts(result), '![the chart](front.png)',
         ]
     )  # fmt: skip
 
