@@ -23,6 +23,8 @@ NODES = [
     'calibrator',
     'drift_monitor',
     'live_view',
+    'force_views',
+    'guarded_approach',
     'composed',
 ]
 

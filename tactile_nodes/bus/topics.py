@@ -59,6 +59,30 @@ FORCE_DISTRIBUTION = Topic(
 WRENCH = Topic(
     'wrench', 'geometry_msgs/msg/WrenchStamped', 'net force on the gel in the surface frame [N, N m]', _LATEST, 60.0
 )
+# What other tools draw; made by the node force_views, each only while somebody listens to it.
+FORCE_MAP = Topic(
+    'force_map', 'sensor_msgs/msg/Image', 'the force on each bin as a picture of 32FC1, rows along y [N]', _LATEST, 60.0
+)
+FORCE_POINTS = Topic(
+    'force_points',
+    'sensor_msgs/msg/PointCloud2',
+    'the centre of each bin and its normal_force [m, N]',
+    _LATEST,
+    60.0,
+)
+CONTACT = Topic(
+    'contact',
+    'geometry_msgs/msg/PointStamped',
+    'the place of the largest contact, while there is one [m]',
+    _LATEST,
+    60.0,
+)
+CONTACT_MARKERS = Topic(
+    'contact_markers', 'visualization_msgs/msg/MarkerArray', 'an arrow for each contact, 20 mm a newton', _LATEST, 60.0
+)
+TF_STATIC = Topic(
+    '/tf_static', 'tf2_msgs/msg/TFMessage', "where the gel's surface is on the sensor", Qos('queue', 100, latched=True)
+)
 TRUE_FORCE = Topic(
     'true_force_distribution',
     'tactile_nodes/msg/ForceDistribution',
@@ -107,7 +131,7 @@ TOPICS = {
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
         CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE,
-        SYNC_EDGE,
+        SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
     )
 }  # fmt: skip
 

@@ -18,6 +18,8 @@ KNOWN = (
     'camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'sync_input',
     'drift_monitor',
     'live_view',
+    'force_views',
+    'guarded_approach',
 )  # fmt: skip
 
 

@@ -1,0 +1,82 @@
+"""The force in the standard messages that RViz, Foxglove and other robot software draw.
+
+Subscribes ``force_distribution``; publishes ``force_map``, ``force_points``, ``contact`` and ``contact_markers``, each
+only while somebody listens to it, and once ``/tf_static``: where the gel's surface is on the sensor.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from tactile_nodes import force_shapes
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.params import parameter
+
+
+@dataclass(frozen=True)
+class ForceViewsParams(NodeParams):
+    """Parameters of the force views node."""
+
+    frame_id: str = parameter('gel_surface', 'frame of the forces, as the force estimator has it', read_only=True)
+    parent_frame_id: str = parameter(
+        'tactile_sensor', 'frame that the surface is told in; empty: somebody else tells it', read_only=True
+    )
+    xyz_m: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), "the surface's origin in the parent frame [m]", read_only=True
+    )
+    rpy_rad: tuple[float, ...] = parameter(
+        (0.0, 0.0, 0.0), 'its roll, pitch and yaw about the fixed axes of the parent frame [rad]', read_only=True
+    )
+
+    def __post_init__(self) -> None:
+        for name in ('xyz_m', 'rpy_rad'):
+            if len(given := getattr(self, name)) != 3:
+                raise ValueError(f'{name} takes three numbers, got {len(given)}')
+
+
+class ForceViewsNode(Node):
+    """Each view carries the stamp of its image; nothing is made that nobody takes."""
+
+    NAME = 'force_views'
+    PARAMS = ForceViewsParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._views = [
+            (self.create_publisher(topics.FORCE_MAP), force_shapes.force_map),
+            (self.create_publisher(topics.FORCE_POINTS), force_shapes.force_points),
+            (self.create_publisher(topics.CONTACT), force_shapes.contact_point),
+            (self.create_publisher(topics.CONTACT_MARKERS), force_shapes.contact_markers),
+        ]
+        self._transforms = self.create_publisher(topics.TF_STATIC)
+        self._tell_transform()
+        self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
+
+    def _on_force(self, received: Received) -> None:
+        for publisher, shape in self._views:
+            if publisher.listeners and (view := shape(received.message)) is not None:
+                publisher.publish(view)
+
+    def _tell_transform(self) -> None:
+        told = self.params
+        if told.parent_frame_id:
+            self._transforms.publish(
+                force_shapes.surface_transform(
+                    told.parent_frame_id, told.frame_id, told.xyz_m, told.rpy_rad, self.clock.now_ns()
+                )
+            )
+
+
+def main() -> int:
+    """The program ``force_views_node``."""
+    return run_node(ForceViewsNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""An example of a controller on the force topic: goes down until the gel feels 0.2 N, holds it, goes up, and ends.
+
+Subscribes ``force_distribution``; drives the machine of a rig; offers ``~/stop`` (std_srvs/Trigger). It gives up, with
+the tip up, when the force is invalid, old or too large (docs/robots.md). On the bus it is called ``rig``, as the
+node that collects is: it drives the same machine, by the same file of devices, and the two must not do so at once.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from dataclasses import dataclass
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.guarded import Felt
+from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.errors import TactileError
+
+LEAVE_S = 3.0
+
+
+@dataclass(frozen=True)
+class GuardedApproachParams(GuardedRunSettings, NodeParams):
+    """Parameters of the guarded approach node."""
+
+
+class GuardedApproachNode(Node):
+    """The approach has a thread of its own; this node's thread takes forces in and answers."""
+
+    NAME = 'rig'
+    PARAMS = GuardedApproachParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._felt: Felt | None = None
+        self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt)
+        self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
+        self.create_trigger('~/stop', self._stop_approach)
+        self._thread = threading.Thread(target=self._approach, name='approach', daemon=True)
+        self._thread.start()
+
+    def on_close(self) -> None:
+        self._guarded.stop()
+        self._thread.join(LEAVE_S)
+        self._guarded.close()
+
+    def _on_force(self, received: Received) -> None:
+        self._felt = Felt.of(received.message)
+
+    def _approach(self) -> None:
+        try:
+            self.report('approach', Level.OK, self._guarded.run())
+        except TactileError as error:
+            self.fail('approach', error)
+        else:
+            self.stop()
+
+    def _stop_approach(self) -> str:
+        self._guarded.stop()
+        return 'stopping: the tip goes up, and the approach ends'
+
+
+def main() -> int:
+    """The program ``guarded_approach_node``."""
+    return run_node(GuardedApproachNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

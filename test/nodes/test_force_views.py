@@ -1,0 +1,92 @@
+"""Views of the force for other tools: made on demand, one stamp, a latched transform."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from feeding import START_NS, run
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.nodes import force_views
+from tactile_nodes.nodes.force_views import ForceViewsNode
+
+Listen = Callable[[Topic], Subscription]
+Advertise = Callable[[Topic], Publisher]
+VIEWS = (topics.FORCE_MAP, topics.FORCE_POINTS, topics.CONTACT, topics.CONTACT_MARKERS)
+
+
+def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> ForceViewsNode:
+    words = [word for each in parameters for word in ('-p', each)]
+    return ForceViewsNode(bus, parse_arguments(['--ros-args', *words]), clock)
+
+
+def force() -> types.ForceDistribution:
+    return types.ForceDistribution(
+        header=conversions.header(START_NS, 'gel_surface'),
+        rows=1,
+        cols=2,
+        normal_force=np.array([0.0, 0.5], np.float32),
+        in_contact=True,
+        contacts=[types.Contact(force=0.5)],
+    )
+
+
+@pytest.mark.parametrize('view', VIEWS, ids=lambda view: view.name)
+def test_whoever_listens_gets_each_view_with_the_stamp_of_its_image(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, view: Topic
+) -> None:
+    tested, heard, source = node(bus, clock), listen(view), publisher(topics.FORCE_DISTRIBUTION)
+    source.publish(force())
+    run(tested)
+    received = heard.take()
+    assert received is not None
+    made = received.message
+    head = made.markers[-1].header if view is topics.CONTACT_MARKERS else made.header
+    assert (stamp_ns(head.stamp), head.frame_id) == (START_NS, 'gel_surface')
+
+
+def test_only_what_somebody_listens_to_is_made(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(force: types.ForceDistribution) -> types.Image:
+        raise AssertionError('nobody listens to the map')
+
+    monkeypatch.setattr(force_views.force_shapes, 'force_map', refuse)
+    tested, heard, source = node(bus, clock), listen(topics.CONTACT), publisher(topics.FORCE_DISTRIBUTION)
+    source.publish(force())
+    run(tested)
+    assert heard.take() is not None
+
+
+def test_whoever_comes_later_still_gets_the_transform(bus: InProcessBus, clock: SteppedClock, listen: Listen) -> None:
+    tested = node(bus, clock, 'parent_frame_id:=finger', 'xyz_m:=[0.0, 0.0, 0.02]')
+    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    run(tested)
+    received = heard.take()
+    assert received is not None
+    (told,) = received.message.transforms
+    assert (told.header.frame_id, told.child_frame_id) == ('finger', 'gel_surface')
+    assert told.transform.translation.z == 0.02
+
+
+def test_without_a_parent_frame_no_transform_is_told(bus: InProcessBus, clock: SteppedClock) -> None:
+    tested = node(bus, clock, "parent_frame_id:=''")
+    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    run(tested)
+    assert heard.take() is None
+
+
+def test_a_place_of_two_numbers_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
+    with pytest.raises(ConfigurationError, match='xyz_m takes three numbers, got 2'):
+        node(bus, clock, 'xyz_m:=[0.0, 0.0]')
