@@ -9,6 +9,7 @@ DESCRIPTION = 'Measure, on this machine, what the documentation claims of anothe
 BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
+    'transfer_partial': 'a model on other gels without a rig: weights, pens, rest images',
     'transfer_paper': "the paper's calibration layer on other gels, and why its published rate does harm",
     'take_over': 'what a recorded calibration shows of the live node: forces before and after, frames lost',
     'drift': 'when the monitor says that a calibration is ageing, and how wrong forces are by then',

@@ -17,7 +17,8 @@ from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, Presses
 from tactile_nodes.learning.transfer_whole import DOUBT, SIZES, WholeFit, changed
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 
-MOST_STEPS = 25
+MOST_STEPS, FURTHER_STEPS = 25, 6
+"""Steps of a fit, and of one that begins with a fit to nearly the same presses."""
 CONVERGED = 1e-4
 """Share of the cost: steps end where none gains more."""
 STEP = 1e-3
@@ -38,7 +39,7 @@ REACH = 1.15
 
 def unknown(presses: Presses) -> Bool[np.ndarray, 'n 3']:
     """What is not known of each press: x, y, force."""
-    return np.isnan(presses.contacts)
+    return np.asarray(np.isnan(presses.contacts))
 
 
 def at(presses: Presses, contacts: Float[np.ndarray, 'n 3']) -> Presses:
@@ -99,7 +100,7 @@ def _table_starts(response: AxisymmetricResponse, presses: Presses, reach_mm: fl
     """For each press the contact of a coarse table that explains it best, what is known of it held."""
     forces = START_FORCES * response.highest_n
     along = np.arange(-reach_mm, reach_mm + START_SPACING_MM, START_SPACING_MM)
-    begun = presses.contacts.copy()
+    begun, weight = presses.contacts.copy(), np.sqrt(_certainty(presses))
     for number, contact in enumerate(presses.contacts):
         axes = [
             each if np.isnan(value) else np.array([value])
@@ -107,7 +108,7 @@ def _table_starts(response: AxisymmetricResponse, presses: Presses, reach_mm: fl
         ]
         table = np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, 3)
         if len(table) > 1:
-            left = (presses.motion[number] - response.motion(table)) * np.sqrt(_certainty(presses)[number])
+            left = (presses.motion[number] - response.motion(table)) * weight[number]
             begun[number] = table[int(np.square(left).sum(axis=(1, 2)).argmin())]
     return begun
 
@@ -212,13 +213,13 @@ def fit_partial(
     contacts = located(changed(start, numbers), presses, reach_mm) if begin is None else begin.contacts
     weight = np.sqrt(_certainty(presses))
     search = _Search(start, presses, reach_mm, open_, prior, weight, unknown(presses))
-    found = _descend(search, search.at(numbers, contacts))
+    found = _descend(search, search.at(numbers, contacts), FURTHER_STEPS if begin else MOST_STEPS)
     return PartialFit(WholeFit(changed(start, found.numbers), found.numbers), found.contacts)
 
 
-def _descend(search: _Search, here: _Here) -> _Here:
+def _descend(search: _Search, here: _Here, most_steps: int) -> _Here:
     damping = FIRST_DAMPING
-    for _ in range(MOST_STEPS):
+    for _ in range(most_steps):
         levers = search.levers(here)
         tried = search.stepped(here, levers, damping)
         while tried.cost >= here.cost and damping < LAST_DAMPING:

@@ -2,7 +2,7 @@
 
 Markers end where the gel ends. Where there are any is told by their light, blurred until single ones do not count and
 levelled where there are many, so neither brightness nor the markers' places matter. What is left is the silhouette of
-the gel, and the affine map that brings one silhouette onto the other is found by least squares (Lucas and Kanade, 1981).
+the gel; the affine map that brings one silhouette onto the other is found by least squares (Lucas and Kanade, 1981).
 It holds if both gels are of one size and seat, such that their outlines are at the same places of the surface frame.
 """
 
