@@ -14,7 +14,8 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.guarded import OK, Feel, Felt, Guarded, GuardSettings
-from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
+from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
+from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import Array, Tare, pressing_n, tare_of, wrenches
@@ -74,37 +75,37 @@ class GuardedRun:
         self._feel = feel
         self._clock = clock
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
-        self._station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
+        self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
 
-    def run(self) -> str:
-        """One approach, ended by going up, whatever happens; what came of it, in a sentence.
+    def run(self) -> Outcome | None:
+        """One approach, ended by going up, whatever happens; what was held, None when `stop` ended it.
 
         Raises:
             DeviceError: it was given up, and why.
         """
-        hands = self._station.hands
+        hands = self.station.hands
         hands.safety.watch(self._clock.now_ns(), camera=False)
         try:
             hands.home()
-            return str(hands.run(guarded_approach(self._settings, hands, self._feel)))
+            return hands.run(guarded_approach(self._settings, hands.readings, self._feel))
         except TrippedError as tripped:
             raise DeviceFaultError(f'the approach was given up: {tripped}') from tripped
         except InterruptedRunError:
-            return 'stopped on request'
+            return None
         finally:
             if hands.cnc.status().homed:
                 hands.retreat()
 
     def stop(self) -> None:
         """Let the run end, with the tip up; returns at once."""
-        self._station.hands.asked_to_stop = True
+        self.station.hands.asked_to_stop = True
 
     def close(self) -> None:
         """Let go of the devices."""
-        self._station.close()
+        self.station.close()
 
 
-def guarded_approach(settings: GuardedRunSettings, hands: Hands, feel: Feel) -> Procedure[Outcome]:
+def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Feel) -> Procedure[Outcome]:
     """From above the gel to the end of the hold.
 
     Raises:
@@ -121,7 +122,7 @@ def guarded_approach(settings: GuardedRunSettings, hands: Hands, feel: Feel) -> 
     guarded = Guarded(settings.guard, seen.now_ns)
     yield from felt_for(guarded, surface.top_mm, motion.press_mm_min, feel)
     yield Look(LATE_S)
-    return outcome(guarded, seen.now_ns, hands, tare, settings)
+    return outcome(guarded, seen.now_ns, readings, tare, settings)
 
 
 def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
@@ -147,10 +148,10 @@ def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) ->
             guarded.rested(seen.now_ns)
 
 
-def outcome(guarded: Guarded, start_ns: int, hands: Hands, tare: Tare, settings: GuardedRunSettings) -> Outcome:
+def outcome(guarded: Guarded, start_ns: int, readings: Readings, tare: Tare, settings: GuardedRunSettings) -> Outcome:
     """What gel and force/torque sensor say of the same time."""
     stamps = guarded.hold.stamps_ns
-    samples = hands.readings.samples(stamps[0], stamps[-1])
+    samples = readings.samples(stamps[0], stamps[-1])
     if not samples:
         raise TactileError('the force/torque sensor measured nothing while the force was held')
     return Outcome(

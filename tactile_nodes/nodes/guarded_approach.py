@@ -55,7 +55,7 @@ class GuardedApproachNode(Node):
 
     def _approach(self) -> None:
         try:
-            self.report('approach', Level.OK, self._guarded.run())
+            self.report('approach', Level.OK, str(self._guarded.run() or 'stopped on request'))
         except TactileError as error:
             self.fail('approach', error)
         else:

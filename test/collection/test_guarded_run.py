@@ -1,0 +1,107 @@
+"""A guarded approach on the simulated rig, with the world itself as a perfect sensor of the force."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+
+import pytest
+
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.collection.guarded import Felt, GuardSettings
+from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
+from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.force_torque import ForceTorqueSettings
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import DeviceError, DeviceFaultError
+from tactile_nodes.messages import types
+
+SAFE_Z_MM = -4.0
+INVALID = types.ForceDistribution.STATUS_INVALID
+# Everything near the end switches, so that a run takes two seconds.
+SETTINGS = GuardedRunSettings(
+    guard=GuardSettings(hold_s=0.2, stale_ms=1000.0),
+    limits=LimitSettings(force_silence_ms=2000.0),
+    press=PressSettings(tare_s=0.1),
+    surface=SurfaceSettings(gel_x_mm=-3.0, gel_y_mm=-3.0, top_mm=-5.9),
+    cnc=CncSettings(safe_z_mm=SAFE_Z_MM),
+    force_torque=ForceTorqueSettings(rate_hz=500.0),
+    world=WorldSettings(start_mm=(-3.0, -3.0, -1.0), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-6.0),
+    wait_s=0.5,
+)
+
+
+@contextmanager
+def opened(
+    feel: Callable[[GuardedRun, int], Felt | None], settings: GuardedRunSettings = SETTINGS
+) -> Iterator[GuardedRun]:
+    clock = SystemClock()
+    made = GuardedRun(settings, clock, lambda: feel(made, clock.now_ns()))
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def truth(run: GuardedRun, now_ns: int) -> Felt:
+    assert run.station.world is not None
+    return Felt(now_ns, run.station.world.wrench_at(now_ns)[2])
+
+
+def height_mm(run: GuardedRun) -> float:
+    return run.station.cnc.status().position_mm[2]
+
+
+def test_the_force_is_reached_held_told_and_left() -> None:
+    with opened(truth) as run:
+        outcome = run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+    guard = SETTINGS.guard
+    assert outcome is not None
+    for force_n in (outcome.gel_n, outcome.sensor_n):
+        assert force_n.mean() == pytest.approx(guard.target_n, abs=guard.band_n)
+    assert outcome.seconds >= guard.hold_s
+    assert outcome.greatest_n <= guard.target_n + guard.band_n
+
+
+def test_it_goes_up_when_the_force_becomes_invalid() -> None:
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        return truth(run, now_ns) if next(turn) < 10 else Felt(now_ns, 0.0, INVALID, 2)
+
+    with opened(failing) as run:
+        with pytest.raises(DeviceFaultError, match='invalid for reasons 2'):
+            run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_it_stays_up_while_no_force_comes() -> None:
+    with opened(lambda run, now_ns: None) as run:
+        with pytest.raises(DeviceError, match=r'no force in order came within 0\.5 s'):
+            run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_the_rigs_own_limit_ends_it_where_the_gel_says_nothing() -> None:
+    limits = dataclasses.replace(SETTINGS.limits, force_n=0.3)
+    with opened(lambda run, now_ns: Felt(now_ns, 0.0), dataclasses.replace(SETTINGS, limits=limits)) as run:
+        with pytest.raises(DeviceFaultError, match=r'given up: the force is 0\.3\d N, above the limit of 0\.3 N'):
+            run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_stopped_it_goes_up_without_an_outcome() -> None:
+    turn = count()
+
+    def stopping(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) == 10:
+            run.stop()
+        return truth(run, now_ns)
+
+    with opened(stopping) as run:
+        assert run.run() is None
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
