@@ -219,7 +219,7 @@ def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:
     told = weights.presses.copy()
     touched = np.flatnonzero(told[:, 2] > 0)
     told[touched[:pens], 3] = np.nan
-    told[np.ix_(touched[pens:], [0, 1])] = np.nan
+    told[touched[pens:], :2] = np.nan
     return replace_presses(weights, told)
 
 
@@ -243,8 +243,8 @@ def page(command: str, scores: Sequence[Score]) -> str:
         '',
         f'{len({each.gel for each in scores})} simulated gels; median (worst) over the gels, each tested on {TESTED} '
         'presses at new',
-        'continuous places. The place is the median over the presses of a gel. A pen is at a known place with an unknown',
-        f'force, weights ({grams} g in turn, with the tip that the model knows) are at unknown places.',
+        'continuous places. The place is the median over the presses of a gel. A pen is at a known place with an',
+        f'unknown force, weights ({grams} g in turn, with the tip that the model knows) are at unknown places.',
         '',
         table(heads, rows),
     ])  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, Presses
-from tactile_nodes.learning.transfer_whole import DOUBT, SIZES, WholeFit, changed
+from tactile_nodes.learning.transfer_whole import SIZES, WholeFit, changed
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 
 MOST_STEPS, FURTHER_STEPS = 25, 6
@@ -22,6 +22,8 @@ MOST_STEPS, FURTHER_STEPS = 25, 6
 CONVERGED = 1e-4
 """Share of the cost: steps end where none gains more."""
 STEP = 1e-3
+DOUBT = 0.15
+"""Of each region's motion: what a gel whose markers lie elsewhere is expected to show differently."""
 FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e6
 LARGEST_STEP = np.array([1.5, 1.5, 0.15])
 """Of what is unknown of a press: mm, mm, N."""
@@ -114,7 +116,7 @@ def _table_starts(response: AxisymmetricResponse, presses: Presses, reach_mm: fl
 
 
 def _certainty(presses: Presses) -> Float[np.ndarray, 'n regions 2']:
-    """One over the variance of each motion: its noise, and a share of it, as `fit_whole` counts it."""
+    """One over the variance of each motion: its noise, and a share of it."""
     size = np.square(presses.motion).sum(-1, keepdims=True)
     return np.asarray(presses.certainty / (1 + presses.certainty * DOUBT**2 * size))
 

@@ -87,7 +87,7 @@ def as_weights(dataset: Dataset, force_n: float) -> Dataset:
         raise DatasetError(f'a weight that presses with {force_n:g} N is none; give it in grams, above 0')
     presses = dataset.presses.copy()
     touched = presses[:, 2] > 0
-    presses[np.ix_(touched, [0, 1])] = np.nan
+    presses[touched, :2] = np.nan
     presses[touched, 3] = force_n
     return replace_presses(dataset, presses)
 
