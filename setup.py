@@ -73,6 +73,7 @@ setup(
     extras_require={
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
+        'export': ['pyarrow>=16,<27', 'zarr>=3,<4; python_version >= "3.11"'],
         'dev': [
             'beartype>=0.20,<1',
             'hypothesis>=6.100,<7',
@@ -81,6 +82,7 @@ setup(
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',
             'playwright>=1.50,<2',
+            'pyarrow>=16,<27',
             'pynetft>=2.1,<3',
             'pytest>=9,<10',
             'pytest-timeout>=2.3,<3',
@@ -88,6 +90,7 @@ setup(
             'types-PyYAML>=6,<7',
             'types-psutil>=6,<8',
             'types-pyserial>=3.5,<4',
+            'zarr>=3,<4; python_version >= "3.11"',
         ],
     },
     entry_points={

@@ -17,6 +17,10 @@ from tactile_nodes.sensing.geometry import BinGrid, grey
 from tactile_nodes.sensing.reading import Contact
 
 _CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
+_PIXELS = {
+    'mono8': ('uint8', 1), '8UC1': ('uint8', 1), 'bgr8': ('uint8', 3), 'rgb8': ('uint8', 3),
+    'mono16': ('uint16', 1), '16UC1': ('uint16', 1), '32FC1': ('float32', 1),
+}  # fmt: skip
 
 
 def header(stamp_ns: int, frame_id: str) -> types.Header:
@@ -55,6 +59,27 @@ def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
     if channels == 1:
         return picture
     return grey(picture.reshape(message.height, message.width, channels), message.encoding[:3])
+
+
+def image_pixels(message: types.Image) -> np.ndarray:
+    """The picture in a sensor_msgs/Image as it is: h by w, or h by w by 3 in the order red, green, blue.
+
+    Raises:
+        ImageError: an encoding that is not known here, or fewer bytes than its size and step say.
+    """
+    if message.encoding not in _PIXELS:
+        raise ImageError(f'an image of encoding {message.encoding!r} cannot be kept; known are {", ".join(_PIXELS)}')
+    dtype, channels = np.dtype(_PIXELS[message.encoding][0]), _PIXELS[message.encoding][1]
+    row_bytes = message.width * channels * dtype.itemsize
+    if message.step < row_bytes or len(message.data) < message.step * message.height:
+        raise ImageError(f'an image of {message.width}x{message.height} {message.encoding} holds too few bytes')
+    rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
+    stored = dtype.newbyteorder('>' if message.is_bigendian else '<')
+    picture: np.ndarray = np.ascontiguousarray(rows[:, :row_bytes]).view(stored).astype(dtype, copy=False)
+    if channels == 1:
+        return picture
+    coloured: np.ndarray = picture.reshape(message.height, message.width, channels)
+    return coloured[..., ::-1] if message.encoding == 'bgr8' else coloured
 
 
 def features_array(message: types.FlowFeatures) -> Features:

@@ -26,6 +26,7 @@ VERBS = {
     'service': 'list and call services',
     'bag': 'record topics, play recordings, say what is in them',
     'dataset': 'make a training set of collected bags, say what one holds',
+    'export': 'turn bags into parquet, zarr or a LeRobot data set for robot learning',
     'collect': 'look at a plan of presses before a rig does it',
     'train': 'make a force model from simulated or recorded presses',
     'calibrate': 'transfer a model to another gel by a few presses',

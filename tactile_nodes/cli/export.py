@@ -1,0 +1,122 @@
+"""``tactile export``: bags as data that manipulation learners read. (Models: ``tactile model export``.)"""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tactile_nodes.exporting.source import Source
+    from tactile_nodes.learning.progress import Progress
+
+DESCRIPTION = 'Turn bags into parquet tables, zarr arrays or a LeRobot data set. (Models: tactile model export.)'
+EPILOG = """\
+examples:
+  tactile export parquet grasp1                       grasp1_parquet/, a file for each topic, a row for each message
+  tactile export zarr grasp1 -o grasp1.zarr --images  the same as arrays, and the pictures
+  tactile export lerobot grasp1 grasp2 -o grasps --fps 30 --task 'pick up the cup'
+  tactile export lerobot grasp1 -o grasps --state /joint_states --action /joint_commands --images
+  tactile export lerobot collected_1 -o presses --cut presses
+"""
+_WRITERS = ('parquet', 'zarr')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    formats = parser.add_subparsers(dest='format', required=True, metavar='parquet|zarr|lerobot')
+    for name, line in (
+        ('parquet', 'a file for each topic, a row for each message'),
+        ('zarr', 'an array for each field of each topic; the pictures too, if asked for'),
+        ('lerobot', 'a LeRobot data set (v3.0): frames at a fixed rate, in episodes'),
+    ):
+        made = formats.add_parser(
+            name, help=line, description=f'{line[0].upper()}{line[1:]}.', epilog=EPILOG,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        _add_common(made, name)
+    _add_lerobot(made)
+
+
+def _add_common(parser: argparse.ArgumentParser, name: str) -> None:
+    if name in _WRITERS:
+        parser.add_argument('bag', type=Path, help='a folder, a .mcap file or a .db3 file')
+    else:
+        parser.add_argument('bag', type=Path, nargs='+', help='folders, .mcap files or .db3 files')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FOLDER', help=f'folder to make (default: BAG_{name}, here)'
+    )
+    parser.add_argument('--topics', nargs='+', default=[], metavar='TOPIC', help='only these; full names or last parts')
+    parser.add_argument('--exclude', nargs='+', default=[], metavar='TOPIC', help='all but these')
+    if name != 'parquet':
+        parser.add_argument('--images', action='store_true', help='the pictures, too')
+    parser.add_argument('--force', action='store_true', help='replace an export that is there')
+
+
+def _add_lerobot(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--fps', type=int, default=30, help='frames a second (30)')
+    parser.add_argument(
+        '--pick', choices=['previous', 'nearest'], default='previous',
+        help='what a frame takes of each topic: the last message before it (default), or the nearest, perhaps later',
+    )  # fmt: skip
+    parser.add_argument(
+        '--cut', choices=['bag', 'presses'], default='bag', help='an episode for each bag (default), or for each press'
+    )
+    parser.add_argument('--task', default='touch', metavar='TEXT', help="what is done, in words ('touch')")
+    parser.add_argument('--robot', default='unknown', metavar='NAME', help='the type of robot, for info.json')
+    parser.add_argument('--state', default='', metavar='TOPIC', help='the topic that becomes observation.state')
+    parser.add_argument('--action', default='', metavar='TOPIC', help='the topic that becomes action')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the folder and say what is in it."""
+    from tactile_nodes.exporting.output import made_whole
+    from tactile_nodes.learning.progress import TerminalProgress
+
+    first = arguments.bag if isinstance(arguments.bag, Path) else arguments.bag[0]
+    output = arguments.output or Path(f'{first.resolve().stem}_{arguments.format}')
+    facts = {'format': arguments.format, 'command': shlex.join(['tactile', *sys.argv[1:]])}
+    write = _lerobot if arguments.format == 'lerobot' else _tables
+    with made_whole(output, replace=arguments.force) as folder:
+        lines = write(arguments, folder, facts, TerminalProgress())
+    print('\n'.join([f'{output}: {lines[0]}', *lines[1:]]))
+    return 0
+
+
+def _tables(arguments: argparse.Namespace, folder: Path, facts: dict[str, Any], progress: Progress) -> list[str]:
+    from tactile_nodes.exporting.parquet import export_parquet
+    from tactile_nodes.exporting.source import Source
+    from tactile_nodes.exporting.zarr_store import export_zarr
+
+    writers: dict[str, Callable[..., int]] = {'parquet': export_parquet, 'zarr': export_zarr}
+    images = getattr(arguments, 'images', False)
+    with Source(arguments.bag, arguments.topics, arguments.exclude, images=images) as source:
+        rows = writers[arguments.format](source, folder, facts, progress)
+        _warn(source)
+        return [f'{rows} messages of {len(source.layouts)} topics', *_left_out(source.left_out)]
+
+
+def _lerobot(arguments: argparse.Namespace, folder: Path, facts: dict[str, Any], progress: Progress) -> list[str]:
+    from tactile_nodes.exporting.lerobot import Plan, export_lerobot
+
+    plan = Plan(
+        arguments.fps, arguments.pick, arguments.cut, arguments.task, arguments.robot, arguments.state,
+        arguments.action, tuple(arguments.topics), tuple(arguments.exclude), arguments.images,
+    )  # fmt: skip
+    meta = export_lerobot(arguments.bag, folder, plan, facts, progress)
+    keys = ', '.join(feature.key for feature in meta.features)
+    return [f'{meta.frames} frames in {len(meta.episodes)} episodes at {plan.fps} a second', f'  features: {keys}']
+
+
+def _left_out(topics: dict[str, str]) -> list[str]:
+    return [f'  left out: {topic} ({reason})' for topic, reason in topics.items()]
+
+
+def _warn(source: Source) -> None:
+    seen = source.provenance
+    odd = [f'{count} messages of {topic} cannot be read and were left out' for topic, count in seen.malformed.items()]
+    for problem in [*source.bag.problems, *odd]:
+        print(f'Warning: {problem}', file=sys.stderr)

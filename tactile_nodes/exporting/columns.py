@@ -1,0 +1,164 @@
+"""The numbers and texts of a message as columns of a table, found by walking the first message of a topic."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.conversions import image_pixels
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.exporting.units import unit_of
+
+TEXT = 'text'
+IMAGE_TYPE = 'sensor_msgs/msg/Image'
+_TIME_FIELDS = ['sec', 'nanosec']
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: a numpy type by name, or `TEXT`; `shape` is that of one row. `unit` is empty where there is none."""
+
+    name: str
+    dtype: str
+    shape: tuple[int, ...] = ()
+    unit: str = ''
+
+
+Getter = Callable[[Any], Any]
+
+
+@dataclass
+class Layout:
+    """The columns of one topic, and how a message gives them. `left_out` names fields that are no columns, and why.
+
+    Lists of texts, the names of joints say, must be the same in every message, and stand once beside the table.
+    """
+
+    topic: str
+    type_name: str
+    columns: list[Column] = field(default_factory=list)
+    getters: list[Getter] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    empty: dict[str, Getter] = field(default_factory=dict)
+    constant: dict[str, tuple[Getter, list[str]]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, topic: str, type_name: str, first: Any) -> Layout:
+        """The layout that the first message of a topic asks for."""
+        made = cls(topic, type_name)
+        made._add_all(first, '', lambda message: message)
+        if type_name == FORCE_DISTRIBUTION.type_name:
+            made._add_force(first)
+        if type_name == IMAGE_TYPE:
+            made._add_image(first)
+        return made
+
+    @property
+    def is_force(self) -> bool:
+        return self.type_name == FORCE_DISTRIBUTION.type_name
+
+    def row(self, message: Any) -> list[Any]:
+        """The values of one message, in the order of the columns.
+
+        Raises:
+            DatasetError: an array has another shape than in the first message.
+        """
+        for name, get in self.empty.items():
+            if len(get(message)):
+                raise self._changed(name, (0,), (len(get(message)),))
+        for name, (get, texts) in self.constant.items():
+            if get(message) != texts:
+                raise DatasetError(
+                    f'{name} of {self.topic} is {texts} in the first message and {get(message)} in a later one, so its '
+                    f'columns would change their meaning; leave the topic out with --exclude {self.topic}'
+                )
+        return [self._fitted(column, get(message)) for column, get in zip(self.columns, self.getters, strict=True)]
+
+    def _fitted(self, column: Column, value: Any) -> Any:
+        if not column.shape:
+            return value
+        array = np.asarray(value, column.dtype)
+        if array.size == 0 and array.dtype.kind == 'f':  # told by nobody this time, e.g. of an invalid frame
+            return np.full(column.shape, np.nan, array.dtype)
+        if array.size != np.prod(column.shape) or (array.ndim > 1 and array.shape != column.shape):
+            raise self._changed(column.name, column.shape, array.shape)
+        return array.reshape(column.shape)
+
+    def _changed(self, name: str, was: tuple[int, ...], now: tuple[int, ...]) -> DatasetError:
+        return DatasetError(
+            f'{name} of {self.topic} has the shape {was} in the first message and {now} in a later one, which no table '
+            f'of one shape can hold; leave the topic out with --exclude {self.topic}, or export the parts of the bag'
+        )
+
+    # --- walking --------------------------------------------------------------------------------------------
+
+    def _add(self, name: str, dtype: str, get: Getter, shape: tuple[int, ...] = ()) -> None:
+        self.columns.append(Column(name, dtype, shape, unit_of(self.type_name, name)))
+        self.getters.append(get)
+
+    def _add_all(self, value: Any, prefix: str, get: Getter) -> None:
+        for entry in _fields(value):
+            if not prefix and self.type_name == IMAGE_TYPE and entry == 'data':
+                continue
+            name = f'{prefix}{entry}'
+            if name == 'header':
+                self._add('frame_id', TEXT, lambda message: message.header.frame_id)
+            else:
+                self._add_leaf(getattr(value, entry), name, _within(get, entry))
+
+    def _add_leaf(self, value: Any, name: str, get: Getter) -> None:
+        if dataclasses.is_dataclass(value) and list(_fields(value)) == _TIME_FIELDS:
+            self._add(f'{name}_ns', 'int64', lambda message: get(message).sec * NS_PER_S + get(message).nanosec)
+        elif dataclasses.is_dataclass(value):
+            self._add_all(value, f'{name}.', get)
+        elif isinstance(value, str):
+            self._add(name, TEXT, get)
+        elif isinstance(value, np.ndarray) and value.size == 0 and not self._has_map(name):
+            self.empty[name] = get
+        elif isinstance(value, np.ndarray) and value.dtype.kind in 'fiub':
+            self._add(name, value.dtype.name, get, value.shape)
+        elif isinstance(value, (bool, int, float, np.generic)):
+            self._add(name, np.asarray(value).dtype.name, get)
+        elif isinstance(value, list) and value and all(isinstance(each, str) for each in value):
+            self.constant[name] = (get, value)
+        else:
+            self.left_out[name] = 'a list of any length'
+
+    def _has_map(self, name: str) -> bool:
+        return self.is_force and name in {'normal_force', 'confidence'}
+
+    def _add_force(self, first: Any) -> None:
+        """Maps as rows by columns, and of the list of contacts the strongest and how many there are."""
+        grid = (int(first.rows), int(first.cols))
+        for number, column in enumerate(self.columns):
+            if self._has_map(column.name):
+                self.columns[number] = dataclasses.replace(column, dtype='float32', shape=grid)
+        if not hasattr(first, 'contacts'):  # bags of older releases
+            return
+        self.left_out['contacts'] = 'a list; contact_count and strongest.* say how many there are and the first of them'
+        self._add('contact_count', 'int64', lambda message: len(message.contacts))
+        for name in ('position_sigma', 'force', 'force_sigma'):
+            self._add(f'strongest.{name}', 'float64', _strongest(name))
+
+    def _add_image(self, first: Any) -> None:
+        pixels = image_pixels(first)
+        self._add('pixels', pixels.dtype.name, image_pixels, pixels.shape)
+
+
+def _fields(value: Any) -> Iterator[str]:
+    return (entry.name for entry in dataclasses.fields(value) if not entry.name.startswith('_'))
+
+
+def _within(get: Getter, entry: str) -> Getter:
+    return lambda message: getattr(get(message), entry)
+
+
+def _strongest(name: str) -> Getter:
+    """NaN where nothing touches."""
+    return lambda message: float(getattr(message.contacts[0], name)) if message.contacts else float('nan')

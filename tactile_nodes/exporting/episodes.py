@@ -1,0 +1,68 @@
+"""Which stretches of a bag are episodes of a data set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
+from tactile_nodes.errors import BagError
+from tactile_nodes.exporting.resampling import Episode
+from tactile_nodes.exporting.source import Source
+from tactile_nodes.messages import stamp_ns
+
+BAG, PRESSES = 'bag', 'presses'
+CUTS = (BAG, PRESSES)
+
+
+def find_episodes(source: Source, cut: str) -> list[Episode]:
+    """The episodes of a bag, in order of time: from a force message to a force message.
+
+    Cut at presses, each begins where the window of the press before ended and ends with the window of its own. Where
+    there are several sensors, an episode begins and ends where all of them speak.
+
+    Raises:
+        BagError: the bag holds no forces, or is to be cut at presses and tells of none.
+    """
+    topics = [topic for topic, layout in source.layouts.items() if layout.is_force]
+    if not topics:
+        raise BagError(
+            f'{source.bag.path} holds no {FORCE_DISTRIBUTION.name}, which the frames of a data set follow; play it '
+            'with a force estimator and record that, or export parquet or zarr'
+        )
+    stamps = [source.stamps_ns(topic) for topic in topics]
+    start_ns, end_ns = max(each[0] for each in stamps), min(each[-1] for each in stamps)
+    if cut == BAG:
+        return [Episode(start_ns, end_ns)] if start_ns <= end_ns else []
+    return _cut(stamps[0], start_ns, end_ns, _presses(source))
+
+
+def _cut(stamps: list[int], start_ns: int, end_ns: int, presses: list[Any]) -> list[Episode]:
+    found = []
+    after_ns = start_ns - 1
+    for press in presses:
+        until_ns = min(end_ns, stamp_ns(press.window_end))
+        inside = [each for each in stamps if after_ns < each <= until_ns]
+        if inside:
+            found.append(Episode(inside[0], inside[-1], _told(press)))
+        after_ns = max(after_ns, until_ns)
+    return found
+
+
+def _told(press: Any) -> dict[str, Any]:
+    return {
+        'press': int(press.press),
+        'attempt': int(press.attempt),
+        'press_status': int(press.status),
+        'press_reason': str(press.reason),
+        'plan_id': str(press.plan_id),
+    }
+
+
+def _presses(source: Source) -> list[Any]:
+    """Every attempt once, as it was told of last (a recorded press may be called suspect later), by its window."""
+    topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
+    told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
+    if not told:
+        raise BagError(f'{source.bag.path} tells of no presses, so it cannot be cut at them; leave out --cut')
+    last = {(press.plan_id, press.press, press.attempt): press for press in told}
+    return sorted(last.values(), key=lambda press: stamp_ns(press.window_end))

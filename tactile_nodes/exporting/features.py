@@ -1,0 +1,167 @@
+"""What a LeRobot frame holds: features of fixed shape, made of the columns of a bag's topics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from tactile_nodes.bus.topics import CALIBRATION_STATE, MODEL_IN_USE, PRESS, SYNC_EDGE, TRUE_FORCE
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
+from tactile_nodes.exporting.resampling import Picked
+
+EVENTS = [topic.name for topic in (PRESS, SYNC_EDGE, CALIBRATION_STATE, MODEL_IN_USE, TRUE_FORCE)]
+"""Topics that are no observation: what happens once, and what only a simulator knows. They are had by their names."""
+_FORCE = (
+    ('total_force', 'float32', ['total']),
+    ('total_force_sigma', 'float32', ['total_sigma']),
+    ('contact', 'float32', ['contact.x', 'contact.y', 'strongest.force']),
+    ('contact_sigma', 'float32', ['strongest.position_sigma', 'strongest.force_sigma']),
+    ('in_contact', 'bool', ['in_contact']),
+    ('unlikeness', 'float32', ['unlikeness']),
+    ('status', 'int64', ['status']),
+    ('reasons', 'int64', ['reasons']),
+)
+_MAP = 'normal_force'
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One feature. `places` are those of its columns in the topic's layout; none: it is the age of what was picked."""
+
+    key: str
+    topic: str
+    dtype: str
+    names: tuple[str, ...]
+    places: tuple[int, ...] = ()
+    shape: tuple[int, ...] = (1,)
+    units: tuple[str, ...] = ()
+
+    @property
+    def is_image(self) -> bool:
+        return self.dtype == 'image'
+
+    def described(self, fps: int) -> dict[str, Any]:
+        """As `info.json` describes it."""
+        return {'dtype': self.dtype, 'shape': list(self.shape), 'names': list(self.names), 'fps': fps}
+
+    def value(self, picked: Picked) -> Any:
+        """Its value in a frame.
+
+        Raises:
+            DatasetError: there is none, and its type has nothing that says so.
+        """
+        if not self.places:
+            return np.float32(picked.age_s)
+        if picked.value is None:
+            return self._unknown()
+        if self.is_image:
+            return picked.value[self.places[0]]
+        parts = [np.asarray(picked.value[place], self.dtype).reshape(-1) for place in self.places]
+        return np.concatenate(parts) if self.shape != (1,) else parts[0][0]
+
+    def _unknown(self) -> Any:
+        if self.dtype != 'float32':
+            raise DatasetError(
+                f'{self.topic} says nothing until after the first frame, and {self.key} ({self.dtype}) cannot say so; '
+                f'leave it out with --exclude {self.topic}'
+            )
+        return np.full(self.shape, np.nan, np.float32) if self.shape != (1,) else np.float32(np.nan)
+
+
+def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') -> list[Feature]:
+    """The features of a bag.
+
+    Args:
+        layouts: of its topics.
+        state: the topic that becomes observation.state,
+        action: and the one that becomes action; by their whole names.
+
+    Raises:
+        ConfigurationError: such a topic has no numbers.
+    """
+    found: list[Feature] = []
+    for layout in layouts:
+        key = {state: 'observation.state', action: 'action'}.get(layout.topic) or _key(layout)
+        made = _features_of_one(layout, key)
+        if layout.topic in (state, action) and (layout.is_force or not made or made[0].is_image):
+            raise ConfigurationError(
+                f'{layout.topic} is no vector of numbers, so it cannot be {key}; take another topic'
+            )
+        found += made
+    return found
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """A picture as PNG with three channels, which encoders of pictures expect; a grey one three times the same."""
+    if pixels.dtype != np.uint8:
+        raise DatasetError(f'pictures of {pixels.dtype} do not fit the 8 bits of a data set; export them as zarr')
+    colour = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR if pixels.ndim == 2 else cv2.COLOR_RGB2BGR)
+    return bytes(cv2.imencode('.png', colour)[1].tobytes())
+
+
+def _features_of_one(layout: Layout, key: str) -> list[Feature]:
+    if layout.type_name == IMAGE_TYPE:
+        made = [_picture(layout, key)]
+    elif layout.is_force:
+        made = list(_forces(layout, key))
+    else:
+        made = _numbers(layout, key)
+    # No name of an observation or action: policies would take an age for one.
+    about = f'{key}.force' if layout.is_force else key
+    age = f'age_s.{about.removeprefix("observation.")}'
+    return [*made, Feature(age, layout.topic, 'float32', ('age',), units=('s',))] if made else []
+
+
+def _key(layout: Layout) -> str:
+    """'/left/wrench' as 'observation.left.wrench'; forces lie beside each other, pictures below observation.images."""
+    parts = layout.topic.strip('/').split('/')
+    if layout.is_force:
+        parts = parts[:-1]
+    return '.'.join(['observation', *(['images'] if layout.type_name == IMAGE_TYPE else []), *parts])
+
+
+def _forces(layout: Layout, key: str) -> list[Feature]:
+    at = {column.name: place for place, column in enumerate(layout.columns)}
+    column = layout.columns[at[_MAP]]
+    rows, cols = column.shape
+    names = tuple(f'row{row}_col{col}' for row in range(rows) for col in range(cols))
+    size = rows * cols
+    made = [Feature(f'{key}.force_map', layout.topic, 'float32', names, (at[_MAP],), (size,), (column.unit,) * size)]
+    for name, dtype, wanted in _FORCE:
+        if all(each in at for each in wanted):  # bags of older releases know less
+            units = tuple(layout.columns[at[each]].unit for each in wanted)
+            places = tuple(at[each] for each in wanted)
+            made.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(wanted), places, (len(wanted),), units))
+    return made
+
+
+def _numbers(layout: Layout, key: str) -> list[Feature]:
+    """All numbers with a fraction, one after the other; whole ones, flags and times stand in parquet and zarr."""
+    chosen = [(place, column) for place, column in enumerate(layout.columns) if _has_fraction(column)]
+    names = tuple(name for _, column in chosen for name in _component_names(column))
+    units = tuple(column.unit for _, column in chosen for _ in _component_names(column))
+    if not chosen:
+        return []
+    places = tuple(place for place, _ in chosen)
+    return [Feature(key, layout.topic, 'float32', names, places, (len(names),), units)]
+
+
+def _picture(layout: Layout, key: str) -> Feature:
+    place = next(place for place, column in enumerate(layout.columns) if column.name == 'pixels')
+    height, width = layout.columns[place].shape[:2]
+    return Feature(key, layout.topic, 'image', ('height', 'width', 'channel'), (place,), (height, width, 3))
+
+
+def _has_fraction(column: Column) -> bool:
+    return column.dtype != TEXT and np.dtype(column.dtype).kind == 'f'
+
+
+def _component_names(column: Column) -> list[str]:
+    return (
+        [f'{column.name}[{number}]' for number in range(int(np.prod(column.shape)))] if column.shape else [column.name]
+    )

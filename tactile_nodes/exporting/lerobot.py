@@ -1,0 +1,164 @@
+"""Bags as a LeRobot data set, version 3.0: frames at a fixed rate, an episode for each bag or for each press.
+
+Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 0.4 (codebase version v3.0).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.exporting.episodes import BAG, find_episodes
+from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
+from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
+from tactile_nodes.exporting.output import FACTS, write_json
+from tactile_nodes.exporting.resampling import PREVIOUS, Episode, Frame, Resampler
+from tactile_nodes.exporting.source import Source
+from tactile_nodes.learning.progress import Progress
+
+_TELL_EVERY = 256
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How bags become frames. `state` and `action` are topics; `topics` none: all observations."""
+
+    fps: int = 30
+    pick: str = PREVIOUS
+    cut: str = BAG
+    task: str = 'touch'
+    robot: str = 'unknown'
+    state: str = ''
+    action: str = ''
+    topics: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    images: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.fps <= 1000:
+            raise ConfigurationError(f'--fps must be 1 to 1000, got {self.fps}')
+
+
+def export_lerobot(bags: Sequence[Path], folder: Path, plan: Plan, facts: dict[str, Any], progress: Progress) -> Meta:
+    """Write a data set of `bags` into `folder`.
+
+    Raises:
+        ConfigurationError: pyarrow is not installed, or the plan names what is no vector.
+        BagError: a bag cannot be read or holds no forces.
+        DatasetError: bags hold different features, or there is no frame in any.
+    """
+    meta = Meta(folder, plan.fps, plan.task, plan.robot)
+    sources = []
+    for path in bags:
+        with Source(path, plan.topics, plan.exclude, images=plan.images) as source:
+            outside = _export_bag(source, meta, plan, facts, progress)
+            sources.append({**source.facts(), 'force_messages_outside_episodes': outside})
+    if not meta.frames:
+        raise DatasetError(f'there is no frame in {", ".join(map(str, bags))}; nothing was exported')
+    whole = {
+        **facts,
+        'resampling': f'{plan.pick} message by its stamp, its age in age_s.* [s]; none: NaN',
+        'units': {feature.key: _units(feature) for feature in meta.features if any(feature.units)},
+        'bags': sources,
+    }
+    meta.close(whole)
+    write_json(folder / FACTS, whole)
+    return meta
+
+
+def _export_bag(source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress) -> dict[str, int]:
+    if not plan.topics:
+        _leave_out_events(source, {plan.state, plan.action})
+    _require_topics(source, plan)
+    episodes = find_episodes(source, plan.cut)
+    features = features_of(list(source.layouts.values()), plan.state, plan.action)
+    meta.agree(features, source.bag.path)
+    writing = _Writing(source, meta, episodes, facts)
+    with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
+        count = 0
+        for count, frame in _frames(source, episodes, plan):
+            if frame is not None:
+                writing.take(frame)
+            elif count % _TELL_EVERY == 0:
+                bar.advance(_TELL_EVERY)
+        writing.finish()
+        bar.advance(count % _TELL_EVERY)
+    return _outside(source, episodes)
+
+
+def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:
+    """Frames as they become known, and None after each message, with how many there were."""
+    resampler = Resampler(list(source.layouts), episodes, plan.fps, plan.pick)
+    count = 0
+    for count, told in enumerate(source.told(), 1):
+        row = source.layouts[told.topic].row(told.message)
+        for frame in resampler.take(told.topic, told.stamp_ns, told.received_ns, row):
+            yield count, frame
+        yield count, None
+    for frame in resampler.finish():
+        yield count, frame
+
+
+class _Writing:
+    """Frames of one bag on their way into the files of its episodes."""
+
+    def __init__(self, source: Source, meta: Meta, episodes: list[Episode], facts: dict[str, Any]) -> None:
+        self._source, self._meta, self._episodes, self._facts = source, meta, episodes, facts
+        self._open: EpisodeFile | None = None
+        self._number = -1
+
+    def take(self, frame: Frame) -> None:
+        """One frame; the first of an episode opens its file."""
+        if frame.episode != self._number:
+            self.finish()
+            self._number = frame.episode
+            self._open = self._meta.open_episode()
+        assert self._open is not None
+        values = {feature.key: _value(feature, frame) for feature in self._meta.features}
+        self._open.take(frame.number, frame.stamp_ns, values)
+
+    def finish(self) -> None:
+        """Close the file of the episode that is open."""
+        if self._open is not None:
+            told = {'bag': self._source.bag.path.resolve().name, **self._episodes[self._number].told}
+            self._meta.close_episode(self._open, told, {**self._facts, **self._source.facts()})
+            self._open = None
+
+
+def _value(feature: Feature, frame: Frame) -> Any:
+    value = feature.value(frame.picked[feature.topic])
+    return png(value) if feature.is_image else value
+
+
+def _units(feature: Feature) -> str | list[str]:
+    """One for all components, or that of each."""
+    return feature.units[0] if len(set(feature.units)) == 1 else list(feature.units)
+
+
+def _leave_out_events(source: Source, wanted: set[str]) -> None:
+    for topic in list(source.layouts):
+        if topic.rpartition('/')[2] in EVENTS and topic not in wanted:
+            del source.layouts[topic]
+            source.left_out[topic] = 'no observation; name it with --topics to have it'
+
+
+def _require_topics(source: Source, plan: Plan) -> None:
+    for word, topic in (('--state', plan.state), ('--action', plan.action)):
+        if topic and topic not in source.layouts:
+            raise ConfigurationError(
+                f'{word} {topic} is not among the exported topics of {source.bag.path}: {", ".join(source.layouts)}'
+            )
+
+
+def _outside(source: Source, episodes: list[Episode]) -> dict[str, int]:
+    """Force messages in no episode, by topic."""
+    found: Counter[str] = Counter()
+    for topic, layout in source.layouts.items():
+        if layout.is_force:
+            stamps = source.stamps_ns(topic)
+            found[topic] = sum(not any(each.start_ns <= at <= each.end_ns for each in episodes) for at in stamps)
+    return dict(found)

@@ -1,0 +1,53 @@
+"""The folder that an export makes: there when it is whole, and not before."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import DatasetError
+
+FACTS = 'tactile.json'
+
+
+@contextlib.contextmanager
+def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
+    """A folder to write into, which becomes `output` when the block ends well and vanishes when it does not.
+
+    Raises:
+        DatasetError: `output` is there and is not to be replaced, or is no export, or cannot be written.
+    """
+    _require_free(output, replace)
+    draft = output.absolute().with_name(f'.{output.absolute().name}.part')
+    try:
+        shutil.rmtree(draft, ignore_errors=True)  # of an export that was killed
+        draft.mkdir(parents=True)
+        yield draft
+        if output.exists():
+            shutil.rmtree(output)
+        draft.rename(output)
+    except OSError as error:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing of it was kept') from error
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+
+
+def write_json(file: Path, content: dict[str, Any]) -> None:
+    """Write strict JSON, its folder included."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + '\n', encoding='utf-8')
+
+
+def _require_free(output: Path, replace: bool) -> None:
+    if not output.exists():
+        return
+    if not replace:
+        raise DatasetError(f'{output} exists already; choose another name, or replace it with --force')
+    if not (output / FACTS).is_file():
+        raise DatasetError(f'{output} is no export of ours (it holds no {FACTS}) and is not replaced; move it away')

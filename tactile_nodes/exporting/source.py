@@ -1,0 +1,189 @@
+"""A bag as what is to be exported: which topics, each message with its stamp, and what is known about all of it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from tactile_nodes import __version__
+from tactile_nodes.bag.compare import find_topic
+from tactile_nodes.bag.content import BagMessage
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.stamps import header_stamp_ns, starts_with_header
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.errors import BagError, ImageError, MessageError
+from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
+from tactile_nodes.exporting.units import SIGNS, STATUS
+
+NOT_TABLES = {
+    'sensor_msgs/msg/CompressedImage': 'a compressed image',
+    'sensor_msgs/msg/CameraInfo': 'constant',
+    'sensor_msgs/msg/PointCloud2': 'a point cloud',
+    'tactile_nodes/msg/FlowFeatures': 'large; name it with --topics to have it',
+    'diagnostic_msgs/msg/DiagnosticArray': 'texts',
+    'rcl_interfaces/msg/Log': 'texts',
+    'rosgraph_msgs/msg/Clock': 'no data',
+}
+"""What is exported only when it is named, and why."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """One message: `stamp_ns` from its header (capture), or when it was published if it has none."""
+
+    topic: str
+    stamp_ns: int
+    received_ns: int
+    message: Any
+
+
+@dataclass
+class Provenance:
+    """What the messages of a bag said about where they come from, counted while they are read."""
+
+    rows: Counter[str] = field(default_factory=Counter)
+    malformed: Counter[str] = field(default_factory=Counter)
+    status: Counter[int] = field(default_factory=Counter)
+    made_with: dict[str, set[str]] = field(default_factory=dict)
+    frames: dict[str, set[str]] = field(default_factory=dict)
+
+    def take(self, told: Told, is_force: bool) -> None:
+        """Count one message."""
+        self.rows[told.topic] += 1
+        header = getattr(told.message, 'header', None)
+        self.frames.setdefault(told.topic, set()).add(getattr(header, 'frame_id', ''))
+        if is_force:
+            self.status[int(told.message.status)] += 1
+            for name in ('model', 'model_id', 'calibration_id', 'gel', 'reference_id', 'tare_id'):
+                found = getattr(told.message.provenance, name, '')
+                self.made_with.setdefault(name, set()).update({found} if found else ())
+
+
+class Source:
+    """A bag opened for export. `layouts` holds the columns of each topic that is exported.
+
+    Raises:
+        BagError: it cannot be read, lacks a topic that was named, or holds nothing to export.
+    """
+
+    def __init__(
+        self, path: Path, topics: Sequence[str] = (), exclude: Sequence[str] = (), *, images: bool = False
+    ) -> None:
+        self.left_out: dict[str, str] = {}
+        self.layouts: dict[str, Layout] = {}
+        self.provenance = Provenance()
+        self._digest = hashlib.sha256()
+        self.bag = BagReader(path)
+        try:
+            self._choose(topics, exclude, images)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the bag."""
+        self.bag.close()
+
+    @property
+    def count(self) -> int:
+        """How many messages there are to read."""
+        return sum(self.bag.counts.get(topic, 0) for topic in self.layouts)
+
+    def stamps_ns(self, topic: str) -> list[int]:
+        """The stamps of a topic in rising order, read without decoding."""
+        return sorted(_stamp_ns(message) for message in self.bag.messages([topic]))
+
+    def told(self) -> Iterator[Told]:
+        """Every message of the exported topics that can be read, in the order in which they were received."""
+        self.provenance, self._digest = Provenance(), hashlib.sha256()
+        for message in self.bag.messages(self.layouts):
+            try:
+                decoded = self.bag.decode(message)
+            except MessageError:
+                self.provenance.malformed[message.topic] += 1
+                continue
+            self._digest.update(message.topic.encode() + b'\0' + message.data)
+            found = Told(message.topic, _stamp_ns(message), message.log_ns, decoded)
+            self.provenance.take(found, self.layouts[message.topic].is_force)
+            yield found
+
+    def facts(self) -> dict[str, Any]:
+        """What there is to know about what was read; complete once all was."""
+        seen = self.provenance
+        return {
+            'made_by': f'tactile_nodes {__version__}',
+            'bag': self.bag.path.resolve().name,
+            'data_fingerprint': self._digest.hexdigest()[:12],
+            'signs': SIGNS,
+            'status': STATUS,
+            'force_messages_of_status': {str(status): count for status, count in sorted(seen.status.items())},
+            **{name: sorted(found) for name, found in seen.made_with.items()},
+            'topics': {topic: self._topic_facts(layout) for topic, layout in self.layouts.items()},
+            'topics_left_out': self.left_out,
+            'malformed_messages': dict(seen.malformed),
+            'problems': self.bag.problems,
+        }
+
+    def _topic_facts(self, layout: Layout) -> dict[str, Any]:
+        stamped = starts_with_header(layout.type_name)
+        return {
+            'type': layout.type_name,
+            'rows': self.provenance.rows[layout.topic],
+            'stamp': 'capture, from the header' if stamped else 'when it was published, as it has no header',
+            'frames': sorted(self.provenance.frames.get(layout.topic, ())),
+            'units': {column.name: column.unit for column in layout.columns if column.unit},
+            'constant': {name: texts for name, (_, texts) in layout.constant.items()},
+            'fields_left_out': {**layout.left_out, **dict.fromkeys(layout.empty, 'empty in every message')},
+        }
+
+    # --- choosing -------------------------------------------------------------------------------------------
+
+    def _choose(self, topics: Sequence[str], exclude: Sequence[str], images: bool) -> None:
+        named = {find_topic(self.bag, topic) for topic in topics}
+        unwanted = {find_topic(self.bag, topic) for topic in exclude}
+        for name, described in sorted(self.bag.topics.items()):
+            if reason := self._reason_against(name, described.type_name, named, unwanted, images):
+                self.left_out[name] = reason
+            else:
+                self._lay_out(name)
+        if not self.layouts:
+            raise BagError(f'{self.bag.path} holds nothing to export: {self.left_out or "no topics"}')
+
+    def _reason_against(self, name: str, kind: str, named: set[str], unwanted: set[str], images: bool) -> str:
+        if name in unwanted or (named and name not in named and not (images and kind == IMAGE_TYPE)):
+            return 'not asked for'
+        if kind == IMAGE_TYPE and not images:
+            return 'images; have them with --images'
+        return '' if name in named else NOT_TABLES.get(kind, '')
+
+    def _lay_out(self, name: str) -> None:
+        for message in self.bag.messages([name]):
+            try:
+                first = self.bag.decode(message)
+                if message.type_name == FORCE_DISTRIBUTION.type_name and not first.rows * first.cols:
+                    continue  # told before there was a picture; a later one knows the grid
+                self.layouts[name] = Layout.of(name, message.type_name, first)
+            except MessageError as error:
+                self.left_out[name] = str(error)
+                continue
+            except ImageError as error:
+                self.left_out[name] = str(error)
+            self.left_out.pop(name, None) if name in self.layouts else None
+            return
+        self.left_out.setdefault(name, 'no messages')
+
+
+def _stamp_ns(message: BagMessage) -> int:
+    found = header_stamp_ns(message.data, message.type_name)
+    return message.publish_ns if found is None else found

@@ -1,0 +1,103 @@
+"""Streams a bag into tables, a batch of rows at a time, so that memory does not grow with the bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from tactile_nodes.errors import TactileError
+from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
+from tactile_nodes.exporting.source import Source, Told
+from tactile_nodes.learning.progress import Bar, Progress
+
+BATCH_ROWS = 4096
+IMAGE_ROWS = 16
+_TELL_EVERY = 256
+STAMPS = (Column('stamp_ns', 'int64', (), 'ns'), Column('received_ns', 'int64', (), 'ns'))
+"""The first columns of every table: capture (or publication), and when the recorder received it; both since 1970."""
+
+Batch = dict[str, Any]
+"""Arrays by the names of columns, a list for texts; all as long as each other."""
+
+
+class Sink(Protocol):
+    """Where the rows of one topic go."""
+
+    def write(self, batch: Batch) -> None: ...
+
+    def close(self, facts: dict[str, Any]) -> None:
+        """Nothing more is to come; `facts` are kept with the data."""
+        ...
+
+
+@dataclass
+class Table:
+    """The rows of one topic that wait to be written."""
+
+    layout: Layout
+    sink: Sink
+    waiting: list[list[Any]] = field(default_factory=list)
+
+    @property
+    def columns(self) -> list[Column]:
+        return [*STAMPS, *self.layout.columns]
+
+    def take(self, told: Told) -> None:
+        """One row more; written when a batch is full."""
+        self.waiting.append([told.stamp_ns, told.received_ns, *self.layout.row(told.message)])
+        if len(self.waiting) >= (IMAGE_ROWS if self.layout.type_name == IMAGE_TYPE else BATCH_ROWS):
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits."""
+        if self.waiting:
+            values = zip(*self.waiting, strict=True)
+            self.sink.write(
+                {column.name: _together(column, part) for column, part in zip(self.columns, values, strict=True)}
+            )
+            self.waiting = []
+
+
+def write_tables(source: Source, open_sink: Callable[[Layout], Sink], facts: dict[str, Any], progress: Progress) -> int:
+    """Write a table for each topic of a bag; returns how many rows there are in all.
+
+    Args:
+        source: the bag.
+        open_sink: makes the place for the rows of a topic.
+        facts: kept with each table, beside those of the source.
+        progress: told of the messages read.
+
+    Raises:
+        TactileError: a message fits no table.
+    """
+    tables = {name: Table(layout, open_sink(layout)) for name, layout in source.layouts.items()}
+    try:
+        with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
+            rows = _read_all(source, tables, bar)
+        for table in tables.values():
+            table.flush()
+    finally:  # also of what is thrown away: files must not stay open
+        for table in tables.values():
+            table.sink.close({**facts, **source.facts()})
+    return rows
+
+
+def _read_all(source: Source, tables: dict[str, Table], bar: Bar) -> int:
+    rows = 0
+    for told in source.told():
+        try:
+            tables[told.topic].take(told)
+        except TactileError as error:
+            raise type(error)(f'{source.bag.path}: {error}') from error
+        rows += 1
+        if rows % _TELL_EVERY == 0:
+            bar.advance(_TELL_EVERY)
+    bar.advance(rows % _TELL_EVERY)
+    return rows
+
+
+def _together(column: Column, values: tuple[Any, ...]) -> Any:
+    return list(values) if column.dtype == TEXT else np.asarray(values, column.dtype)

@@ -1,0 +1,78 @@
+"""Bags as zarr: a group for each topic, an array for each column, the first axis being the message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
+from tactile_nodes.exporting.libraries import require
+from tactile_nodes.exporting.output import FACTS, write_json
+from tactile_nodes.exporting.source import Source
+from tactile_nodes.exporting.tables import BATCH_ROWS, IMAGE_ROWS, STAMPS, Batch, write_tables
+from tactile_nodes.learning.progress import Progress
+
+FORMAT = 2  # zarr-python 2 and 3, and the readers of other languages, all know it; few know 3 as yet
+
+
+class ZarrSink:
+    """One group. Texts are numbers into the list `labels` of their array's attributes."""
+
+    def __init__(self, group: Any, columns: list[Column], rows: int) -> None:
+        self._group = group
+        self._labels: dict[str, dict[str, int]] = {column.name: {} for column in columns if column.dtype == TEXT}
+        self._arrays = {column.name: self._create(column, rows) for column in columns}
+
+    def write(self, batch: Batch) -> None:
+        """A chunk more in every array."""
+        for name, array in self._arrays.items():
+            values = batch[name]
+            if name in self._labels:
+                known = self._labels[name]
+                values = np.array([known.setdefault(text, len(known)) for text in values], np.int32)
+            array.append(values)
+
+    def close(self, facts: dict[str, Any]) -> None:
+        """Write the labels, and the facts into the group."""
+        for name, labels in self._labels.items():
+            self._arrays[name].attrs['labels'] = list(labels)
+        self._group.attrs.update(facts)
+
+    def _create(self, column: Column, rows: int) -> Any:
+        dtype = 'int32' if column.dtype == TEXT else column.dtype
+        made = self._group.create_array(
+            column.name,
+            shape=(0, *column.shape),
+            chunks=(rows, *column.shape),
+            dtype=dtype,
+            compressors=require('numcodecs').Blosc(cname='zstd', clevel=5),
+            fill_value=0,
+        )
+        # The names of the axes, as xarray looks for them.
+        made.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
+        if column.unit:
+            made.attrs['unit'] = column.unit
+        return made
+
+
+def export_zarr(source: Source, folder: Path, facts: dict[str, Any], progress: Progress) -> int:
+    """Write one group for each topic of a bag into the store `folder`; returns how many rows there are in all.
+
+    Raises:
+        ConfigurationError: zarr is not installed.
+        TactileError: a message fits no table.
+    """
+    zarr = require('zarr')
+    root = zarr.open_group(str(folder), mode='a', zarr_format=FORMAT)
+
+    def open_sink(layout: Layout) -> ZarrSink:
+        rows = IMAGE_ROWS if layout.type_name == IMAGE_TYPE else BATCH_ROWS
+        return ZarrSink(root.require_group(layout.topic.strip('/')), [*STAMPS, *layout.columns], rows)
+
+    rows = write_tables(source, open_sink, facts, progress)
+    whole = {**facts, **source.facts()}
+    root.attrs.update(whole)
+    write_json(folder / FACTS, whole)
+    return rows

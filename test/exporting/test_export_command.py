@@ -1,0 +1,99 @@
+"""`tactile export` refuses, cleans up and explains."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_bags import START_NS, force, write_bag
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.cli.main import INTERRUPTED, main
+from tactile_nodes.conversions import header, image_pixels
+from tactile_nodes.exporting import libraries
+from tactile_nodes.exporting.parquet import ParquetSink
+from tactile_nodes.messages import types
+
+pytest.importorskip('pyarrow')
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    write_bag(tmp_path / 'grasp', 5)
+    return tmp_path / 'grasp'
+
+
+def test_an_export_that_is_there_is_replaced_only_with_force(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = bag.parent / 'out'
+    words = ['export', 'parquet', str(bag), '-o', str(output)]
+    assert [main(words), main(words), main([*words, '--force'])] == [0, 1, 0]
+    assert '--force' in capsys.readouterr().err
+
+
+def test_a_folder_of_somebody_else_is_never_replaced(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = bag.parent / 'mine'
+    output.mkdir()
+    (output / 'thesis.txt').write_text('years of work')
+    assert main(['export', 'parquet', str(bag), '-o', str(output), '--force']) == 1
+    assert (output / 'thesis.txt').read_text() == 'years of work'
+    assert 'no export of ours' in capsys.readouterr().err
+
+
+def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ParquetSink, 'write', interrupt)
+    before = set(bag.parent.iterdir())
+    assert main(['export', 'parquet', str(bag), '-o', str(bag.parent / 'out')]) == INTERRUPTED
+    assert set(bag.parent.iterdir()) == before
+
+
+def test_without_the_library_one_sentence_says_what_to_install(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(f'No module named {name!r}')
+
+    monkeypatch.setattr(libraries.importlib, 'import_module', missing)
+    with pytest.raises(libraries.ConfigurationError, match=r"needs zarr .*pip install 'tactile_nodes\[export\]'"):
+        libraries.require('zarr')
+
+
+def test_only_the_topics_asked_for_are_exported(bag: Path) -> None:
+    output = bag.parent / 'out'
+    assert main(['export', 'parquet', str(bag), '-o', str(output), '--topics', 'wrench']) == 0
+    assert [file.name for file in output.glob('*.parquet')] == ['wrench.parquet']
+    assert json.loads((output / 'tactile.json').read_text())['topics_left_out']['/joint_states'] == 'not asked for'
+
+
+def test_a_grid_that_changes_within_a_bag_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    writer = BagWriter(tmp_path / 'two')
+    writer.add_topic(BagTopic.of_type('/f', 'tactile_nodes/msg/ForceDistribution'))
+    first = force(3, START_NS)
+    other = types.ForceDistribution(
+        header=header(START_NS + 1, ''), rows=5, cols=5, normal_force=np.ones(25, np.float32)
+    )
+    for number, message in enumerate((first, other)):
+        writer.write('/f', messages.encode(message), START_NS + number, START_NS + number)
+    writer.close()
+    assert main(['export', 'parquet', str(tmp_path / 'two'), '-o', str(tmp_path / 'out')]) == 1
+    assert 'normal_force of /f has the shape (9, 9)' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
+def test_colours_come_out_red_first() -> None:
+    message = types.Image(height=1, width=1, encoding='bgr8', step=3, data=np.array([1, 2, 3], np.uint8))
+    assert image_pixels(message).tolist() == [[[3, 2, 1]]]
+
+
+def test_depth_of_32_bits_keeps_its_bits() -> None:
+    depths = np.array([[0.1, 2.5]], '<f4')
+    message = types.Image(height=1, width=2, encoding='32FC1', step=8, data=depths.view(np.uint8).reshape(-1).copy())
+    assert np.array_equal(image_pixels(message), depths)

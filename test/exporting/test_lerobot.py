@@ -1,0 +1,205 @@
+"""A LeRobot data set of a bag: its layout, and frames that took what the bag said, when it said it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_presses
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
+
+pa = pytest.importorskip('pyarrow')
+pq = pytest.importorskip('pyarrow.parquet')
+cv2 = pytest.importorskip('cv2')
+
+FORCES = [force(number, START_NS + number * STEP_NS) for number in range(30)]
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two bags, the second shorter, at 20 frames a second."""
+    made = tmp_path_factory.mktemp('lerobot')
+    write_bag(made / 'one')
+    write_bag(made / 'two', 20)
+    words = ['--fps', '20', '--images', '--state', JOINTS, '--task', 'press the cup', '--robot', 'arm']
+    bags = [str(made / 'one'), str(made / 'two')]
+    assert main(['export', 'lerobot', *bags, '-o', str(made / 'set'), *words]) == 0
+    return made / 'set'
+
+
+@pytest.fixture(scope='module')
+def first(folder: Path):
+    return pq.read_table(folder / 'data/chunk-000/file-000.parquet')
+
+
+def taken(first) -> list[int]:
+    """Which message each frame had to take: the last one before it, counted by hand from the stamps."""
+    return [max(n for n in range(30) if n * STEP_NS <= at - START_NS) for at in first['stamp_ns'].to_pylist()]
+
+
+def test_frames_are_at_a_fixed_rate_from_the_first_force_to_the_last(first) -> None:
+    # 30 forces at 60 Hz last 0.483 s: frames at 0, 0.05 … 0.45 s.
+    assert first['stamp_ns'].to_pylist() == [START_NS + number * 50_000_000 for number in range(10)]
+    assert first['timestamp'].to_pylist() == [pytest.approx(number / 20, abs=1e-7) for number in range(10)]
+
+
+def test_a_frame_holds_the_force_map_of_the_last_message_before_it(first) -> None:
+    maps = first['observation.force_map'].combine_chunks().flatten().to_numpy().reshape(-1, 81)
+    assert np.array_equal(maps, [FORCES[number].normal_force for number in taken(first)])
+
+
+def test_a_frame_says_how_old_its_force_is(first) -> None:
+    expected = [
+        (at - START_NS - number * STEP_NS) * 1e-9
+        for at, number in zip(first['stamp_ns'].to_pylist(), taken(first), strict=True)
+    ]
+    assert first['age_s.force'].to_numpy() == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_nobody_told_yet_is_no_number_and_has_no_age(first) -> None:
+    # Joints speak first at 3 * 16.7 - 1 = 49 ms: the frame at 0 knows nothing, that at 50 ms does.
+    assert np.isnan(first['observation.state'][0].as_py()).all()
+    assert np.isnan(first['age_s.state'][0].as_py())
+    assert first['observation.state'][1].as_py() == pytest.approx([1.0, 0.1])
+    assert first['age_s.state'][1].as_py() == pytest.approx(0.05 - (3 * STEP_NS - 1_000_000) * 1e-9, abs=1e-8)
+
+
+def test_invalid_forces_keep_their_status(first) -> None:
+    assert first['observation.status'].to_pylist() == [2, *[0] * 9]
+    assert first['observation.reasons'].to_pylist() == [8, *[0] * 9]
+
+
+def test_pictures_lie_in_the_frames_without_loss(first) -> None:
+    for number, each in zip(taken(first), first['observation.images.image_raw'].to_pylist(), strict=True):
+        decoded = cv2.imdecode(np.frombuffer(each['bytes'], np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert np.array_equal(decoded, picture(number))
+
+
+def test_info_describes_every_column_of_the_data(folder: Path, first) -> None:
+    info = json.loads((folder / 'meta/info.json').read_text())
+    assert (info['codebase_version'], info['fps'], info['robot_type']) == ('v3.0', 20, 'arm')
+    assert set(info['features']) == set(first.column_names)
+    assert info['features']['observation.state']['names'] == ['position[0]', 'position[1]']
+    assert info['data_path'].format(chunk_index=0, file_index=1) == 'data/chunk-000/file-001.parquet'
+    assert (info['total_episodes'], info['total_frames']) == (2, 10 + 7)
+
+
+def test_each_bag_is_an_episode_and_indexes_go_on(folder: Path) -> None:
+    episodes = pq.read_table(folder / 'meta/episodes/chunk-000/file-000.parquet').to_pylist()
+    assert [(each['dataset_from_index'], each['dataset_to_index']) for each in episodes] == [(0, 10), (10, 17)]
+    assert [(each['bag'], each['tasks']) for each in episodes] == [
+        ('one', ['press the cup']),
+        ('two', ['press the cup']),
+    ]
+    second = pq.read_table(folder / 'data/chunk-000/file-001.parquet')
+    assert second['index'].to_pylist() == list(range(10, 17))
+    assert set(second['episode_index'].to_pylist()) == {1}
+
+
+def test_the_task_is_the_index_of_a_pandas_table(folder: Path) -> None:
+    table = pq.read_table(folder / 'meta/tasks.parquet')
+    assert table.to_pylist() == [{'task_index': 0, '__index_level_0__': 'press the cup'}]
+    assert json.loads(table.schema.metadata[b'pandas'])['index_columns'] == ['__index_level_0__']
+
+
+def test_statistics_are_those_of_all_frames_together(folder: Path) -> None:
+    told = json.loads((folder / 'meta/stats.json').read_text())['observation.total_force']
+    files = sorted((folder / 'data').glob('*/*.parquet'))
+    values = np.concatenate([pq.read_table(file)['observation.total_force'].to_numpy() for file in files])
+    assert (told['count'], told['min'], told['max']) == ([17], [values.min()], [values.max()])
+    assert told['mean'] == [pytest.approx(values.mean(dtype=np.float64), rel=1e-6)]
+    assert told['std'] == [pytest.approx(values.std(dtype=np.float64), rel=1e-6)]
+
+
+def test_the_metadata_say_model_gel_units_and_how_it_was_resampled(folder: Path) -> None:
+    facts = json.loads((folder / 'tactile.json').read_text())
+    assert [bag['model_id'] for bag in facts['bags']] == [['a1b2c3d4e5f6']] * 2
+    assert facts['units']['observation.force_map'] == 'N'
+    assert facts['units']['observation.wrench'] == ['N'] * 3 + ['N m'] * 3
+    assert facts['resampling'].startswith('previous')
+
+
+def test_cut_at_presses_each_episode_ends_with_its_window(tmp_path: Path) -> None:
+    write_presses(tmp_path / 'bag')
+    words = ['--cut', 'presses', '--fps', '60']
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
+    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
+    assert [(each['press'], each['press_status'], each['press_reason']) for each in episodes] == [
+        (1, 0, ''), (2, 1, 'the force drifted'),
+    ]  # fmt: skip
+    second = pq.read_table(tmp_path / 'set/data/chunk-000/file-001.parquet')
+    assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
+    assert second['stamp_ns'][-1].as_py() <= START_NS + 39 * STEP_NS
+    facts = json.loads((tmp_path / 'set/tactile.json').read_text())
+    assert list(facts['bags'][0]['force_messages_outside_episodes'].values()) == [20]
+
+
+def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_bag(tmp_path / 'bag', 5)
+    words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
+    assert 'holds no force_distribution' in capsys.readouterr().err
+    assert not (tmp_path / 'set').exists()
+
+
+def test_bags_of_different_topics_make_no_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_bag(tmp_path / 'one', 5)
+    write_presses(tmp_path / 'two')
+    bags = [str(tmp_path / 'one'), str(tmp_path / 'two')]
+    assert main(['export', 'lerobot', *bags, '-o', str(tmp_path / 'set')]) == 1
+    assert 'other features than the bags before it' in capsys.readouterr().err
+
+
+# --- resampling ---------------------------------------------------------------------------------------------
+
+SECOND_NS = 1_000_000_000
+
+
+def resampled(pick: str, stamps: list[int], fps: int = 10) -> list[object]:
+    """What the frames of one second take from messages that are named by their stamps."""
+    resampler = Resampler(['/a'], [Episode(0, SECOND_NS // 2)], fps, pick)
+    found = [frame for at in stamps for frame in resampler.take('/a', at, at, at)]
+    return [frame.picked['/a'].value for frame in [*found, *resampler.finish()]]
+
+
+def test_the_previous_message_is_never_later_than_its_frame() -> None:
+    assert resampled(PREVIOUS, [0, 90_000_000, 110_000_000, 290_000_000]) == [
+        0, 90_000_000, 110_000_000, 290_000_000, 290_000_000, 290_000_000,
+    ]  # fmt: skip
+
+
+def test_the_nearest_message_may_be_later_than_its_frame() -> None:
+    # At 0.2 s, 290 ms are nearer (90 ms) than 101 ms (99 ms).
+    taken_ns = resampled(NEAREST, [0, 98_000_000, 101_000_000, 290_000_000])
+    assert taken_ns[1:4] == [101_000_000, 290_000_000, 290_000_000]
+
+
+def test_messages_received_out_of_order_are_taken_by_their_stamps() -> None:
+    assert resampled(PREVIOUS, [0, 110_000_000, 90_000_000])[1] == 90_000_000
+
+
+def test_messages_are_forgotten_once_no_frame_can_take_them() -> None:
+    resampler = Resampler(['/a'], [Episode(0, 1000 * SECOND_NS)], 10, NEAREST)
+    for number in range(20_000):  # 200 s at 100 Hz
+        list(resampler.take('/a', number * 10_000_000, number * 10_000_000, None))
+    # Two seconds are waited for those that come late, and one message before and one frame after are kept.
+    assert len(resampler._tracks['/a'].kept) <= 2 * 100 + 12
+
+
+def test_statistics_count_only_numbers() -> None:
+    statistics = Statistics((1,))
+    for value in (float('nan'), 1e9, 1e9 + 2):
+        statistics.take([value])
+    told = statistics.told()
+    assert told is not None
+    assert (told['mean'], told['std'], told['min'], told['max']) == ([1e9 + 1], [1.0], [1e9], [1e9 + 2])
+
+
+def test_a_feature_that_never_was_a_number_has_no_statistics() -> None:
+    statistics = Statistics((2,))
+    statistics.take([1.0, float('nan')])
+    assert statistics.told() is None
