@@ -21,6 +21,7 @@ examples:
   tactile calibrate new_gel_bag --model portable --gel gel-7 -o gel-7.safetensors
   tactile calibrate first_bag second_bag --model portable --gel gel-7 -o gel-7.safetensors --curve
   tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
+  tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights, a pen
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
 
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='a bag of presses on the new gel')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='presses as a data set, instead of bags')
+    parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: pictures, and what is known')
     parser.add_argument('--model', required=True, help='the model to begin with: a file, or the name of one that ships')
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--gel', default='', help='name of the new gel, or the YAML file of a simulated one')
@@ -42,16 +44,31 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
 
-    if bool(arguments.bags) == bool(arguments.dataset):
-        raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE')
+    if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
+        raise ConfigurationError('give the presses on the new gel: either bags, or --dataset FILE, or --pictures CSV')
     if arguments.layer and arguments.bags:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
+    if arguments.pictures:
+        return _of_pictures(arguments, progress, command)
     model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)
     print(f'{arguments.output}: model {model_id}, from {made.presses} presses')
     print(f'form {made.reason}')
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
+    return 0
+
+
+def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str) -> int:
+    from tactile_nodes.learning.hand_presses import calibrate_by_hand
+    from tactile_nodes.learning.transfer import Source
+
+    source = Source.find(arguments.model)
+    model_id, made = calibrate_by_hand(source, arguments.pictures, arguments.gel, arguments.output, progress, command)
+    print(f'{arguments.output}: model {model_id}, from {made.weights} weights at unknown places, {made.pens} pens')
+    print(f'form {made.reason}')
+    for when, errors in (('before', made.before), ('after', made.after)):
+        print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (nan: not known)')
     return 0
 
 

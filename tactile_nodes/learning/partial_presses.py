@@ -112,7 +112,7 @@ def _table_starts(response: AxisymmetricResponse, presses: Presses, reach_mm: fl
         if len(table) > 1:
             left = (presses.motion[number] - response.motion(table)) * weight[number]
             begun[number] = table[int(np.square(left).sum(axis=(1, 2)).argmin())]
-    return begun
+    return np.asarray(begun)
 
 
 def _certainty(presses: Presses) -> Float[np.ndarray, 'n regions 2']:

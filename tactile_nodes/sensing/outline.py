@@ -76,7 +76,7 @@ def silhouette(picture: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
     return np.asarray(density**2 / (density**2 + level), np.float32)
 
 
-def outline_map(one: UInt8[np.ndarray, 'h w'], other: UInt8[np.ndarray, 'h w']) -> OutlineMap:
+def outline_map(one: UInt8[np.ndarray, 'h w'], other: UInt8[np.ndarray, 'h2 w2']) -> OutlineMap:
     """How the outline of the gel in one rest image maps onto that in the other.
 
     Raises:

@@ -1,0 +1,199 @@
+"""Presses by hand: pictures of the camera, and a table that says what is known of each. No rig, no bag.
+
+A row of the table names a picture (beside the table) and tells `x_mm`, `y_mm` and `grams`, each left empty where
+nobody knows it: `rest.png,,,0` is the gel untouched, `a.png,,,50` a weight of 50 g somewhere, `b.png,-8,3,` a pen.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from tactile_nodes import __version__, clock
+from tactile_nodes.drivers.pictures import read_grey
+from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.learning.building import gel_told
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.evaluate import config_of
+from tactile_nodes.learning.measuring import Measurer
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer import CALIBRATION, Source, require_source
+from tactile_nodes.learning.transfer_checks import source_readout
+from tactile_nodes.learning.transfer_partial import PartialTransfer, transfer_outline, transfer_partial
+from tactile_nodes.model_file import LoadedModel, save_model
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.outline import OutlineMap, outline_map
+from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.optics import Optics
+
+COLUMNS = 'picture', 'x_mm', 'y_mm', 'grams'
+NEWTON_PER_GRAM = 9.81e-3
+REST_SEED = 1
+SURFACE_MM = 16.0
+
+
+@dataclass(frozen=True)
+class HandPresses:
+    """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows)."""
+
+    rest: list[UInt8[np.ndarray, 'h w']]
+    pressed: list[UInt8[np.ndarray, 'h w']]
+    contacts: Float[np.ndarray, 'n 3']
+    fingerprint: str
+
+    @classmethod
+    def read(cls, table: Path) -> HandPresses:
+        """A table and the pictures that it names.
+
+        Raises:
+            DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
+            ConfigurationError: a picture cannot be read.
+        """
+        rows = _rows(table)
+        pictures = [read_grey(table.parent / name) for name, _ in rows]
+        contacts = np.array([told for _, told in rows]).reshape(-1, 3)
+        untouched = contacts[:, 2] == 0
+        if not untouched.any():
+            raise DatasetError(f'{table} has no picture of the gel untouched; add one with 0 grams, better twelve')
+        if len({picture.shape for picture in pictures}) > 1:
+            raise DatasetError(f'the pictures of {table} differ in size; take all with one setting of the camera')
+        digest = hashlib.sha256(contacts.tobytes() + b''.join(picture.tobytes() for picture in pictures))
+        chosen: tuple[list[Any], list[Any]] = ([], [])
+        for picture, at_rest in zip(pictures, untouched, strict=True):
+            chosen[0 if at_rest else 1].append(picture)
+        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16])
+
+    @property
+    def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
+        """The mean of the pictures of the gel untouched."""
+        return average(self.rest)
+
+    def dataset(self, measurer: Measurer) -> Dataset:
+        """Features of all pictures against the mean of those untouched; a depth of 1 says that something touched."""
+        measurer.use_reference(self.rest_picture)
+        measured = [measurer.measure([picture]) for picture in (*self.rest, *self.pressed)]
+        presses = np.zeros((len(measured), 4), np.float32)
+        presses[: len(self.rest), 2] = -1.0
+        presses[len(self.rest) :, 2] = 1.0
+        presses[len(self.rest) :, [0, 1, 3]] = self.contacts
+        return Dataset(
+            np.stack([each.values for each in measured]), presses, np.arange(len(measured)),
+            np.stack([each.confidence for each in measured]), self.fingerprint,
+        )  # fmt: skip
+
+
+def _rows(table: Path) -> list[tuple[str, tuple[float, float, float]]]:
+    try:
+        with table.open(encoding='utf-8', newline='') as file:
+            reader = csv.DictReader(file)
+            if tuple(reader.fieldnames or ()) != COLUMNS:
+                raise DatasetError(f'{table}: the first line must be {",".join(COLUMNS)}')
+            return [_row(row, f'{table}, line {reader.line_num}') for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise DatasetError(f'cannot read {table}: {error}') from error
+
+
+def _row(row: dict[str, str | None], where: str) -> tuple[str, tuple[float, float, float]]:
+    x, y, grams = (_number(row[name], f'{where}: {name}') for name in COLUMNS[1:])
+    if not row['picture']:
+        raise DatasetError(f'{where}: no picture is named')
+    if grams < 0 or max(abs(x), abs(y)) > SURFACE_MM:
+        raise DatasetError(
+            f'{where}: grams must not be negative, and places lie within {SURFACE_MM:g} mm of the middle'
+        )
+    return row['picture'], (x, y, grams * NEWTON_PER_GRAM)
+
+
+def _number(text: str | None, what: str) -> float:
+    """NaN where nothing is written."""
+    if not (text or '').strip():
+        return math.nan
+    try:
+        number = float(text or '')
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise DatasetError(f'{what} is {text!r}, and must be a number, or empty where nobody knows it')
+    return number
+
+
+def source_rest(loaded: LoadedModel, like: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2'] | None:
+    """What the known gel looks like untouched: the model's rest image, or one of its simulated gel; None without."""
+    if loaded.rest_image.size:
+        return loaded.rest_image
+    try:
+        gel = config_of(loaded).gel
+    except ConfigurationError:
+        return None
+    if gel.gel_id != loaded.card['gel'].get('id') or (gel.image_height, gel.image_width) != like.shape:
+        return None
+    return Optics(gel, contact_table(gel)).render((), REST_SEED)
+
+
+def outline_between(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w']) -> OutlineMap | str:
+    """How the gel's outline maps from the model's rest image to this one, or why that cannot be told."""
+    known = source_rest(loaded, rest)
+    if known is None:
+        return 'the model has no rest image of its gel'
+    side = min(*known.shape, *rest.shape)
+    if known.shape != rest.shape:
+        known, rest = (np.ascontiguousarray(centre_crop(each, side, side)) for each in (known, rest))
+    try:
+        return outline_map(known, rest)
+    except ImageError as error:
+        return str(error)
+
+
+def calibrate_by_hand(
+    source: Source, table: Path, gel: str, output: Path, progress: Progress, command: str = ''
+) -> tuple[str, PartialTransfer]:
+    """Write the model of the gel that the table's pictures show; its id, and how it came about.
+
+    Raises:
+        ModelError: the model cannot be transferred, or is a calibration for this gel already.
+        DatasetError: the pictures cannot be used.
+        ImageError: a picture cannot be measured.
+    """
+    begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
+    require_source(loaded, str(told['id']))
+    presses = HandPresses.read(table)
+    made, rest = _fitted(loaded, presses, progress)
+    seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
+    samples = len(presses.rest) + len(presses.pressed)
+    card = {
+        **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
+        'command': command,
+        'made_with': f'tactile_nodes {__version__}',
+        'licence': 'the same as tactile_nodes',
+        'gel': told,
+        'data': {'origin': CALIBRATION, 'bags': [], 'samples': samples, 'fingerprint': presses.fingerprint},
+        'source': source.told(output),
+        'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
+    }
+    return save_model(output, replace(loaded.model, readout=made.readout, model_id='unsaved'), card, rest), made
+
+
+def _fitted(loaded: LoadedModel, presses: HandPresses, progress: Progress) -> tuple[PartialTransfer, np.ndarray]:
+    """The calibration, and the rest image that it was measured against."""
+    readout, outline = source_readout(loaded), outline_between(loaded, presses.rest_picture)
+    if isinstance(outline, str) and not presses.pressed:
+        raise DatasetError(f'the table tells of no press, and the outline of the gel cannot be used: {outline}')
+    if isinstance(outline, str):
+        progress.say(f'the outline of the gel is not used: {outline}')
+    with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size[0]) as measurer:
+        dataset = presses.dataset(measurer)
+        half_px, rest = measurer.side / 2, measurer.rest_image
+    if not presses.pressed:
+        assert isinstance(outline, OutlineMap)
+        return transfer_outline(readout, outline, half_px), rest
+    seen = None if isinstance(outline, str) else outline
+    return transfer_partial(readout, dataset, seen, half_px, progress), rest
