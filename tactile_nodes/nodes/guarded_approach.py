@@ -45,6 +45,11 @@ class GuardedApproachNode(Node):
         self._thread = threading.Thread(target=self._approach, name='approach', daemon=True)
         self._thread.start()
 
+    def stop(self) -> None:
+        """Also ends the approach, at once: by the time that this node closes, the sensor may be gone."""
+        self._guarded.stop()
+        super().stop()
+
     def on_close(self) -> None:
         self._guarded.stop()
         self._thread.join(LEAVE_S)
