@@ -14,6 +14,8 @@ from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
 from tactile_nodes.sensing.network import InputScaling
 
 LARGEST_STEP_MM = 0.6
+LARGEST_SHARED = 0.15
+"""Of a step of the logarithms of softness and width."""
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004
 """Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
@@ -87,12 +89,20 @@ def with_numbers(response: AxisymmetricResponse, numbers: Float[np.ndarray, 'reg
 
 
 def fit_regions(
-    response: AxisymmetricResponse, presses: Presses, expected: Expected, doubt: Float[np.ndarray, ' distances']
+    response: AxisymmetricResponse,
+    presses: Presses,
+    expected: Expected,
+    doubt: Float[np.ndarray, ' distances'],
+    shared: Shared | None = None,
 ) -> AxisymmetricResponse:
-    """One Gauss-Newton step of every region's numbers towards the most probable ones."""
+    """One Gauss-Newton step of every region's numbers towards the most probable ones.
+
+    With `shared`, softness and width, which all regions have in common, are found along with them.
+    """
     here = numbers_of(response)
     square = np.tile(expected.precision, (len(here), 1, 1))
     down = (expected.numbers - here) @ expected.precision
+    cross, across, along = np.zeros((*here.shape, 2)), np.zeros((2, 2)), np.zeros(2)
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
         weight = some.weights(response, doubt)
@@ -101,9 +111,44 @@ def fit_regions(
         by_region = lever.transpose(1, 0, 2, 3).reshape(len(here), -1, here.shape[1])
         square += by_region.transpose(0, 2, 1) @ by_region
         down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
+        if shared:
+            both = (_shared_levers(response, some.contacts) * weight[..., None]).transpose(1, 0, 2, 3)
+            both = both.reshape(len(here), -1, 2)
+            cross += by_region.transpose(0, 2, 1) @ both
+            across += np.einsum('rni,rnj->ij', both, both)
+            along += np.einsum('rn,rni->i', left.transpose(1, 0, 2).reshape(len(here), -1), both)
     step = np.linalg.solve(square, down[..., None])[..., 0]
+    if shared:
+        # Regions given what is shared, put into the equations of what is shared (Schur complement).
+        follow = np.linalg.solve(square, cross)
+        prior, now = np.diag(1 / shared.sigma**2), np.log([response.softness, response.width])
+        whole = across + prior - np.einsum('rik,ril->kl', cross, follow)
+        wanted = along + prior @ (shared.expected - now) - np.einsum('rik,ri->k', cross, step)
+        move = np.clip(np.linalg.solve(whole, wanted), -LARGEST_SHARED, LARGEST_SHARED)
+        step = step - follow @ move
+        softness, width = np.exp(now + move).tolist()
+        response = replace(response, softness=softness, width=width)
     step[:, -2:] = np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)
     return with_numbers(response, here + step)
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What the logarithms of softness and width are expected to be, and how far from that."""
+
+    expected: Float[np.ndarray, ' 2']
+    sigma: Float[np.ndarray, ' 2']
+
+
+def _shared_levers(response: AxisymmetricResponse, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2 2']:
+    """How the motion of each region changes with the logarithms of softness and width.
+
+    Softness multiplies the force, so that is F dm/dF; width divides the distance, so that is minus distance dm/d(it).
+    """
+    along_x, along_y, by_force = response.motion_and_slopes(contacts)[1]
+    away = contacts[:, None, :2] - response.places
+    by_width = -(along_x * away[..., :1] + along_y * away[..., 1:])
+    return np.stack([by_force * contacts[:, 2, None, None], by_width], axis=-1)
 
 
 def _levers(response: AxisymmetricResponse, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2 numbers']:

@@ -18,7 +18,16 @@ from jaxtyping import Float, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_calibration import Judged, least_gain
-from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, Expected, Presses, fit_regions, numbers_of, views
+from tactile_nodes.learning.axisymmetric_regions import (
+    FIRST_DOUBT,
+    Expected,
+    Presses,
+    Shared,
+    fit_regions,
+    measured_doubt,
+    numbers_of,
+    views,
+)
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
@@ -34,6 +43,8 @@ from tactile_nodes.sensing.response import Calibration
 
 FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
 REGION_TURNS = 4
+SHARED_SIGMA = np.array([0.2, 0.03])
+"""Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them."""
 FOLDS = 5
 WORTH = 1.02
 """A simpler form is taken if its held-out misfit is at most this times the best."""
@@ -97,17 +108,20 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     require_presses(dataset, known)
     other = OtherGel.of(known, dataset)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
-        offset = fit_whole(other.start, other.presses, offset=True).offset_n
+        wholes = {form: other.whole(form) for form in FORMS if form != 'regions'}
+        wholes['regions'] = wholes['whole']
+        begin = wholes['whole'].numbers
+        offset = fit_whole(other.start, other.presses, begin=begin, offset=True).offset_n
         require_tared(offset)
         bar.advance()
         fold = folds_of(other.presses.contacts)
-        folds = other.folds(fold, bar.advance)
+        folds = other.folds(wholes, fold, bar.advance)
         misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
-        whole = other.whole(form)
-        readout = other.readout(whole.response if form != 'regions' else other.regions(whole.response))
+        whole, doubt = wholes[form], other.doubt(folds[form], fold)
+        readout = other.readout(whole.response if form != 'regions' else other.regions(whole.response), doubt)
         held = [
-            Judged.of(other.readout(made), dataset, other.rows[fold == number])
+            Judged.of(other.readout(made, doubt), dataset, other.rows[fold == number])
             for number, made in zip(np.unique(fold), folds[form], strict=True)
         ]
         bar.advance()
@@ -154,13 +168,13 @@ class OtherGel:
         return fit_whole(self.start, self.presses, FORMS[form])
 
     def folds(
-        self, fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
+        self, wholes: Mapping[str, WholeFit], fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
     ) -> dict[str, list[AxisymmetricResponse]]:
         """Each form fitted to the presses of all folds but one, for each of them."""
         rest = [np.flatnonzero(fold != number) for number in np.unique(fold)]
         made = {}
         for form in ('hardness', 'whole'):
-            begin = self.whole(form).numbers
+            begin = wholes[form].numbers
             fits = [fit_whole(self.start, self.presses.take(each), FORMS[form], begin=begin) for each in rest]
             made[form] = [each.response for each in fits]
             advance(1, form)
@@ -173,8 +187,9 @@ class OtherGel:
         presses = self.presses if chosen is None else self.presses.take(chosen)
         precision, over = np.linalg.inv(self.typical.scatter), powers(self.view)
         smooth = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
+        shared = Shared(np.log([response.softness, response.width]), SHARED_SIGMA)
         for _ in range(REGION_TURNS):
-            response = fit_regions(response, presses, Expected(over @ smooth, precision), FIRST_DOUBT)
+            response = fit_regions(response, presses, Expected(over @ smooth, precision), FIRST_DOUBT, shared)
             # What all regions turn out to share follows their mean, within what the smooth start was off by.
             left = numbers_of(response) - over @ smooth
             smooth = smooth + np.linalg.solve(over.T @ over + np.eye(over.shape[1]), over.T @ left)
@@ -195,9 +210,25 @@ class OtherGel:
         size = np.square(presses.motion).sum(axis=-1, keepdims=True)
         return np.asarray(np.sqrt(presses.certainty / (1 + presses.certainty * 0.01 * size)))
 
-    def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
-        """The source's readout with another response."""
-        return replace(self.source, scaling=self.scaling, response=response, doubt=FIRST_DOUBT)
+    def doubt(
+        self, folds: list[AxisymmetricResponse], fold: Int[np.ndarray, ' presses']
+    ) -> Float[np.ndarray, ' distances']:
+        """By what shares of their motion regions are off under presses that were held out."""
+        shares = [
+            measured_doubt(response, self.presses.take(np.flatnonzero(fold == number)))
+            for number, response in zip(np.unique(fold), folds, strict=True)
+        ]
+        return np.asarray(np.sqrt(np.mean(np.square(shares), axis=0)))
+
+    def readout(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> AxisymmetricReadout:
+        """The source's readout with another response.
+
+        Of its correction that of places is kept, which the view through the lens asks for; that of forces belongs to
+        its own regions.
+        """
+        correction = self.source.correction
+        places = replace(correction, terms=correction.terms * np.array([1.0, 1.0, 0.0]))
+        return replace(self.source, scaling=self.scaling, response=response, doubt=doubt, correction=places)
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:

@@ -94,9 +94,8 @@ def as_weights(dataset: Dataset, force_n: float) -> Dataset:
 
 def as_pens(dataset: Dataset) -> Dataset:
     """Every press as at its known place, with a force that nobody knows."""
-    presses = dataset.presses.copy()
-    presses[presses[:, 2] > 0, 3] = np.nan
-    return replace_presses(dataset, presses)
+    unknown_n = np.where(dataset.presses[:, 2] > 0, np.float32(np.nan), dataset.presses[:, 3])
+    return replace_presses(dataset, np.column_stack([dataset.presses[:, :3], unknown_n]))
 
 
 def replace_presses(dataset: Dataset, presses: np.ndarray) -> Dataset:
@@ -167,8 +166,8 @@ def transfer_partial(
         bar.advance(1, 'regions')
     form = next(name for name in misfits if misfits[name] <= WORTH * min(misfits.values()))
     response = whole.whole.response if form == 'whole' else gel.regions(whole, gel.presses)
-    held = np.concatenate([read_errors(gel.other.readout(made), dataset, rows) for made, rows in responses[form]])
-    readout = gel.other.readout(response)
+    held = np.concatenate([read_errors(gel.readout(made), dataset, rows) for made, rows in responses[form]])
+    readout = gel.readout(response)
     calibration = _calibration(readout, held, outline is not None)
     noise = least_gain(readout, dataset, gel.other.untouched)
     readout = replace(readout, calibration=replace(calibration, least_gain=max(calibration.least_gain, noise)))
@@ -202,6 +201,10 @@ class _Gel:
         """What no press tells, in sentences."""
         hardness = () if self._tells_force(self.presses) else (HARDNESS_HELD,)
         return hardness if self.outline or self._places(self.presses) >= LEAST_PLACES else (*hardness, PLACES_HELD)
+
+    def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
+        """The known gel's readout with another response."""
+        return replace(self.other.source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT)
 
     @staticmethod
     def _tells_force(presses: Presses) -> bool:
@@ -288,9 +291,7 @@ def _require_presses(dataset: Dataset) -> None:
     presses = dataset.presses[dataset.presses[:, 2] > 0][:, [0, 1, 3]]
     known = np.isfinite(presses)
     if len(presses) < LEAST_PRESSES:
-        raise DatasetError(
-            f'a calibration needs {LEAST_PRESSES} presses at least, and there are {len(presses)}; record more'
-        )
+        raise DatasetError(f'a calibration needs {LEAST_PRESSES} presses at least, not {len(presses)}; record more')
     if (known[:, 0] != known[:, 1]).any():
         raise DatasetError('of a press x is known and y is not, or the other way round; give both, or neither (NaN)')
     if not known.any(axis=1).all():
