@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from typing import Any
 
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
@@ -36,14 +37,21 @@ def find_episodes(source: Source, cut: str) -> list[Episode]:
     return _cut(stamps[0], start_ns, end_ns, _presses(source))
 
 
+def count_outside(stamps: list[int], episodes: list[Episode]) -> int:
+    """How many of these stamps, in rising order, lie in no episode."""
+    return len(stamps) - sum(
+        bisect_right(stamps, each.end_ns) - bisect_left(stamps, each.start_ns) for each in episodes
+    )
+
+
 def _cut(stamps: list[int], start_ns: int, end_ns: int, presses: list[Any]) -> list[Episode]:
     found = []
     after_ns = start_ns - 1
     for press in presses:
         until_ns = min(end_ns, stamp_ns(press.window_end))
-        inside = [each for each in stamps if after_ns < each <= until_ns]
-        if inside:
-            found.append(Episode(inside[0], inside[-1], _told(press)))
+        first, past = bisect_right(stamps, after_ns), bisect_right(stamps, until_ns)
+        if first < past:
+            found.append(Episode(stamps[first], stamps[past - 1], _told(press)))
         after_ns = max(after_ns, until_ns)
     return found
 

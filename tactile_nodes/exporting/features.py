@@ -9,12 +9,23 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tactile_nodes.bus.topics import CALIBRATION_STATE, MODEL_IN_USE, PRESS, SYNC_EDGE, TRUE_FORCE
+from tactile_nodes.bus.topics import (
+    CALIBRATION_IMAGE,
+    CALIBRATION_STATE,
+    MODEL_IN_USE,
+    PRESS,
+    REFERENCE_IMAGE,
+    SYNC_EDGE,
+    TRUE_FORCE,
+)
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
 from tactile_nodes.exporting.resampling import Picked
 
-EVENTS = [topic.name for topic in (PRESS, SYNC_EDGE, CALIBRATION_STATE, MODEL_IN_USE, TRUE_FORCE)]
+EVENTS = [
+    topic.name
+    for topic in (PRESS, SYNC_EDGE, CALIBRATION_STATE, MODEL_IN_USE, REFERENCE_IMAGE, CALIBRATION_IMAGE, TRUE_FORCE)
+]
 """Topics that are no observation: what happens once, and what only a simulator knows. They are had by their names."""
 _FORCE = (
     ('total_force', 'float32', ['total']),

@@ -5,14 +5,13 @@ Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.exporting.episodes import BAG, find_episodes
+from tactile_nodes.exporting.episodes import BAG, count_outside, find_episodes
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
 from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
 from tactile_nodes.exporting.output import FACTS, write_json
@@ -156,9 +155,8 @@ def _require_topics(source: Source, plan: Plan) -> None:
 
 def _outside(source: Source, episodes: list[Episode]) -> dict[str, int]:
     """Force messages in no episode, by topic."""
-    found: Counter[str] = Counter()
-    for topic, layout in source.layouts.items():
-        if layout.is_force:
-            stamps = source.stamps_ns(topic)
-            found[topic] = sum(not any(each.start_ns <= at <= each.end_ns for each in episodes) for at in stamps)
-    return dict(found)
+    return {
+        topic: count_outside(source.stamps_ns(topic), episodes)
+        for topic, layout in source.layouts.items()
+        if layout.is_force
+    }

@@ -19,6 +19,7 @@ from tactile_nodes.exporting.resampling import Statistics
 VERSION = 'v3.0'
 FILES_A_CHUNK = 1000
 _GROUP_ROWS = 512
+_GROUP_ROWS_WITH_PICTURES = 16
 _PLACE = 'chunk-{chunk_index:03d}/file-{file_index:03d}.parquet'
 DATA_PATH = f'data/{_PLACE}'
 EPISODES_PATH = f'meta/episodes/{_PLACE}'
@@ -39,7 +40,10 @@ class EpisodeFile:
         kinds = {feature.key: _kind(self._arrow, feature) for feature in features}
         kinds |= {name: getattr(self._arrow, dtype)() for name, dtype in INDEXES.items()}
         self._schema = self._arrow.schema(list(kinds.items()))
-        self._writer = require('pyarrow.parquet').ParquetWriter(file, self._schema)
+        pictures = any(feature.is_image for feature in features)
+        self._group_rows = _GROUP_ROWS_WITH_PICTURES if pictures else _GROUP_ROWS
+        # No picture comes twice, so a dictionary of them would only hold them in memory.
+        self._writer = require('pyarrow.parquet').ParquetWriter(file, self._schema, use_dictionary=not pictures)
         self._waiting: list[dict[str, Any]] = []
         self.statistics = {feature.key: Statistics(_statistics_shape(feature)) for feature in features}
         self.statistics |= {name: Statistics((1,)) for name in INDEXES}
@@ -59,7 +63,7 @@ class EpisodeFile:
             statistics.take(row[key] if not isinstance(row[key], bytes) else _brightness(row[key]))
         self._waiting.append(row)
         self.frames += 1
-        if len(self._waiting) >= _GROUP_ROWS:
+        if len(self._waiting) >= self._group_rows:
             self._flush()
 
     def close(self, facts: dict[str, Any]) -> None:

@@ -49,5 +49,5 @@ def _require_free(output: Path, replace: bool) -> None:
         return
     if not replace:
         raise DatasetError(f'{output} exists already; choose another name, or replace it with --force')
-    if not (output / FACTS).is_file():
+    if not (output / FACTS).is_file() and not (output.is_dir() and not any(output.iterdir())):
         raise DatasetError(f'{output} is no export of ours (it holds no {FACTS}) and is not replaced; move it away')

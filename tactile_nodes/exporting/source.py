@@ -168,20 +168,25 @@ class Source:
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:
+        """Find the first message of a topic that says what its columns are."""
+        self.left_out[name] = 'no messages'
         for message in self.bag.messages([name]):
             try:
                 first = self.bag.decode(message)
-                if message.type_name == FORCE_DISTRIBUTION.type_name and not first.rows * first.cols:
-                    continue  # told before there was a picture; a later one knows the grid
-                self.layouts[name] = Layout.of(name, message.type_name, first)
-            except MessageError as error:
+                if not _is_empty(first, message.type_name):
+                    self.layouts[name] = Layout.of(name, message.type_name, first)
+                    del self.left_out[name]
+                    return
+                self.left_out[name] = 'empty in every message'
+            except (MessageError, ImageError) as error:
                 self.left_out[name] = str(error)
-                continue
-            except ImageError as error:
-                self.left_out[name] = str(error)
-            self.left_out.pop(name, None) if name in self.layouts else None
-            return
-        self.left_out.setdefault(name, 'no messages')
+
+
+def _is_empty(message: Any, type_name: str) -> bool:
+    """Whether a force or a picture has no size: told before there was one, so a later message knows it."""
+    if type_name == FORCE_DISTRIBUTION.type_name:
+        return not message.rows * message.cols
+    return type_name == IMAGE_TYPE and not message.height * message.width
 
 
 def _stamp_ns(message: BagMessage) -> int:

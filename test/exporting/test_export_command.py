@@ -97,3 +97,17 @@ def test_depth_of_32_bits_keeps_its_bits() -> None:
     depths = np.array([[0.1, 2.5]], '<f4')
     message = types.Image(height=1, width=2, encoding='32FC1', step=8, data=depths.view(np.uint8).reshape(-1).copy())
     assert np.array_equal(image_pixels(message), depths)
+
+
+def test_a_picture_of_no_size_is_left_out_with_its_reason(tmp_path: Path) -> None:
+    pytest.importorskip('zarr')
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic(BagTopic.of_type('/picture', 'sensor_msgs/msg/Image'))
+    writer.add_topic(BagTopic.of_type('/f', 'tactile_nodes/msg/ForceDistribution'))
+    empty = types.Image(header=header(START_NS, 'camera'), encoding='mono8')
+    writer.write('/picture', messages.encode(empty), START_NS, START_NS)
+    writer.write('/f', messages.encode(force(1, START_NS)), START_NS + 1, START_NS)
+    writer.close()
+    assert main(['export', 'zarr', str(tmp_path / 'bag'), '-o', str(tmp_path / 'out'), '--images']) == 0
+    told = json.loads((tmp_path / 'out' / 'tactile.json').read_text())
+    assert told['topics_left_out'] == {'/picture': 'empty in every message'}
