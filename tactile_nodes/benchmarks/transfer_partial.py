@@ -96,9 +96,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, runs: Sequence[tuple[str, int]] = RUNS,
-    seed: int = GELS_SEED,
+    seed: int = GELS_SEED, frames: int = FRAMES,
 ) -> list[Score]:  # fmt: skip
-    """The scores of all ways on the other gels.
+    """The scores of some ways, each with a number of presses; `frames` pictures of a gel are pens and test presses.
 
     Raises:
         ModelError: the model cannot be transferred.
@@ -111,13 +111,15 @@ def measure(
     scores: list[Score] = []
     for number in gels:
         other = other_gel(gel, number, seed)
-        made = list(_on_gel(source, _pressed(loaded, gel, other, progress), number, runs))
+        made = list(_on_gel(source, _pressed(loaded, other, frames, runs, progress), number, runs))
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
         scores += made
     return scores
 
 
-def _pressed(loaded: LoadedModel, gel: Gel, other: Gel, progress: Progress) -> _Pressed:
+def _pressed(
+    loaded: LoadedModel, other: Gel, frames: int, runs: Sequence[tuple[str, int]], progress: Progress
+) -> _Pressed:
     from tactile_nodes.learning.config import DataConfig
     from tactile_nodes.learning.dataset import simulate
     from tactile_nodes.learning.evaluate import config_of
@@ -125,13 +127,13 @@ def _pressed(loaded: LoadedModel, gel: Gel, other: Gel, progress: Progress) -> _
 
     crop = loaded.card['crop_px']
     data = DataConfig(
-        presses=FRAMES, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
+        presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
         without_contact=WITHOUT_CONTACT, presses_per_rest_image=0, processes=1, crop=crop,
     )  # fmt: skip
     presses = simulate(replace(config_of(loaded), data=data, gel=other), progress)
     # The shipped models hold no rest image, and their card names the gel: one of the same gel is rendered.
-    outline = outline_map(*(_optics(each).render((), WEIGHTS_SEED) for each in (gel, other)))
-    return _Pressed(presses, _weighed(loaded, other, max(count for _, count in RUNS)), outline, crop / 2)
+    outline = outline_map(*(_optics(each).render((), WEIGHTS_SEED) for each in (config_of(loaded).gel, other)))
+    return _Pressed(presses, _weighed(loaded, other, max(count for _, count in runs)), outline, crop / 2)
 
 
 def _optics(gel: Gel):  # type: ignore[no-untyped-def]

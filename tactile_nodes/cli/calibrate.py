@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
 
     if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
-        raise ConfigurationError('give the presses on the new gel: either bags, or --dataset FILE, or --pictures CSV')
+        raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE or --pictures CSV')
     if arguments.layer and arguments.bags:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()

@@ -32,10 +32,8 @@ from tactile_nodes.sensing.outline import OutlineMap
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensing.response import Calibration
 
-LEAST_PLACES = 3
-"""As many places fix a linear map and a shift."""
-REGIONS_FROM = 8
-"""Presses from which the regions are tried one by one."""
+LEAST_PLACES, REGIONS_FROM = 3, 8
+"""Places that fix a linear map and a shift; presses from which the regions are tried one by one."""
 SEEN_OUTLINE = {
     'shift_x_mm': 0.3, 'shift_y_mm': 0.3, 'turn_xx': 0.03, 'turn_yx': 0.03, 'turn_xy': 0.03, 'turn_yy': 0.03,
     'roll': 0.03,
