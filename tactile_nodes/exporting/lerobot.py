@@ -6,10 +6,11 @@ Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.exporting.episodes import BAG, count_outside, find_episodes
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
@@ -71,8 +72,8 @@ def export_lerobot(bags: Sequence[Path], folder: Path, plan: Plan, facts: dict[s
 
 def _export_bag(source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress) -> dict[str, int]:
     if not plan.topics:
-        _leave_out_events(source, {plan.state, plan.action})
-    _require_topics(source, plan)
+        _leave_out_events(source)
+    plan = _with_full_names(source, plan)
     episodes = find_episodes(source, plan.cut)
     features = features_of(list(source.layouts.values()), plan.state, plan.action)
     meta.agree(features, source.bag.path)
@@ -138,19 +139,28 @@ def _units(feature: Feature) -> str | list[str]:
     return feature.units[0] if len(set(feature.units)) == 1 else list(feature.units)
 
 
-def _leave_out_events(source: Source, wanted: set[str]) -> None:
+def _leave_out_events(source: Source) -> None:
     for topic in list(source.layouts):
-        if topic.rpartition('/')[2] in EVENTS and topic not in wanted:
+        if topic.rpartition('/')[2] in EVENTS:
             del source.layouts[topic]
             source.left_out[topic] = 'no observation; name it with --topics to have it'
 
 
-def _require_topics(source: Source, plan: Plan) -> None:
-    for word, topic in (('--state', plan.state), ('--action', plan.action)):
-        if topic and topic not in source.layouts:
-            raise ConfigurationError(
-                f'{word} {topic} is not among the exported topics of {source.bag.path}: {", ".join(source.layouts)}'
-            )
+def _with_full_names(source: Source, plan: Plan) -> Plan:
+    """The plan with the topics of state and action as the bag names them."""
+    return replace(
+        plan, state=_full_name(source, '--state', plan.state), action=_full_name(source, '--action', plan.action)
+    )
+
+
+def _full_name(source: Source, flag: str, topic: str) -> str:
+    name = find_topic(source.bag, topic) if topic else ''
+    if name and name not in source.layouts:
+        reason = source.left_out.get(name, 'not asked for')
+        raise ConfigurationError(
+            f'{flag} {name} of {source.bag.path} is not exported ({reason}); exported are {", ".join(source.layouts)}'
+        )
+    return name
 
 
 def _outside(source: Source, episodes: list[Episode]) -> dict[str, int]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_presses
+from exported_bags import START_NS, STEP_NS, force, picture, write_bag, write_presses
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp('lerobot')
     write_bag(made / 'one')
     write_bag(made / 'two', 20)
-    words = ['--fps', '20', '--images', '--state', JOINTS, '--task', 'press the cup', '--robot', 'arm']
+    words = ['--fps', '20', '--images', '--state', 'joint_states', '--task', 'press the cup', '--robot', 'arm']
     bags = [str(made / 'one'), str(made / 'two')]
     assert main(['export', 'lerobot', *bags, '-o', str(made / 'set'), *words]) == 0
     return made / 'set'
@@ -144,6 +144,13 @@ def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys:
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
     assert 'holds no force_distribution' in capsys.readouterr().err
     assert not (tmp_path / 'set').exists()
+
+
+def test_a_state_that_is_not_in_the_bag_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_bag(tmp_path / 'bag', 5)
+    words = ['--state', 'image_raw', '-o', str(tmp_path / 'set')]
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
+    assert '--state /image_raw' in capsys.readouterr().err
 
 
 def test_bags_of_different_topics_make_no_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
