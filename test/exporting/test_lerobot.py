@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 from exported_bags import START_NS, STEP_NS, force, picture, write_bag, write_presses
 
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli.main import main
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
 
@@ -210,3 +214,20 @@ def test_a_feature_that_never_was_a_number_has_no_statistics() -> None:
     statistics = Statistics((2,))
     statistics.take([1.0, float('nan')])
     assert statistics.told() is None
+
+
+def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / 'hand')
+    for finger in ('left', 'right'):
+        writer.add_topic(BagTopic.of_type(f'/{finger}/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
+    for number in range(12):
+        for finger in ('left', 'right') if number >= 6 else ('left',):
+            stamp_ns = START_NS + number * STEP_NS
+            data = messages.encode(force(number, stamp_ns))
+            writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', data, stamp_ns + 9_000_000, stamp_ns)
+    writer.close()
+    assert main(['export', 'lerobot', str(tmp_path / 'hand'), '-o', str(tmp_path / 'set'), '--fps', '60']) == 0
+    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    assert frames['stamp_ns'][0].as_py() == START_NS + 6 * STEP_NS
+    maps = [frames[f'observation.{finger}.force_map'][0].as_py() for finger in ('left', 'right')]
+    assert maps[0] == maps[1] == force(6, 0).normal_force.tolist()
