@@ -73,7 +73,7 @@ setup(
     extras_require={
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
-        'export': ['pyarrow>=16,<27', 'zarr>=3,<4; python_version >= "3.11"'],
+        'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
         'dev': [
             'beartype>=0.20,<1',
             'hypothesis>=6.100,<7',
@@ -90,7 +90,7 @@ setup(
             'types-PyYAML>=6,<7',
             'types-psutil>=6,<8',
             'types-pyserial>=3.5,<4',
-            'zarr>=3,<4; python_version >= "3.11"',
+            'zarr>=3.1,<4; python_version >= "3.11"',
         ],
     },
     entry_points={

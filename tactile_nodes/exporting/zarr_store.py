@@ -48,7 +48,10 @@ class ZarrSink:
             chunks=(rows, *column.shape),
             dtype=dtype,
             compressors=require('numcodecs').Blosc(cname='zstd', clevel=5),
-            fill_value=0,
+            # xarray takes any fill value for "missing" and would turn zeros into NaN. Without one, chunks that hold
+            # nothing but zeros must be written, too: zarr-python 2 reads a chunk that is not there as anything.
+            fill_value=None,
+            config={'write_empty_chunks': True},
         )
         # The names of the axes, as xarray looks for them.
         made.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]

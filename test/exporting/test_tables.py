@@ -153,3 +153,11 @@ def test_zarr_is_of_the_format_that_most_readers_know(zarr_root) -> None:
 
 def test_zarr_holds_the_pictures_when_asked_for(zarr_root) -> None:
     assert np.array_equal(zarr_root['image_raw']['pixels'][:], [picture(number) for number in range(30)])
+
+
+def test_zarr_names_no_fill_value_and_writes_every_chunk(bag: Path, zarr_root) -> None:
+    # xarray turns what equals a fill value into NaN; without one, a chunk that is not there is read as anything.
+    folder = bag.parent / 'grasp.zarr' / 'force_distribution'
+    assert json.loads((folder / 'cols' / '.zarray').read_text())['fill_value'] is None
+    assert not zarr_root['force_distribution']['provenance.model'][:].any()  # all are the first of the labels
+    assert (folder / 'provenance.model' / '0').is_file()
