@@ -16,10 +16,10 @@ from tactile_nodes.learning.response_calibration import (
     MOST_PRESSES,
     _factors,
     _likeness,
-    _spread,
     _thinned,
     calibrated,
     rescaled,
+    spread_of,
 )
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.sensing.geometry import BinGrid
@@ -61,7 +61,7 @@ def test_a_floor_is_found_where_errors_do_not_follow_the_fits() -> None:
     random = np.random.default_rng(2)
     sigmas, heights = random.uniform(0.001, 0.05, 6000), random.uniform(0, 1, 6000)
     errors = 0.1 * random.normal(size=6000)
-    floor, factors = _spread(errors, sigmas, heights)
+    floor, factors = spread_of(errors, sigmas, heights)
     stated = np.hypot(floor, sigmas) * [factor_at(factors, each) for each in heights]
     assert floor > 0.05
     for who in (sigmas < 0.01, sigmas > 0.04):
@@ -71,7 +71,7 @@ def test_a_floor_is_found_where_errors_do_not_follow_the_fits() -> None:
 def test_no_floor_is_found_where_the_fits_are_right() -> None:
     random = np.random.default_rng(3)
     sigmas, heights = np.exp(random.uniform(-5, 0, 6000)), random.uniform(0, 1, 6000)
-    floor, factors = _spread(sigmas * random.normal(size=6000), sigmas, heights)
+    floor, factors = spread_of(sigmas * random.normal(size=6000), sigmas, heights)
     assert floor < 0.005
     assert factors == pytest.approx([1.0] * len(factors), abs=0.15)
 
