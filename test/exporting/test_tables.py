@@ -94,7 +94,7 @@ def test_the_footer_says_units_frame_model_gel_and_command(parquet: Path) -> Non
     assert (facts['model_id'], facts['calibration_id'], facts['gel']) == (['a1b2c3d4e5f6'], ['0123456789ab'], ['gel7'])
     assert (topic['frames'], topic['units']['total'], topic['units']['contact.x']) == (['gel_surface'], 'N', 'm')
     assert 'positive presses into the gel' in facts['signs']
-    assert facts['command'].startswith('tactile ')
+    assert facts['command'].startswith('tactile')
     assert pq.read_schema(file).field('normal_force').metadata == {b'unit': b'N', b'shape': b'[9, 9]'}
 
 
