@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tactile_nodes.benchmarks.report import surroundings, write_json
+from tactile_nodes.benchmarks import report
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
@@ -99,7 +99,7 @@ def measure(
     from tactile_nodes.learning.evaluate import evaluate, evaluate_put_aside
     from tactile_nodes.model_file import load_model
 
-    plain = surroundings(command)
+    plain = report.surroundings(command)
     loaded = {file.stem: load_model(file) for file in models}
     off_grid = [
         evaluate(file, presses=plan.presses, seed=SEED, unlike=plan.unlike, progress=progress) for file in models
@@ -154,14 +154,7 @@ def keep(results: Results, text: str, folder: Path) -> None:
     from tactile_nodes.benchmarks.accuracy_page import curve_picture, picture_name
     from tactile_nodes.learning.evaluation_picture import draw
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'accuracy.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(
-            f'cannot write to {folder} ({error.strerror}); choose another folder with -o'
-        ) from error
-    write_json(folder / 'accuracy.json', results.plain)
+    report.keep(folder, 'accuracy', text, results.plain)
     for each in results.off_grid:
         draw(each.answers, f'{each.name} ({each.model_id})', folder / picture_name(each.name))
     if results.curve:

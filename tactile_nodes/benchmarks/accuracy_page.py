@@ -10,6 +10,7 @@ from typing import Any
 from tactile_nodes.benchmarks import report
 from tactile_nodes.benchmarks.accuracy import Results
 from tactile_nodes.benchmarks.accuracy_times import STAGES
+from tactile_nodes.benchmarks.report import machine_and_commit, named_versions
 from tactile_nodes.learning import evaluation_tables as tables
 from tactile_nodes.learning.evaluate import Evaluation
 from tactile_nodes.learning.evaluation_picture import EVALUATION_DPI, subplots
@@ -80,11 +81,9 @@ def _shown(table: Table) -> str:
 
 
 def _surroundings(plain: dict[str, Any]) -> str:
-    machine, plan = plain['machine'], plain['plan']
-    versions = ', '.join(f'{name} {version}' for name, version in plain['versions'].items())
+    plan = plain['plan']
     return (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{plain["commit"]}; {versions}; {plan["presses"]} presses off the grid, '
+        f'{machine_and_commit(plain)}; {named_versions(plain)}; {plan["presses"]} presses off the grid, '
         f'{plan["unlike"]} for each disturbance, {plan["rounds"]} rounds of {plan["images"]} images for the times.'
     )
 

@@ -11,10 +11,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from tactile_nodes.benchmarks.report import surroundings, table, write_json
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.benchmarks.report import keep, surroundings, table
 
 if TYPE_CHECKING:
     from tactile_nodes.benchmarks.drift_cases import Course, Effort, Point
@@ -56,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(text)
     if arguments.output:
         told = {course.name: [asdict(each) for each in points] for course, points in found.items()}
-        _keep(arguments.output, text, {**plain, 'courses': told, 'hours': asdict(hours)})
+        keep(arguments.output, 'drift', text, {**plain, 'courses': told, 'hours': asdict(hours)})
     return 0
 
 
@@ -155,12 +154,3 @@ def _newtons(point: Point) -> str:
 def _or_dash(value: float, form: str) -> str:
     """A dash for what the model does not tell: a force without a number."""
     return '-' if math.isnan(value) else format(value, form)
-
-
-def _keep(folder: Path, text: str, result: dict[str, Any]) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'drift.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'drift.json', result)

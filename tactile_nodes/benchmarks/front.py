@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes.benchmarks.front_contenders import WAYS, Contender, Measuring, Way, contenders, one_thread
-from tactile_nodes.benchmarks.report import surroundings, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     text = page(result)
     print(text)
     if arguments.output:
-        _keep(result, text, arguments.output)
+        keep(arguments.output, 'front', text, result)
         draw(result, arguments.output / 'front.png')
     return 0
 
@@ -216,12 +216,3 @@ def _command(arguments: argparse.Namespace) -> str:
     words += [f'--{name} {value}' for name in ('train', 'test') if (value := getattr(arguments, name)) is not None]
     words += [f'--only "{arguments.only}"'] if arguments.only else []
     return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
-
-
-def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'front.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'front.json', result)

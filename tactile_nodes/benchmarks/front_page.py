@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.benchmarks.report import table
+from tactile_nodes.benchmarks.report import machine_and_commit, named_versions, table
 
 LABELS = {'armse_n': 'aRMSE [N]', 'd_loc_mm': 'd_loc [mm]', 'rmse_mc_n': 'RMSE_mc [N]'}
 ABOUT = """\
@@ -35,12 +35,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _surroundings(result: Mapping[str, Any]) -> str:
-    machine = result['machine']
-    versions = ', '.join(f'{name} {version}' for name, version in result['versions'].items())
-    return (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{result["commit"]}; {versions}; {result["threads"]} thread.'
-    )
+    return f'{machine_and_commit(result)}; {named_versions(result)}; {result["threads"]} thread.'
 
 
 def _table(result: Mapping[str, Any]) -> str:

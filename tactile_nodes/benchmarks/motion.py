@@ -21,7 +21,7 @@ from tactile_nodes.benchmarks.flow import by_region
 from tactile_nodes.benchmarks.flow_cases import Case, Sensor, known_shifts, pressed, rigid
 from tactile_nodes.benchmarks.front_contenders import WAYS, Way, one_thread
 from tactile_nodes.benchmarks.front_flows import SmallPixels
-from tactile_nodes.benchmarks.report import surroundings, table, write_json
+from tactile_nodes.benchmarks.report import keep, machine_and_commit, surroundings, table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress, TerminalProgress
 from tactile_nodes.sensing.flow import FlowMethod
@@ -180,11 +180,7 @@ def _summaries(found: Mapping[str, Errors]) -> dict[str, dict[str, float]]:
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
-    machine = result['machine']
-    about = (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{result["commit"]}; {result["threads"]} thread.'
-    )
+    about = f'{machine_and_commit(result)}; {result["threads"]} thread.'
     parts = ['# Flow alone against known motion', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
     moved = {name.removeprefix('moved by '): each for name, each in result['moved'].items()}
     parts += ['## The rest image, moved as a whole', _table(moved, result['cpu_ms'])]
@@ -212,12 +208,7 @@ def _cell(summary: Mapping[str, float]) -> str:
 def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
     from tactile_nodes.learning.figures import figure, save
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'motion.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'motion.json', result)
+    keep(folder, 'motion', text, result)
     drawn = figure(13.0, 5.5)
     axes = drawn.subplots(1, 2)
     for number, name in enumerate(result['cpu_ms']):

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,34 @@ def write_json(file: Path, result: dict[str, Any]) -> None:
         file.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
     except OSError as error:
         raise ConfigurationError(f'cannot write the result to {file}: {error.strerror}') from error
+
+
+def keep(folder: Path, name: str, text: str, result: dict[str, Any]) -> None:
+    """Write a benchmark's page and numbers, NAME.md and NAME.json, into a folder that is made if need be.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f'{name}.md').write_text(text + '\n', encoding='utf-8')
+    except OSError as error:
+        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
+    write_json(folder / f'{name}.json', result)
+
+
+def machine_and_commit(result: Mapping[str, Any]) -> str:
+    """'AMD EPYC, 2 cores, load before 0.4; commit c0ffee' of what `surroundings` found."""
+    machine = result['machine']
+    return (
+        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
+        f'{result["commit"]}'
+    )
+
+
+def named_versions(result: Mapping[str, Any]) -> str:
+    """'python 3.11.7, numpy 2.4.6' of what `surroundings` found."""
+    return ', '.join(f'{name} {version}' for name, version in result['versions'].items())
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.benchmarks.report import surroundings, table, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings, table
 from tactile_nodes.benchmarks.runtimes_ends import BEGIN, Worker
 from tactile_nodes.benchmarks.runtimes_sizes import installed_size
 from tactile_nodes.errors import ConfigurationError
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     text = page(result)
     print(text)
     if arguments.output:
-        _keep(result, text, arguments.output)
+        keep(arguments.output, 'runtimes', text, result)
     return 0
 
 
@@ -230,12 +230,3 @@ def _range(found: Mapping[str, float]) -> str:
 def _command(arguments: argparse.Namespace) -> str:
     words = ['tactile bench runtimes', *arguments.model, *['--quick'] * arguments.quick]
     return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
-
-
-def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'runtimes.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'runtimes.json', result)

@@ -13,12 +13,12 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_nodes import clock
-from tactile_nodes.benchmarks.report import surroundings, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.errors import ConfigurationError, DatasetError
 
 if TYPE_CHECKING:
@@ -89,7 +89,12 @@ def run(arguments: argparse.Namespace) -> int:
     text = page(command, plain, own, scores, gels)
     print(text)
     if arguments.output:
-        _keep(arguments.output, text, {**plain, 'own': asdict(own), 'scores': [asdict(each) for each in scores]})
+        keep(
+            arguments.output,
+            'transfer',
+            text,
+            {**plain, 'own': asdict(own), 'scores': [asdict(each) for each in scores]},
+        )
         draw(own, scores, arguments.output / 'transfer.png')
     return 0
 
@@ -242,12 +247,3 @@ def _score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Datase
         metrics.location_error_mm(labels, bins, readout.bins), metrics.peak_rmse_n(labels, bins),
         metrics.coverage(off, np.array([each.total_sigma_n for each in read])),
     )  # fmt: skip
-
-
-def _keep(folder: Path, text: str, result: dict[str, Any]) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'transfer.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'transfer.json', result)

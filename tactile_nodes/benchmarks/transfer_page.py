@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tactile_nodes.benchmarks.report import table
+from tactile_nodes.benchmarks.report import machine_and_commit, table
 from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, MEASURES, TESTED, Score
 
 if TYPE_CHECKING:
@@ -36,14 +36,12 @@ def page(command: str, plain: Mapping[str, Any], own: Score, scores: Sequence[Sc
     """The results as a page of documentation."""
     rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
     level = ['own gel', 'all', *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
-    machine = plain['machine']
     return '\n'.join([
         '# Transfer to other gels',
         '',
         f'`{command}`',
         '',
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{plain["commit"]}.',
+        f'{machine_and_commit(plain)}.',
         '',
         f'{len({each.gel for each in scores})} simulated gels; median (worst) over the gels, each tested on {TESTED} '
         'presses at new continuous',

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes import clock
-from tactile_nodes.benchmarks.report import surroundings, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -261,10 +261,5 @@ def answers(readout: NetworkReadout, dataset: Dataset) -> np.ndarray:
 def _keep(folder: Path, text: str, result: dict[str, Any], scores: Sequence[Score]) -> None:
     from tactile_nodes.benchmarks.transfer_paper_page import draw
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'transfer_paper.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'transfer_paper.json', result)
+    keep(folder, 'transfer_paper', text, result)
     draw(scores, folder / 'transfer_paper.png')

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.benchmarks.report import table
+from tactile_nodes.benchmarks.report import machine_and_commit, table
 from tactile_nodes.benchmarks.transfer_paper import AS_IT_IS, GROUP, METRICS, NEW, OURS, OWN, REST, SCRATCH, WAYS, Score
 from tactile_nodes.benchmarks.transfer_paper_steps import EPOCHS, PRESSES, FirstSteps
 
@@ -42,14 +42,12 @@ numbers; for magnitudes in px beside angles in rad its rate is too large."""
 def page(command: str, plain: Mapping[str, Any], scores: Sequence[Score], steps: Sequence[FirstSteps]) -> str:
     """The results as a page of documentation."""
     gels = len({each.gel for each in scores if each.gel != OWN})
-    machine = plain['machine']
     return '\n'.join([
         "# The paper's calibration layer on other gels",
         '',
         f'`{command}`',
         '',
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{plain["commit"]}. Simulated gels: those of [transfer](transfer.md), {gels} of them.',
+        f'{machine_and_commit(plain)}. Simulated gels: those of [transfer](transfer.md), {gels} of them.',
         '',
         READING,
         '',

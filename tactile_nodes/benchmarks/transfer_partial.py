@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactile_nodes import clock
-from tactile_nodes.benchmarks.report import surroundings, table, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings, table
 from tactile_nodes.benchmarks.transfer import FRAMES, GELS_SEED, PRESSES_SEED, UNTOUCHED, WITHOUT_CONTACT, other_gel
 from tactile_nodes.errors import ConfigurationError, DatasetError
 
@@ -89,8 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     text = page(command, scores)
     print(text)
     if arguments.output:
-        write_json(arguments.output / 'transfer_partial.json', {**plain, 'scores': [asdict(each) for each in scores]})
-        (arguments.output / 'transfer_partial.md').write_text(text + '\n', encoding='utf-8')
+        keep(arguments.output, 'transfer_partial', text, {**plain, 'scores': [asdict(each) for each in scores]})
     return 0
 
 
@@ -226,9 +225,9 @@ def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:
 
 
 def _score(gel: int, way: str, presses: int, readout: AxisymmetricReadout, dataset: Dataset) -> Score:
-    from tactile_nodes.learning.transfer_partial import read_errors
+    from tactile_nodes.learning.transfer_fit import live_errors
 
-    errors = read_errors(readout, dataset, np.flatnonzero(dataset.presses[:, 2] > 0)[-TESTED:])
+    errors = live_errors(readout, dataset, np.flatnonzero(dataset.presses[:, 2] > 0)[-TESTED:])
     away = np.hypot(errors[:, 0], errors[:, 1])
     return Score(gel, way, presses, float(np.sqrt(np.mean(errors[:, 2] ** 2))), float(np.median(away)))
 

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from tactile_nodes.benchmarks.flow_cases import Sensor, seen_by
-from tactile_nodes.benchmarks.report import surroundings, write_json
+from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.learning.progress import Progress, TerminalProgress
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
     text = page(result)
     print(text)
     if arguments.output:
-        _keep(result, text, arguments.output)
+        keep(arguments.output, 'untouched', text, result)
     return 0
 
 
@@ -270,12 +270,3 @@ def _command(arguments: argparse.Namespace) -> str:
     words = ['tactile bench untouched', *arguments.model, *['--quick'] * arguments.quick]
     words += [] if arguments.seconds is None else [f'--seconds {arguments.seconds:g}']
     return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
-
-
-def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / 'untouched.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / 'untouched.json', result)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tactile_nodes.benchmarks.report import table
+from tactile_nodes.benchmarks.report import machine_and_commit, named_versions, table
 
 INTRODUCTION = """\
 A look at each image decides whether anything touches or has changed (`tactile_nodes/sensing/stillness.py`); where
@@ -40,12 +40,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _surroundings(result: Mapping[str, Any]) -> str:
-    machine = result['machine']
-    versions = ', '.join(f'{name} {version}' for name, version in result['versions'].items())
-    return (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
-        f'{result["commit"]}; {versions}.'
-    )
+    return f'{machine_and_commit(result)}; {named_versions(result)}.'
 
 
 def _touches(gels: Mapping[str, Any]) -> str:

@@ -11,12 +11,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 
-NS_PER_MS = 1_000_000
-NS_PER_S = 1_000_000_000
+NS_PER_MS = NS_PER_S // 1000
 OK, INVALID = types.ForceDistribution.STATUS_OK, types.ForceDistribution.STATUS_INVALID
 
 

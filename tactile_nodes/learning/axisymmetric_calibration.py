@@ -56,15 +56,15 @@ class Judged:
         return np.reshape([(each.sigma_mm, each.sigma_n) for each in stated], (-1, 2))
 
 
-def with_correction(readout: AxisymmetricReadout, dataset: Dataset, judges: np.ndarray) -> AxisymmetricReadout:
+def with_correction(judged: Judged) -> AxisymmetricReadout:
     """The readout with the polynomials that bring its answers closest to the truth, outliers counting less.
 
     With few judges it stays as it is: they would be flattered by as many numbers.
     """
-    judged = Judged.of(readout, dataset, judges)
+    readout, found = judged.readout, judged.found
     if len(judged.fits) < LEAST_JUDGES:
         return readout
-    correction, found = readout.correction, judged.found
+    correction = readout.correction
     powers = Correction.powers(found, correction.reach_mm, correction.hardest_n)
     wanted = judged.truth - found
     wanted[:, 2] /= np.maximum(found[:, 2], LEAST_FORCE_N)
@@ -83,11 +83,9 @@ def _robust(powers: Float[np.ndarray, 'n terms'], wanted: Float[np.ndarray, ' n'
     return solved
 
 
-def calibrated(
-    readout: AxisymmetricReadout, dataset: Dataset, judges: np.ndarray, untouched: np.ndarray
-) -> Calibration:
-    """Uncertainties and limits such that `judges` and untouched images fall within them as often as they should."""
-    judged = Judged.of(readout, dataset, judges)
+def calibrated(judged: Judged, dataset: Dataset, untouched: np.ndarray) -> Calibration:
+    """Uncertainties and limits such that what judges and untouched images fall within them as often as it should."""
+    readout = judged.readout
     errors, sigmas = judged.errors, judged.sigmas
     heights = judged.truth[:, 2] / readout.response.highest_n
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))

@@ -14,7 +14,7 @@ import scipy.sparse
 from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_calibration import calibrated, with_correction
+from tactile_nodes.learning.axisymmetric_calibration import Judged, calibrated, with_correction
 from tactile_nodes.learning.axisymmetric_regions import (
     FIRST_DOUBT,
     Expected,
@@ -71,9 +71,11 @@ def fit_axisymmetric(
         reach = float(np.abs(presses.contacts[:, :2]).max())
         correction = Correction.none(reach, response.hardest_n)
         readout = AxisymmetricReadout(scaling, response, doubt, correction, bins)
-        readout = with_correction(readout, dataset, used[inner])
+        judged = Judged.of(readout, dataset, used[inner])
+        readout = with_correction(judged)
         bar.advance(1, 'uncertainty')
-        readout = replace(readout, calibration=calibrated(readout, dataset, used[inner], untouched))
+        judged = replace(judged, readout=readout)  # the fits are those before any correction
+        readout = replace(readout, calibration=calibrated(judged, dataset, untouched))
         bar.advance(1)
     return replace(readout, most_contacts=config.most_contacts)
 

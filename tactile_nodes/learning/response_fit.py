@@ -203,11 +203,17 @@ def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfi
     trusted = dataset.trusted(config.trusted_floor)
     if not trusted.any():
         raise DatasetError('a response needs regions with markers in them, and the data set has none; check the camera')
+    return InputScaling(*rest_and_gain(dataset, untouched, trusted), trusted, config.confidence_floor)
+
+
+def rest_and_gain(
+    dataset: Dataset, untouched: np.ndarray, trusted: Float32[np.ndarray, 'rows cols']
+) -> tuple[Float32[np.ndarray, 'rows cols channels'], Float32[np.ndarray, 'rows cols channels']]:
+    """The mean of the untouched gel's features, and one over their noise, which counts as the median at least."""
     values = dataset.features[untouched].astype(np.float32)
     noise = values.std(axis=0)
-    least = float(np.median(noise[trusted > 0]))
-    gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
-    return InputScaling(values.mean(axis=0), gain, trusted, config.confidence_floor)
+    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
+    return values.mean(axis=0), np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
 
 
 def scaled(

@@ -31,7 +31,7 @@ from tactile_nodes.learning.axisymmetric_regions import (
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED
+from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_checks import require_presses, require_tared
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
@@ -128,7 +128,8 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     held = [each for each in held if each.fits]
     if not held:
         raise DatasetError('no press shows enough regions to be read; check the camera and the light')
-    before = Errors.of(live_errors(source, dataset, other.rows))
+    read = live_errors(source, dataset, other.rows)
+    before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
     _require_better(before, after)
     readout = replace(readout, calibration=_calibration(readout, held, dataset, other.untouched))
@@ -237,12 +238,8 @@ def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
     trusted = np.asarray(dataset.trusted(0.5), np.float32)
     if untouched.sum() < LEAST_UNTOUCHED:
         return replace(source, trusted=trusted * source.trusted)
-    values = dataset.features[untouched].astype(np.float32)
-    noise = values.std(axis=0)
-    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
-    # Few images tell a region's noise badly, so it counts as the median at least.
-    gain = np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
-    return replace(source, mean=np.asarray(values.mean(axis=0), np.float32), gain=gain, trusted=trusted)
+    mean, gain = rest_and_gain(dataset, np.flatnonzero(untouched), trusted)
+    return replace(source, mean=mean, gain=gain, trusted=trusted)
 
 
 def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
@@ -254,15 +251,13 @@ def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
 
 
 def live_errors(readout: AnyReadout, dataset: Dataset, rows: np.ndarray) -> Float[np.ndarray, 'n 3']:
-    """Errors of x, y (mm) and force (N) as the live node would answer; what it cannot read is left out."""
+    """Errors of x, y (mm) and force (N) as the live node would answer; NaN of what is not known or cannot be read."""
     errors = []
     for row in rows.tolist():
         found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
         x, y, _, force_n = dataset.presses[row].tolist()
         errors.append((found.contacts[0].x_mm - x, found.contacts[0].y_mm - y, found.normal_force_n.sum() - force_n))
-    array = np.reshape(errors, (-1, 3)).astype(float)
-    finite: np.ndarray = array[np.isfinite(array).all(axis=1)]
-    return finite
+    return np.reshape(errors, (-1, 3)).astype(float)
 
 
 def _calibration(

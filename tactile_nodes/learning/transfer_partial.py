@@ -23,7 +23,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.partial_presses import PartialFit, at, fit_partial, located, unknown
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_checks import LEAST_PRESSES
-from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, Errors, OtherGel, cautious
+from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, Errors, OtherGel, cautious, live_errors
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -164,14 +164,14 @@ def transfer_partial(
         bar.advance(1, 'regions')
     form = next(name for name in misfits if misfits[name] <= WORTH * min(misfits.values()))
     response = whole.whole.response if form == 'whole' else gel.regions(whole, gel.presses)
-    held = np.concatenate([read_errors(gel.readout(made), dataset, rows) for made, rows in responses[form]])
+    held = np.concatenate([live_errors(gel.readout(made), dataset, rows) for made, rows in responses[form]])
     readout = gel.readout(response)
     calibration = _calibration(readout, held, outline is not None)
     noise = least_gain(readout, dataset, gel.other.untouched)
     readout = replace(readout, calibration=replace(calibration, least_gain=max(calibration.least_gain, noise)))
     free = unknown(gel.presses)
     return PartialTransfer(
-        readout, form, misfits, _errors(read_errors(known, dataset, gel.other.rows)), _errors(held),
+        readout, form, misfits, _errors(live_errors(known, dataset, gel.other.rows)), _errors(held),
         int(free[:, 0].sum()), int(free[:, 2].sum()), outline is not None, gel.held,
         {name: float(value) for name, value in zip(SIZES, whole.whole.numbers, strict=True)}, len(gel.presses),
     )  # fmt: skip
@@ -250,16 +250,6 @@ def _left_over(response: AxisymmetricResponse, out: Presses, reach_mm: float) ->
     size = np.square(out.motion).sum(axis=-1, keepdims=True)
     weight = out.certainty / (1 + out.certainty * 0.01 * size)
     return np.asarray((np.square(out.motion - response.motion(contacts)) * weight).ravel())
-
-
-def read_errors(readout: AxisymmetricReadout, dataset: Dataset, rows: np.ndarray) -> Float[np.ndarray, 'n 3']:
-    """Errors of x, y (mm) and force (N) as the live node would answer; NaN of what is not known or cannot be read."""
-    errors = []
-    for row in rows.tolist():
-        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
-        x, y, _, force_n = dataset.presses[row].tolist()
-        errors.append((found.contacts[0].x_mm - x, found.contacts[0].y_mm - y, found.normal_force_n.sum() - force_n))
-    return np.reshape(errors, (-1, 3)).astype(float)
 
 
 def _errors(errors: Float[np.ndarray, 'n 3']) -> Errors:

@@ -19,7 +19,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, spread_over_bins
+from tactile_nodes.sensing.reading import Contact, Reading, nothing_read, spread_over_bins
 from tactile_nodes.sensing.response import DAMPING, NOWHERE_MM, Calibration, Fit, factor_at
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
@@ -218,7 +218,7 @@ class AxisymmetricReadout:
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
         if not seen.enough:
-            return self._nothing()
+            return nothing_read(self.bins)
         fit = self.fit(seen)
         contacts = self.contacts(fit)
         if self.gain(seen, fit) < self.calibration.least_gain:
@@ -253,8 +253,3 @@ class AxisymmetricReadout:
         sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
         sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
         return Contact(x, y, max(force_n, 0.0), min(sigma_mm, NOWHERE_MM), sigma_n)
-
-    def _nothing(self) -> Reading:
-        """What is said of features that are no numbers, or too few."""
-        forces = np.full((self.bins.rows, self.bins.cols), UNKNOWN, np.float32)
-        return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))

@@ -43,6 +43,12 @@ class Reading:
     unlikeness: float = UNKNOWN
 
 
+def nothing_read(bins: BinGrid) -> Reading:
+    """What is said of features that are no numbers, or too few."""
+    forces = np.full((bins.rows, bins.cols), UNKNOWN, np.float32)
+    return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))
+
+
 @runtime_checkable
 class Readout(Protocol):
     """Turns features into forces; the result depends on nothing but the features and the readout's numbers."""

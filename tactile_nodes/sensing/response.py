@@ -20,7 +20,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, spread_over_bins
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read, spread_over_bins
 from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
 
 MOST_STEPS = 12
@@ -286,7 +286,7 @@ class ResponseReadout:
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
         if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
-            return self._nothing()
+            return nothing_read(self.bins)
         components = self.whitening @ seen.scores
         fit = self.fit(components)
         contacts = self.contacts(fit)
@@ -317,8 +317,3 @@ class ResponseReadout:
         sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
         sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
         return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
-
-    def _nothing(self) -> Reading:
-        """What is said of features that are no numbers, or too few."""
-        forces = np.full((self.bins.rows, self.bins.cols), UNKNOWN, np.float32)
-        return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))

@@ -13,12 +13,12 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer_fit import live_errors
 from tactile_nodes.learning.transfer_partial import (
     HARDNESS_HELD,
     PLACES_HELD,
     as_pens,
     as_weights,
-    read_errors,
     replace_presses,
     transfer_outline,
     transfer_partial,
@@ -52,7 +52,7 @@ def scattered(count: int, seed: int, force_n: float | None = None) -> Dataset:
 def errors(readout: AxisymmetricReadout) -> tuple[float, float]:
     """Median distance (mm), and median error of the force (N), of fresh presses."""
     fresh = scattered(60, seed=8)
-    found = read_errors(readout, fresh, np.arange(60))
+    found = live_errors(readout, fresh, np.arange(60))
     return float(np.median(np.hypot(found[:, 0], found[:, 1]))), float(np.median(np.abs(found[:, 2])))
 
 
