@@ -13,7 +13,10 @@ from tactile_nodes.bus.protocol import Qos
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic's name, type and quality of service, its usual rate, and whether bags record it unless told otherwise."""
+    """A topic's name, type and quality of service, its usual rate, and whether bags record it unless told otherwise.
+
+    `frame` is what headers name unless a parameter says otherwise; `holds` are units, signs and content.
+    """
 
     name: str
     type_name: str
@@ -21,7 +24,16 @@ class Topic:
     qos: Qos
     rate_hz: float | None = None
     recorded: bool = True
+    frame: str = ''
+    holds: str = ''
 
+
+_CAMERA = 'gel_camera_optical_frame'
+_SURFACE = 'gel_surface'
+_SENSOR = 'force_torque_sensor'
+_MACHINE = 'rig'
+_PARENT = 'tactile_sensor'
+_RECORDER = 'of the recorder'
 
 _LATEST = Qos('latest', 1)
 _LATCHED = Qos('latest', 1, latched=True)
@@ -35,6 +47,8 @@ IMAGE = Topic(
     'the camera image, cropped and grey (mono8), stamped at capture',
     _LATEST,
     60.0,
+    frame=_CAMERA,
+    holds='grey levels 0 to 255, mono8',
 )
 CAMERA_INFO = Topic(
     'camera_info',
@@ -42,12 +56,25 @@ CAMERA_INFO = Topic(
     'size and region of interest of each image, with its stamp',
     _LATEST,
     60.0,
+    frame=_CAMERA,
+    holds='px: size of the whole image, and the square cut from it',
 )
 REFERENCE_IMAGE = Topic(
-    'reference_image', 'sensor_msgs/msg/Image', 'the rest image that motion is measured against', _LATCHED
+    'reference_image',
+    'sensor_msgs/msg/Image',
+    'the rest image that motion is measured against',
+    _LATCHED,
+    frame=_CAMERA,
+    holds='grey levels 0 to 255, mono8',
 )
 FLOW_FEATURES = Topic(
-    'flow_features', 'tactile_nodes/msg/FlowFeatures', 'motion averaged over a grid of regions', _RECENT, 60.0
+    'flow_features',
+    'tactile_nodes/msg/FlowFeatures',
+    'motion averaged over a grid of regions',
+    _RECENT,
+    60.0,
+    frame=_CAMERA,
+    holds='px: mean motion of the markers in each region, x right and y down; what the model reads',
 )
 FORCE_DISTRIBUTION = Topic(
     'force_distribution',
@@ -55,13 +82,27 @@ FORCE_DISTRIBUTION = Topic(
     'normal force on each bin of the surface [N]',
     _LATEST,
     60.0,
+    frame=_SURFACE,
+    holds='N on each bin, positive into the gel; contacts, sums, status, what it was computed with',
 )
 WRENCH = Topic(
-    'wrench', 'geometry_msgs/msg/WrenchStamped', 'net force on the gel in the surface frame [N, N m]', _LATEST, 60.0
+    'wrench',
+    'geometry_msgs/msg/WrenchStamped',
+    'net force on the gel in the surface frame [N, N m]',
+    _LATEST,
+    60.0,
+    frame=_SURFACE,
+    holds='N and N·m, force on the sensor, so pressing is −z; torque about the origin of the frame; no status',
 )
 # What other tools draw; made by the node force_views, each only while somebody listens to it.
 FORCE_MAP = Topic(
-    'force_map', 'sensor_msgs/msg/Image', 'the force on each bin as a picture of 32FC1, rows along y [N]', _LATEST, 60.0
+    'force_map',
+    'sensor_msgs/msg/Image',
+    'the force on each bin as a picture of 32FC1, rows along y [N]',
+    _LATEST,
+    60.0,
+    frame=_SURFACE,
+    holds='N, 32FC1, a pixel a bin, rows along y, positive into the gel; NaN while the force is invalid',
 )
 FORCE_POINTS = Topic(
     'force_points',
@@ -69,6 +110,8 @@ FORCE_POINTS = Topic(
     'the centre of each bin and its normal_force [m, N]',
     _LATEST,
     60.0,
+    frame=_SURFACE,
+    holds='x, y, z in m and normal_force in N, positive into the gel, float32; empty while the force is invalid',
 )
 CONTACT = Topic(
     'contact',
@@ -76,12 +119,25 @@ CONTACT = Topic(
     'the place of the largest contact, while there is one [m]',
     _LATEST,
     60.0,
+    frame=_SURFACE,
+    holds='m; nothing is sent while nothing touches or the force is invalid',
 )
 CONTACT_MARKERS = Topic(
-    'contact_markers', 'visualization_msgs/msg/MarkerArray', 'an arrow for each contact, 20 mm a newton', _LATEST, 60.0
+    'contact_markers',
+    'visualization_msgs/msg/MarkerArray',
+    'an arrow for each contact, 20 mm a newton',
+    _LATEST,
+    60.0,
+    frame=_SURFACE,
+    holds='head of each arrow on the gel; green, orange when degraded',
 )
 TF_STATIC = Topic(
-    '/tf_static', 'tf2_msgs/msg/TFMessage', "where the gel's surface is on the sensor", Qos('queue', 100, latched=True)
+    '/tf_static',
+    'tf2_msgs/msg/TFMessage',
+    "where the gel's surface is on the sensor",
+    Qos('queue', 100, latched=True),
+    frame=_PARENT,
+    holds='m and quaternion: where the surface stands in the parent frame',
 )
 TRUE_FORCE = Topic(
     'true_force_distribution',
@@ -89,15 +145,22 @@ TRUE_FORCE = Topic(
     'what really presses, as the simulator knows it',
     _LATEST,
     60.0,
+    frame=_SURFACE,
+    holds='as force_distribution; no camera but the simulated one has it',
 )
 MODEL_IN_USE = Topic(
-    'model_in_use', 'tactile_nodes/msg/Provenance', 'the model that forces are computed with from now on', _LATCHED
+    'model_in_use',
+    'tactile_nodes/msg/Provenance',
+    'the model that forces are computed with from now on',
+    _LATCHED,
+    holds='names and hashes of model, calibration and gel',
 )
 CALIBRATION_IMAGE = Topic(
     'calibration_image',
     'sensor_msgs/msg/Image',
     'the rest image that the model in use was calibrated with; of no size where its file holds none',
     _LATCHED,
+    holds='grey levels 0 to 255, mono8; the frame field holds the id of the model',
 )
 CALIBRATION_STATE = Topic(
     'calibration_state',
@@ -105,26 +168,73 @@ CALIBRATION_STATE = Topic(
     'whether the calibration still holds, and what to do where it does not',
     _LATCHED,
     1.0,
+    holds='px and shares; level, reasons and a sentence',
 )
-DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'how each node is', Qos('queue', 100), 1.0)
-ROSOUT = Topic('/rosout', 'rcl_interfaces/msg/Log', 'what each node says', Qos('queue', 1000))
-CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'the time while a bag is replayed', _LATEST, recorded=False)
+DIAGNOSTICS = Topic(
+    '/diagnostics',
+    'diagnostic_msgs/msg/DiagnosticArray',
+    'how each node is',
+    Qos('queue', 100),
+    1.0,
+    holds='level, sentence and values of each part of each node',
+)
+ROSOUT = Topic(
+    '/rosout',
+    'rcl_interfaces/msg/Log',
+    'what each node says',
+    Qos('queue', 1000),
+    holds='level, text and node',
+)
+CLOCK = Topic(
+    '/clock',
+    'rosgraph_msgs/msg/Clock',
+    'the time while a bag is replayed',
+    _LATEST,
+    recorded=False,
+    holds='s since 1970',
+)
 FORCE_TORQUE = Topic(
     'force_torque',
     'geometry_msgs/msg/WrenchStamped',
     'every sample of the force/torque sensor, untared, in its own axes [N, N m]',
     Qos('queue', 10000),
     1000.0,
+    frame=_SENSOR,
+    holds='N and N·m in the axes of the sensor, untared, by its own sign; NaN: not measured',
 )
 PRESS_IMAGE = Topic(
     'press_image',
     'sensor_msgs/msg/Image',
     'the images of a press, taken while everything is at rest',
     Qos('queue', 100),
+    frame=_CAMERA,
+    holds='grey levels 0 to 255, mono8',
 )
-PRESS = Topic('press', 'tactile_nodes/msg/Press', 'each press of a plan, when it is over', Qos('queue', 100))
-RIG_STATE = Topic('rig_state', 'tactile_nodes/msg/RigState', 'where the pressing machine is', Qos('queue', 100), 10.0)
-SYNC_EDGE = Topic('sync_edge', 'tactile_nodes/msg/SyncEdge', 'edges of the digital line', Qos('queue', 1000))
+PRESS = Topic(
+    'press',
+    'tactile_nodes/msg/Press',
+    'each press of a plan, when it is over',
+    Qos('queue', 100),
+    frame=_SURFACE,
+    holds='m, N and N·m: where and how deep was pressed; force on the gel, so pressing is −z',
+)
+RIG_STATE = Topic(
+    'rig_state',
+    'tactile_nodes/msg/RigState',
+    'where the pressing machine is',
+    Qos('queue', 100),
+    10.0,
+    frame=_MACHINE,
+    holds='m: place of the tip, and its depth in the gel',
+)
+SYNC_EDGE = Topic(
+    'sync_edge',
+    'tactile_nodes/msg/SyncEdge',
+    'edges of the digital line',
+    Qos('queue', 1000),
+    frame=_RECORDER,
+    holds='s: time and level of an edge, by the clock of whoever saw it',
+)
 
 TOPICS = {
     topic.name: topic
