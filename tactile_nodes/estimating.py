@@ -16,13 +16,16 @@ from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.quality import ContactDetector
 from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.sensing.stamped import ByStamp
 
 FORCE = types.ForceDistribution
-INVALID = FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_NOT_FINITE
+UNMEASURED = FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE
+"""Nothing is known of such a frame: its numbers are NaN."""
+
+INVALID = UNMEASURED | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE | FORCE.REASON_NOT_FINITE
 
 
 @dataclass(frozen=True)
@@ -137,8 +140,7 @@ class Estimating:
             ModelError, MessageError: the features are none that the model can read.
         """
         self._last, start_ns = features, perf_ns()
-        estimator, seen = self.now.estimator, conversions.features_array(features)
-        found = estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
+        found = self._found(features)
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
         touching = not reasons & INVALID and self._contact.update(found.total_n)
@@ -155,6 +157,12 @@ class Estimating:
             stages=replace(stages, predict=predict_s, transport=stages.transport + age_s),  # type: ignore[type-var]
             **fields,
         )
+
+    def _found(self, features: types.FlowFeatures) -> ForceMap:
+        if features.reasons & UNMEASURED:
+            return unknown_forces(self.now.loaded.model.bins)
+        estimator, seen = self.now.estimator, conversions.features_array(features)
+        return estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
 
     def _replaced(self) -> Ready:
         card, file = self.now.loaded.card, self.now.file
@@ -178,7 +186,7 @@ class Estimating:
     def _reasons(self, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
         size = features.image_width, features.image_height
         faults = {
-            FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
+            FORCE.REASON_NOT_FINITE: not (features.reasons & UNMEASURED or math.isfinite(found.total_n)),
             FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
             FORCE.REASON_UNLIKE_TRAINING: found.unlikeness > 1,
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,

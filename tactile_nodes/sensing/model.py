@@ -14,7 +14,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 
 
@@ -121,6 +121,11 @@ def _force_map(reading: Reading, confidence: float) -> ForceMap:
         position_sigma_mm=strongest.sigma_mm,
         unlikeness=reading.unlikeness,
     )
+
+
+def unknown_forces(bins: BinGrid) -> ForceMap:
+    """What is said of a frame that could not be measured: nothing but NaN."""
+    return _force_map(nothing_read(bins), UNKNOWN)
 
 
 def require_layout(layout: FeatureLayout, features: Features, model_id: str) -> None:

@@ -22,6 +22,7 @@ from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 
 Listen = Callable[[Topic], Subscription]
+FORCE = types.ForceDistribution
 Advertise = Callable[[Topic], Publisher]
 SMALL = ['encoding:=cartesian_mean', 'rows:=4', 'cols:=4', 'reference_frames:=1']
 
@@ -31,23 +32,41 @@ def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> FlowFeatur
     return FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words]), clock)
 
 
+def measured(features: Subscription) -> list[types.FlowFeatures]:
+    """What came, but for frames of which nothing could be measured."""
+    found = []
+    while (received := features.take()) is not None:
+        if not received.message.reasons & (FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE):
+            found.append(received.message)
+    return found
+
+
 def test_features_carry_the_stamp_of_their_image(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
     camera.publish(image(PATTERN))
     run(tested)
-    assert features.take() is None  # the first frame became the rest image
     camera.publish(image(np.roll(PATTERN, 2, axis=1), START_NS + 7))
     run(tested)
-    received = features.take()
-    assert received is not None
-    message = received.message
+    (message,) = measured(features)  # the first frame became the rest image
     assert stamp_ns(message.header.stamp) == START_NS + 7
     assert (message.rows, message.cols, message.channels, message.image_width) == (4, 4, 2, 160)
     # The picture went 2 px to the right; DIS reads whole motions of this size to a tenth.
     assert np.median(message.values.reshape(4, 4, 2)[..., 0]) == pytest.approx(2.0, abs=0.1)
     assert len(message.reference_id) == 12
+
+
+def test_frames_before_there_is_a_rest_image_say_so(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(PATTERN))
+    run(tested)
+    received = features.take()
+    assert received is not None
+    assert received.message.reasons == FORCE.REASON_NO_REFERENCE
+    assert not received.message.confidence.any()
 
 
 def test_rest_image_is_announced_to_those_who_come_later(
@@ -126,12 +145,12 @@ def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(
     tested = node(bus, clock, 'reference:=topic')
     camera.publish(image(PATTERN))
     run(tested)
-    assert features.take() is None
+    assert not measured(features)
     reference.publish(image(PATTERN))
     run(tested)
     camera.publish(image(PATTERN, START_NS + 1))
     run(tested)
-    assert features.take() is not None
+    assert len(measured(features)) == 1
 
 
 def test_image_of_another_size_is_said_and_does_not_end_the_node(
@@ -140,9 +159,12 @@ def test_image_of_another_size_is_said_and_does_not_end_the_node(
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
     camera.publish(image(PATTERN))
     run(tested)
+    features.take()
     camera.publish(image(PATTERN[:120, :120].copy()))
     run(tested)
-    assert features.take() is None
+    received = features.take()
+    assert received is not None
+    assert received.message.reasons == FORCE.REASON_OTHER_IMAGE
     assert any('120x120' in status.message for status in tested.diagnostics.message(0).status)
     camera.publish(image(PATTERN))
     run(tested)
@@ -154,10 +176,9 @@ def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Li
     for pixels in (PATTERN, np.zeros_like(PATTERN)):
         camera.publish(image(pixels))
         run(tested)
-    received = features.take()
-    assert received is not None
-    assert received.message.reasons == types.ForceDistribution.REASON_DARK_IMAGE
-    assert received.message.image_level == 0.0
+    (message,) = measured(features)
+    assert message.reasons == FORCE.REASON_DARK_IMAGE
+    assert message.image_level == 0.0
 
 
 def test_a_frame_like_the_rest_image_is_told_as_untouched_and_one_that_moved_is_not(
@@ -165,12 +186,10 @@ def test_a_frame_like_the_rest_image_is_told_as_untouched_and_one_that_moved_is_
 ) -> None:
     features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
     tested = node(bus, clock, 'stillness.full_every:=1000000')
-    found = []
     for pixels in (PATTERN, PATTERN, np.roll(PATTERN, 2, axis=1)):
         camera.publish(image(pixels))
         run(tested)
-    while (received := features.take()) is not None:
-        found.append((received.message.untouched, bool(received.message.values.any())))
+    found = [(message.untouched, bool(message.values.any())) for message in measured(features)]
     assert found == [(True, False), (False, True)]
 
 
@@ -182,9 +201,8 @@ def test_every_frame_is_measured_when_the_check_is_off(
     for pixels in (PATTERN, PATTERN):
         camera.publish(image(pixels))
         run(tested)
-    received = features.take()
-    assert received is not None
-    assert not received.message.untouched
+    (message,) = measured(features)
+    assert not message.untouched
 
 
 def test_overlay_is_saved_on_request(

@@ -1,0 +1,184 @@
+"""From the camera's frames to the messages that the force estimator reads: all that is remembered between frames.
+
+Who feeds it, a node, a test or a bench, gets what the node publishes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import perf_ns
+from tactile_nodes.errors import ImageError
+from tactile_nodes.messages import types
+from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.quality import picture_faults
+from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+
+FORCE = types.ForceDistribution
+
+
+@dataclass(frozen=True)
+class FollowingParams(MethodParams):
+    """How frames are turned into features."""
+
+    reference_frames: int = parameter(10, 'frames averaged into a captured rest image', minimum=1)
+    marked_share: float = parameter(
+        0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
+    )
+    stillness: StillnessParams = field(default_factory=StillnessParams)
+
+
+class Following:
+    """Answers each frame with a message of features; there is nothing else to hand on from frame to frame."""
+
+    def __init__(self, params: FollowingParams) -> None:
+        flow, self._encoding = make_methods(params)
+        self._method = told(flow)
+        self._tracker = FeatureTracker(
+            flow,
+            self._encoding,
+            rest_frames=params.reference_frames,
+            marked_share=params.marked_share,
+            check=make_check(params.stillness),
+        )
+        self._announced: types.Image | None = None
+        self._last: tuple[np.ndarray, DisplacementField] | None = None
+        self.trouble = ''
+
+    @property
+    def reference(self) -> UInt8[np.ndarray, 'h w'] | None:
+        """The rest image in use."""
+        return self._tracker.reference
+
+    @property
+    def reference_id(self) -> str:
+        return self._tracker.reference_id
+
+    def begin_capture(self, skip: int = 0) -> None:
+        """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
+        self._tracker.begin_capture(skip=skip)
+
+    def use_reference(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
+        """Measure against this rest image from now on.
+
+        Raises:
+            ImageError: nothing can be measured against it; the one before stays in use.
+        """
+        self._tracker.use_reference(image)
+        self._announce(head)
+
+    def announced(self) -> types.Image | None:
+        """The rest image that came into use since this was asked last, if one did: to be published."""
+        message, self._announced = self._announced, None
+        return message
+
+    def answer(
+        self,
+        image: UInt8[np.ndarray, 'h w'],
+        head: types.Header,
+        *,
+        acquire_s: float = math.nan,
+        waited_s: float = 0.0,
+    ) -> types.FlowFeatures:
+        """The features of one frame.
+
+        Args:
+            image: the frame.
+            head: its header, with the stamp of its capture.
+            acquire_s: from that stamp to its publication; NaN: not known.
+            waited_s: from its publication until now.
+        """
+        start_ns = perf_ns()
+        if (missing := self._missing(image, head)) != 0:
+            return self._message(image, head, self._nothing(), reasons=missing)
+        field_px = self._tracker.field(image)
+        flow_ns = perf_ns()
+        features = self._tracker.features(field_px)
+        features_ns = perf_ns()
+        self._last = image, field_px
+        stages = types.StageTimes(
+            acquire=acquire_s,
+            flow=(flow_ns - start_ns) * 1e-9,
+            features=(features_ns - flow_ns) * 1e-9,
+            predict=math.nan,
+            transport=max(0.0, waited_s),
+        )
+        return self._message(image, head, features, untouched=self._tracker.untouched(field_px), stages=stages)
+
+    def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
+        """A picture of the last frame's motion.
+
+        Raises:
+            ImageError: none has been measured yet.
+        """
+        if self._last is None:
+            raise ImageError('no frame has been measured yet; is the camera running?')
+        image, field_px = self._last
+        return overlay(np.array(image), field_px.displacement_px)
+
+    def _missing(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> int:
+        """Why a frame cannot be measured, if it cannot."""
+        if self._tracker.capturing:
+            self._offer_rest(image, head)
+            return FORCE.REASON_NO_REFERENCE
+        if self._tracker.reference is None:
+            return FORCE.REASON_NO_REFERENCE
+        if image.shape == self._tracker.reference.shape:
+            return 0
+        (height, width), (known_height, known_width) = image.shape, self._tracker.reference.shape
+        self.trouble = (
+            f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '
+            'set camera and crop as they were, or capture the rest image again'
+        )
+        return FORCE.REASON_OTHER_IMAGE
+
+    def _offer_rest(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
+        try:
+            if self._tracker.offer_rest(image):
+                self._announce(head)
+        except ImageError as error:
+            self.trouble = str(error)
+
+    def _announce(self, head: types.Header) -> None:
+        assert self._tracker.reference is not None
+        self.trouble = ''
+        self._announced = conversions.image_message(self._tracker.reference, head)
+
+    def _nothing(self) -> Features:
+        """No motion, in which nobody believes: what is said of a frame that was not measured."""
+        rows, cols = (int(str(self._encoding.options[name])) for name in ('rows', 'cols'))
+        still = np.zeros((rows, cols, len(self._encoding.channels)), np.float32)
+        return Features(self._encoding.name, still, np.zeros((rows, cols), np.float32))
+
+    def _message(
+        self,
+        image: UInt8[np.ndarray, 'h w'],
+        head: types.Header,
+        features: Features,
+        *,
+        untouched: bool = False,
+        reasons: int = 0,
+        stages: types.StageTimes | None = None,
+    ) -> types.FlowFeatures:
+        faults = picture_faults(image)
+        seen = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
+        return types.FlowFeatures(
+            header=head,
+            image_width=image.shape[1],
+            image_height=image.shape[0],
+            method=self._method,
+            reference_id=self._tracker.reference_id,
+            image_level=faults.level,
+            untouched=untouched,
+            reasons=reasons | seen,
+            stages=stages or types.StageTimes(),
+            **conversions.feature_fields(features),
+        )
