@@ -86,6 +86,7 @@ setup(
             'pynetft>=2.1,<3',
             'pytest>=9,<10',
             'pytest-timeout>=2.3,<3',
+            'pytest-xdist>=3.6,<4',
             'ruff>=0.17.5,<0.18',
             'types-PyYAML>=6,<7',
             'types-psutil>=6,<8',
