@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from typing import ClassVar
 
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
@@ -31,6 +32,8 @@ class InverseCompositionalParams:
 @dataclass(frozen=True)
 class MethodParams:
     """How motion is measured and summed up."""
+
+    READ_ONLY: ClassVar[bool] = True
 
     model: str = parameter(
         '', 'take flow and features from this model (name or file) instead of the parameters below', read_only=True

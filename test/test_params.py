@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import pytest
 
@@ -32,6 +33,23 @@ class Block:
     threads: int = parameter(1, 'threads', read_only=True)
     crop: tuple[int, ...] = parameter((440, 440), 'crop')
     inner: Inner = Inner()
+
+
+@dataclass(frozen=True)
+class Switch:
+    READ_ONLY: ClassVar[bool] = False
+
+    on: bool = parameter(False, 'on')
+
+
+@dataclass(frozen=True)
+class Machine:
+    READ_ONLY: ClassVar[bool] = True
+
+    port: str = parameter('', 'where it is')
+    label: str = parameter('', 'what it is called', read_only=False)
+    inner: Inner = Inner()
+    switch: Switch = Switch()
 
 
 @pytest.mark.parametrize(
@@ -147,3 +165,8 @@ def test_description_carries_type_range_and_default() -> None:
     assert by_name['crop'].type == 'int_array'
     assert by_name['threads'].read_only
     assert by_name['inner.gain'].default == 1.0
+
+
+def test_a_block_says_for_all_below_it_that_they_are_set_at_start_and_a_block_or_field_in_it_says_otherwise() -> None:
+    found = {entry.name: entry.read_only for entry in describe(Machine)}
+    assert found == {'port': True, 'label': False, 'inner.gain': True, 'switch.on': False}

@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 _SET_EXAMPLES = """\
-  tactile param set /camera rate 30.0
-  tactile param set /camera label "'7'"            a text, though it looks like a number
+  tactile param set /force_estimator least_confidence 0.8
+  tactile param set /recorder bag "'7'"            a text, though it looks like a number
 """
 _DESCRIBE_EXAMPLES = '  tactile param describe /camera rate\n  tactile param describe /camera            all of them\n'
 _DUMP_EXAMPLES = '  tactile param dump /camera > camera.yaml\n'

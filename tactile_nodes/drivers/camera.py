@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,8 @@ class SceneSettings:
 @dataclass(frozen=True)
 class CameraSettings:
     """What is asked of a camera. A width, height, rate or control of 0 is left to the device."""
+
+    READ_ONLY: ClassVar[bool] = True
 
     source: str = parameter(
         SIMULATED, 'simulated, a device, a video file, a folder of images, or an http:// or rtsp:// address'

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 from tactile_nodes import paths
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -26,6 +27,8 @@ LOOK_S = 0.01
 class RigFaults(SensorFaults):
     """What is wrong now."""
 
+    READ_ONLY: ClassVar[bool] = False
+
     silent_camera: bool = parameter(False, 'the camera sends nothing')
     lose_frames: int = parameter(0, 'the next so many pictures are lost', minimum=0)
     frame_loss_rate: float = parameter(0.0, 'share of the pictures that are lost', minimum=0.0, maximum=1.0)
@@ -40,6 +43,8 @@ class RigFaults(SensorFaults):
 @dataclass(frozen=True)
 class EmulatedRigSettings:
     """What the rig is made of."""
+
+    READ_ONLY: ClassVar[bool] = True
 
     cnc_port: str = parameter('', 'link to the serial port; empty: emulated_cnc in the run folder', read_only=True)
     sensor: str = parameter(

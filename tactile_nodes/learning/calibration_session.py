@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 from tactile_nodes.errors import ModelError, TactileError
 from tactile_nodes.estimating import Inputs
@@ -24,6 +25,8 @@ from tactile_nodes.params import parameter
 class CalibrationSettings:
     """What is calibrated, from what, and when that ends."""
 
+    READ_ONLY: ClassVar[bool] = True
+
     model: str = parameter('portable', 'the model to begin with: name of one that ships, or a file', read_only=True)
     gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
     folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
@@ -32,7 +35,7 @@ class CalibrationSettings:
     rig: str = parameter('rig', 'node that presses', read_only=True)
     rig_end: str = parameter('stop', 'what it is asked to do then', choices=('stop', 'pause'), read_only=True)
     estimator: str = parameter('force_estimator', 'node that takes the calibration over; empty: none', read_only=True)
-    stay: bool = parameter(False, 'go on after that, and let the launch go on with it')
+    stay: bool = parameter(False, 'go on after that, and let the launch go on with it', read_only=False)
     rule: StopRule = field(default_factory=StopRule)
 
 

@@ -37,10 +37,12 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )
     skip_frames: int = parameter(0, 'frames left out before the capture at start', minimum=0)
-    reference_file: str = parameter('', 'picture (PNG) that a rest image is read from or saved to')
-    overlay_folder: str = parameter('', 'where pictures of the motion are saved; empty: the working folder')
+    reference_file: str = parameter('', 'picture (PNG) that a rest image is read from or saved to', read_only=False)
+    overlay_folder: str = parameter(
+        '', 'where pictures of the motion are saved; empty: the working folder', read_only=False
+    )
     overlay_every: int = parameter(
-        0, 'save a picture of the motion every so many frames; 0: only when asked', minimum=0
+        0, 'save a picture of the motion every so many frames; 0: only when asked', minimum=0, read_only=False
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 import threading
 from dataclasses import dataclass
+from typing import ClassVar
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
@@ -28,6 +29,8 @@ LEAVE_S = 3.0
 @dataclass(frozen=True)
 class GuardedApproachParams(GuardedRunSettings, NodeParams):
     """Parameters of the guarded approach node."""
+
+    READ_ONLY: ClassVar[bool] = True
 
 
 class GuardedApproachNode(Node):

@@ -41,7 +41,9 @@ class PlayerParams(NodeParams):
     loop: bool = parameter(False, 'begin again at the end', read_only=True)
     start_offset: float = parameter(0.0, 'seconds into the bag to begin at', minimum=0.0, read_only=True)
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
-    clock_hz: float = parameter(0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0)
+    clock_hz: float = parameter(
+        0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0, read_only=True
+    )
     topics: tuple[str, ...] = parameter((), 'topics to play; empty: all', read_only=True)
     topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
     remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)

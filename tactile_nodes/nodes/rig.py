@@ -10,6 +10,7 @@ import math
 import sys
 import threading
 from dataclasses import dataclass
+from typing import ClassVar
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -31,6 +32,8 @@ SELDOM_S = 10.0  # how often the progress is said where nobody looks at a termin
 @dataclass(frozen=True)
 class RigParams(RigSettings, NodeParams):
     """Parameters of the rig node."""
+
+    READ_ONLY: ClassVar[bool] = True
 
 
 class RigNode(Node):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -43,6 +44,8 @@ class EmulatedRecorderSettings:
 @dataclass(frozen=True)
 class SyncInputParams(SyncInputSettings, NodeParams):
     """Parameters of the sync input."""
+
+    READ_ONLY: ClassVar[bool] = True
 
     recorder: str = parameter('sync_input', 'frame of the edges: the name of whatever has the clock that stamps them')
     line_name: str = parameter('press', 'what to call the line')

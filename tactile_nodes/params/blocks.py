@@ -35,9 +35,12 @@ def parameter(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: Sequence[Scalar] | None = None,
-    read_only: bool = False,
+    read_only: bool | None = None,
 ) -> Any:
-    """A field of a parameter block; `read_only` means that a change needs a restart of the node."""
+    """A field of a parameter block; `read_only` means that a change needs a restart of the node.
+
+    Where a field does not say it, its block does, by ``READ_ONLY: ClassVar[bool]``; then the block that holds that one.
+    """
     return dataclasses.field(
         default=default,
         metadata={
@@ -77,7 +80,7 @@ def from_mapping(
 
 def describe(block: type[Any]) -> list[ParameterDescription]:
     """The parameters that a block declares, by dotted name, in order."""
-    return list(_describe(block, ''))
+    return list(_describe(block, '', read_only=False))
 
 
 def to_values(block: object, prefix: str = '') -> dict[str, Value]:
@@ -92,14 +95,16 @@ def to_values(block: object, prefix: str = '') -> dict[str, Value]:
     return values
 
 
-def _describe(block: type[Any], prefix: str) -> Iterable[ParameterDescription]:
+def _describe(block: type[Any], prefix: str, *, read_only: bool) -> Iterable[ParameterDescription]:
     hints = typing.get_type_hints(block)
+    read_only = getattr(block, 'READ_ONLY', read_only)
     for field in dataclasses.fields(block):
         hint = hints[field.name]
         if dataclasses.is_dataclass(hint):
-            yield from _describe(typing.cast(type[Any], hint), f'{prefix}{field.name}.')
+            yield from _describe(typing.cast(type[Any], hint), f'{prefix}{field.name}.', read_only=read_only)
             continue
         facts = field.metadata
+        own = facts.get('read_only')
         yield ParameterDescription(
             prefix + field.name,
             _type_name(hint),
@@ -108,7 +113,7 @@ def _describe(block: type[Any], prefix: str) -> Iterable[ParameterDescription]:
             facts.get('minimum'),
             facts.get('maximum'),
             facts.get('choices'),
-            facts.get('read_only', False),
+            read_only if own is None else own,
         )
 
 
