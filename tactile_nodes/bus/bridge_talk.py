@@ -12,7 +12,7 @@ from tactile_nodes.bus.records import Outlet, checked, participant_from
 from tactile_nodes.errors import MessageError
 from tactile_nodes.params import matches
 
-FORMAT = 1
+FORMAT = 2
 MALFORMED = (MessageError, ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error)
 _KEPT = 20
 

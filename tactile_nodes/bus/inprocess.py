@@ -130,7 +130,11 @@ class InProcessBus:
                 os.getpid(),
                 socket.gethostname(),
                 tuple(self._nodes),
-                tuple(Endpoint(p.topic, p.type_name, p.node, p.qos.latched) for p in self._publishers if not p.relays),
+                tuple(
+                    Endpoint(p.topic, p.type_name, p.node, p.qos.latched, p.gid)
+                    for p in self._publishers
+                    if not p.relays
+                ),
                 tuple(Endpoint(s.topic, s.type_name, s.node) for s in subscriptions),
                 tuple(Endpoint(s.name, s.type_name, s.node) for s in self._services.values()),
             )

@@ -113,12 +113,13 @@ class Closing(Protocol):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """One node's end of a topic or service."""
+    """One node's end of a topic or service; `gid` is the name under which a publisher's messages come in."""
 
     name: str
     type_name: str
     node: str
     latched: bool = False
+    gid: str = ''
 
 
 @dataclass(frozen=True)

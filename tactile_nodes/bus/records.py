@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from tactile_nodes.bus.protocol import Endpoint, Participant
 
-FORMAT = 2
+FORMAT = 3
 LONGEST_TEXT = 4_000_000
 _ROLES = ('publishers', 'subscriptions', 'services')
 
