@@ -11,6 +11,7 @@ import pytest
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import (
     describe,
+    exact_names,
     from_mapping,
     load_parameter_file,
     parameter,
@@ -170,3 +171,14 @@ def test_description_carries_type_range_and_default() -> None:
 def test_a_block_says_for_all_below_it_that_they_are_set_at_start_and_a_block_or_field_in_it_says_otherwise() -> None:
     found = {entry.name: entry.read_only for entry in describe(Machine)}
     assert found == {'port': True, 'label': False, 'inner.gain': True, 'switch.on': False}
+
+
+def test_a_block_that_names_the_node_is_for_it_alone_and_one_of_wildcards_is_not() -> None:
+    text = """
+        /**/camera: {ros__parameters: {fpss: 1.0}}
+        /other/camera: {ros__parameters: {gain: 1}}
+        /**: {ros__parameters: {rate: 1.0}}
+        /skin/*: {ros__parameters: {loop: true}}
+    """
+    blocks = parse_parameters(text, 'a.yaml')
+    assert exact_names('/skin/camera', blocks) == {'fpss'}

@@ -206,8 +206,12 @@ def resolve_parameters(node_name: str, blocks: Iterable[NodeParameters]) -> dict
 
 
 def exact_names(node_name: str, blocks: Iterable[NodeParameters]) -> set[str]:
-    """The parameters written for this very node rather than for a wildcard: a typo there is an error."""
-    return {name for block in blocks if normal_pattern(block.pattern) == node_name for name in block.values}
+    """The parameters of blocks that name the node (``/**/camera``): a typo there is an error."""
+    own = node_name.rpartition('/')[2]
+    naming = [
+        block for block in blocks if block.pattern.rpartition('/')[2] == own and matches(block.pattern, node_name)
+    ]
+    return {name for block in naming for name in block.values}
 
 
 def normal_pattern(pattern: str) -> str:
