@@ -33,10 +33,10 @@ class Sensing:
     pids: dict[str, int]
     _forces: Subscription
 
-    def forces(self, seconds: float) -> Iterator[Received]:
-        """Those that come in the next `seconds`."""
+    def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
+        """Those that come in the next `seconds`; with `fresh` without those that wait already."""
         end_s = monotonic_s() + seconds
-        while self._forces.take() is not None:
+        while fresh and self._forces.take() is not None:
             pass
         while (left_s := end_s - monotonic_s()) > 0:
             if (received := self._forces.get(left_s)) is not None:

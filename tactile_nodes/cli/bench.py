@@ -22,8 +22,10 @@ BENCHMARKS = {
     'flow': 'motion by each flow method against known motion, and its time',
     'front': 'speed against accuracy: ways to measure motion, grids and readouts, trained alike; the front of them',
     'motion': 'flow alone: error and bias of each way against how far the picture moved',
+    'stability': 'each disturbance from none to far too much: does the force hold, and does the status say so?',
     'untouched': 'frames in which nothing touches: are any touches missed, and what does not measuring them save?',
     'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
+    'endurance': 'hours of sensing: does memory, a queue or a count of files or threads grow?',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 

@@ -1,0 +1,48 @@
+"""Does a process grow? Looks at it over time, and the line through them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+MB = 2**20
+SETTLED = 0.2
+"""Share of the time after which a process has loaded and filled all that it ever will."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One look at a process: when [s], its resident memory [MiB], open files, threads and time of a processor [s]."""
+
+    at_s: float
+    memory_mb: float
+    files: int
+    threads: int
+    cpu_s: float
+
+
+def growth(looks: Sequence[Look]) -> dict[str, Any]:
+    """What a process held first and last once it had settled, the most ever, and its slope.
+
+    `mb_per_hour` is that of the line through the memory of all looks after the first fifth (least squares), NaN for
+    less than three of them; 100 MiB at 0 s and 101 MiB at 1800 s make 2.
+    """
+    settled = looks[round(SETTLED * len(looks)) :]
+    first, last = settled[0], settled[-1]
+    return {
+        'memory_mb': {'first': first.memory_mb, 'last': last.memory_mb, 'most': max(look.memory_mb for look in looks)},
+        'mb_per_hour': slope_per_hour([look.at_s for look in settled], [look.memory_mb for look in settled]),
+        'files': {'first': first.files, 'last': last.files, 'most': max(look.files for look in looks)},
+        'threads': {'first': first.threads, 'last': last.threads, 'most': max(look.threads for look in looks)},
+        'cpu_share': (last.cpu_s - first.cpu_s) / (last.at_s - first.at_s) if last.at_s > first.at_s else float('nan'),
+    }
+
+
+def slope_per_hour(at_s: Sequence[float], values: Sequence[float]) -> float:
+    """How much the line through the values rises in an hour."""
+    if len(at_s) < 3:
+        return float('nan')
+    return float(np.polyfit(np.asarray(at_s) / 3600, values, 1)[0])
