@@ -17,6 +17,7 @@ from tactile_nodes.bus.diagnostics import Diagnostics, Level
 from tactile_nodes.bus.log import Log
 from tactile_nodes.bus.parameters import ParameterServer, from_message
 from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
+from tactile_nodes.bus.qos_overrides import PREFIX, QosOverrides
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock
@@ -51,7 +52,8 @@ class Node:
         arguments = arguments or NodeArguments()
         self.bus = bus
         self.names = Names.of(self.NAME, arguments)
-        self._parameters = ParameterServer(self._read_parameters(arguments), self._apply_parameters)
+        block, self._qos = self._read_parameters(arguments)
+        self._parameters = ParameterServer(block, self._apply_parameters, self._qos.descriptions())
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._timers: list[tuple[int, int, _Timer]] = []
         self._order = itertools.count()
@@ -77,7 +79,9 @@ class Node:
     # --- for subclasses -------------------------------------------------------------------------------------
 
     def create_publisher(self, topic: Topic) -> Publisher:
-        made = self.bus.advertise(self.names.resolve(topic.name), topic.type_name, topic.qos, self.full_name)
+        name = self.names.resolve(topic.name)
+        qos = self._qos.of('publisher', name, topic.qos)
+        made = self.bus.advertise(name, topic.type_name, qos, self.full_name)
         self._ends.append(made)
         return made
 
@@ -85,7 +89,8 @@ class Node:
         """Call `callback` with each message of `topic` that is kept; bytes that are no message are counted only."""
         inbox = _Inbox(self, callback)
         name = self.names.resolve(topic.name)
-        made = self.bus.subscribe(name, topic.type_name, topic.qos, self.full_name, inbox.ready)
+        qos = self._qos.of('subscription', name, topic.qos)
+        made = self.bus.subscribe(name, topic.type_name, qos, self.full_name, inbox.ready)
         inbox.subscription = made
         self._ends.append(made)
         return made
@@ -183,18 +188,19 @@ class Node:
 
     # --- inside ---------------------------------------------------------------------------------------------
 
-    def _read_parameters(self, arguments: NodeArguments) -> Any:
+    def _read_parameters(self, arguments: NodeArguments) -> tuple[Any, QosOverrides]:
         values = params.resolve_parameters(self.full_name, arguments.parameters)
+        qos = QosOverrides({name: values.pop(name) for name in list(values) if name.startswith(PREFIX)})
         known = {entry.name for entry in params.describe(self.PARAMS)}
         exact = params.exact_names(self.full_name, arguments.parameters)
         # What a wildcard sets for others is not for us; what names us and is unknown is a typo.
         mine = {name: value for name, value in values.items() if name in known or name in exact}
-        return params.from_mapping(self.PARAMS, mine, source=self.full_name)
+        return params.from_mapping(self.PARAMS, mine, source=self.full_name), qos
 
     def _apply_parameters(self, changed: Any) -> None:
         self.on_parameters(changed)
 
-    def _prepare(self, request: types.SetParameters_Request) -> None:
+    def _prepare(self, request: types.SetParameters_Request | types.SetParametersAtomically_Request) -> None:
         self.prepare_parameters({entry.name: from_message(entry.value) for entry in request.parameters})
 
     def _offer_standard_ends(self) -> None:
@@ -202,12 +208,9 @@ class Node:
         self.log.publisher = self.create_publisher(topics.ROSOUT)
         told = self.create_publisher(topics.DIAGNOSTICS)
         self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self.diagnostics.message(self.clock.now_ns())))
-        server = self._parameters
-        self.create_service('~/list_parameters', services.LIST_PARAMETERS, server.list)
-        self.create_service('~/get_parameters', services.GET_PARAMETERS, server.get)
-        first = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
-        self.create_service('~/set_parameters', services.SET_PARAMETERS, server.set, first)
-        self.create_service('~/describe_parameters', services.DESCRIBE_PARAMETERS, server.describe)
+        prepare = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
+        for name, (type_name, answer) in self._parameters.answers().items():
+            self.create_service(f'~/{name}', type_name, answer, prepare if name.startswith('set_') else None)
         if self.params.use_sim_time:
             self.create_subscription(topics.CLOCK, self._on_clock)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from tactile_nodes import params
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.messages import types
+from tactile_nodes.messages import services, types
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING, BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(10)
 _FIELDS = {
@@ -35,12 +35,27 @@ class ParameterServer:
     """Lists, gives, changes and describes the parameters of one block.
 
     `apply` is called with the whole new block before it takes effect and may refuse it with a ConfigurationError.
+    `fixed` are more parameters, each with its value as default, that only a restart can change.
     """
 
-    def __init__(self, block: Any, apply: Callable[[Any], None]) -> None:
+    def __init__(
+        self, block: Any, apply: Callable[[Any], None], fixed: Iterable[params.ParameterDescription] = ()
+    ) -> None:
         self.block = block
         self._apply = apply
-        self._descriptions = {entry.name: entry for entry in params.describe(type(block))}
+        self._fixed = {entry.name: entry.default for entry in fixed}
+        self._descriptions = {entry.name: entry for entry in (*params.describe(type(block)), *fixed)}
+
+    def answers(self) -> dict[str, tuple[str, Callable[[Any], Any]]]:
+        """The six services that every client of ROS 2 waits for before it asks: name -> type, what answers."""
+        return {
+            'list_parameters': (services.LIST_PARAMETERS, self.list),
+            'get_parameters': (services.GET_PARAMETERS, self.get),
+            'get_parameter_types': (services.GET_PARAMETER_TYPES, self.kinds),
+            'describe_parameters': (services.DESCRIBE_PARAMETERS, self.describe),
+            'set_parameters': (services.SET_PARAMETERS, self.set),
+            'set_parameters_atomically': (services.SET_PARAMETERS_ATOMICALLY, self.set_together),
+        }
 
     def list(self, request: types.ListParameters_Request) -> types.ListParameters_Response:
         wanted = [name for name in self._descriptions if _listed(name, request.prefixes, request.depth)]
@@ -49,13 +64,22 @@ class ParameterServer:
         return types.ListParameters_Response(result=result)
 
     def get(self, request: types.GetParameters_Request) -> types.GetParameters_Response:
-        values = params.to_values(self.block)
+        values = {**params.to_values(self.block), **self._fixed}
         found = [self._value(name, values[name]) if name in values else _no_value() for name in request.names]
         return types.GetParameters_Response(values=found)
 
     def set(self, request: types.SetParameters_Request) -> types.SetParameters_Response:
-        results = [self._set_one(entry.name, from_message(entry.value)) for entry in request.parameters]
+        results = [self._set({entry.name: from_message(entry.value)}) for entry in request.parameters]
         return types.SetParameters_Response(results=results)
+
+    def set_together(self, request: types.SetParametersAtomically_Request) -> types.SetParametersAtomically_Response:
+        values = {entry.name: from_message(entry.value) for entry in request.parameters}
+        return types.SetParametersAtomically_Response(result=self._set(values))
+
+    def kinds(self, request: types.GetParameterTypes_Request) -> types.GetParameterTypes_Response:
+        known = self._descriptions
+        found = [_KIND_BY_TYPE_NAME[known[name].type] if name in known else NOT_SET for name in request.names]
+        return types.GetParameterTypes_Response(types=np.array(found, np.uint8))
 
     def describe(self, request: types.DescribeParameters_Request) -> types.DescribeParameters_Response:
         found = [self._descriptor(name) for name in request.names]
@@ -78,9 +102,9 @@ class ParameterServer:
     def _value(self, name: str, value: object) -> types.ParameterValue:
         return to_message(value, _KIND_BY_TYPE_NAME[self._descriptions[name].type])
 
-    def _set_one(self, name: str, value: object) -> types.SetParametersResult:
+    def _set(self, values: Mapping[str, object]) -> types.SetParametersResult:
         try:
-            self.change({name: value})
+            self.change(values)
         except ConfigurationError as error:
             return types.SetParametersResult(successful=False, reason=str(error))
         return types.SetParametersResult(successful=True)

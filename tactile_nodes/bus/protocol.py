@@ -18,11 +18,13 @@ class Qos:
     `latest`: only the newest `depth` messages count; older ones give way (a camera image, a force).
     `queue`: every message counts; up to `depth` wait, then the oldest is dropped and counted (force/torque samples).
     `latched`: the publisher's last message is also given to those who come later (a rest image).
+    `reliable`: what is lost on a network is sent again; of meaning on the ROS 2 bus alone.
     """
 
     keep: Literal['latest', 'queue'] = 'latest'
     depth: int = 1
     latched: bool = False
+    reliable: bool = True
 
 
 class Publisher(Protocol):
@@ -102,6 +104,16 @@ class Bus(Protocol):
 
     def close(self) -> None:
         """Leave; whatever was created through this bus ends with it."""
+        ...
+
+
+class ProcessBus(Bus, Protocol):
+    """A bus that reaches beyond its process, as `open_bus` gives it."""
+
+    uid: str
+
+    def ping(self, uid: str, timeout_s: float = 1.0) -> float | None:
+        """The seconds that a participant took to answer; None when it did not."""
         ...
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import sys
@@ -13,7 +14,7 @@ from types import FrameType
 
 from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node import Node
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import ConfigurationError, TactileError
@@ -25,13 +26,31 @@ _END_WITHIN_S = 1.8  # for everything, closing devices included
 _ONE_SIGNAL_S = 0.2  # a terminal and a launcher may both send the one that a person meant
 
 
-def open_bus() -> ZmqBus:
+def open_bus() -> ProcessBus:
     """The bus of this process, in the domain that ``ROS_DOMAIN_ID`` names.
+
+    ``TACTILE_BUS`` chooses: ``zeromq`` (the default), ``ros2``, or ``auto``, which is ROS 2 where rclpy is found.
 
     Raises:
         BusError, ConfigurationError: it cannot be joined.
     """
-    return ZmqBus()
+    chosen = os.environ.get('TACTILE_BUS') or 'zeromq'
+    if chosen == 'auto':
+        chosen = 'ros2' if importlib.util.find_spec('rclpy') else 'zeromq'
+    if chosen not in {'zeromq', 'ros2'}:
+        raise ConfigurationError(f'TACTILE_BUS is {chosen!r}; set it to zeromq, ros2 or auto')
+    return ZmqBus() if chosen == 'zeromq' else _ros2_bus()
+
+
+def _ros2_bus() -> ProcessBus:
+    try:
+        from tactile_nodes.bus.ros2 import Ros2Bus
+    except ImportError as error:
+        raise ConfigurationError(
+            f'TACTILE_BUS=ros2 needs rclpy, which this Python does not find ({error}); source ROS 2 first '
+            '(source /opt/ros/jazzy/setup.bash), or set TACTILE_BUS=zeromq'
+        ) from error
+    return Ros2Bus()
 
 
 def run_node(node: NodeFactory, argv: Sequence[str] | None = None) -> int:

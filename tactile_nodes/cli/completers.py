@@ -10,15 +10,14 @@ from tactile_nodes.cli import session
 from tactile_nodes.errors import TactileError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Graph
-    from tactile_nodes.bus.zeromq import ZmqBus
+    from tactile_nodes.bus.protocol import Graph, ProcessBus
 
 CALL_TIMEOUT_S = 0.3
 
 Completer = Callable[..., list[str]]
 
 
-def _live(names: Callable[[ZmqBus, argparse.Namespace], Iterable[str]]) -> Completer:
+def _live(names: Callable[[ProcessBus, argparse.Namespace], Iterable[str]]) -> Completer:
     """A completer from what is on the bus; a person who pressed Tab has no use for an error."""
 
     def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
@@ -47,7 +46,7 @@ nodes = _live(lambda bus, _: _visible(bus.graph().nodes()))
 services = _live(lambda bus, _: [end.name for end in bus.graph().services()])
 
 
-def _topic_types(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
+def _topic_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
     found = _of(bus.graph(), getattr(arguments, 'topic', None))
     if found:
         return found
@@ -60,12 +59,12 @@ def _of(graph: Graph, topic: str | None) -> list[str]:
     return graph.topics().get(session.absolute(topic), []) if topic else []
 
 
-def _service_types(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
+def _service_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
     wanted = session.absolute(arguments.service) if getattr(arguments, 'service', None) else None
     return [end.type_name for end in bus.graph().services(wanted)]
 
 
-def _parameters(bus: ZmqBus, arguments: argparse.Namespace) -> list[str]:
+def _parameters(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
     from tactile_nodes.bus.parameter_client import ParameterClient
 
     return ParameterClient(bus, session.absolute(arguments.node), CALL_TIMEOUT_S).names()

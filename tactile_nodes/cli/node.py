@@ -12,8 +12,7 @@ from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joi
 from tactile_nodes.errors import BusError, ServiceError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Endpoint, Participant
-    from tactile_nodes.bus.zeromq import ZmqBus
+    from tactile_nodes.bus.protocol import Endpoint, Participant, ProcessBus
 
 DESCRIPTION = 'Who is there, what each node offers and receives, and whether it answers.'
 
@@ -74,7 +73,8 @@ def _info_text(node: str, owner: Participant, hidden_too: bool) -> str:
         ('Service Servers', owner.services),
     ):
         lines += [f'  {title}:', *_lines(ends, node, hidden_too)]
-    lines.append(f'  Process: {owner.pid} on {owner.host}')
+    if owner.pid:  # ROS 2 does not tell
+        lines.append(f'  Process: {owner.pid} on {owner.host}')
     return '\n'.join(lines)
 
 
@@ -83,7 +83,7 @@ def _lines(ends: Sequence[Endpoint], node: str, hidden_too: bool) -> list[str]:
     return [f'    {end.name}: {end.type_name}' for end in sorted(mine, key=lambda end: end.name)]
 
 
-def _answer(bus: ZmqBus, node: str, owner: Participant, timeout_s: float) -> str:
+def _answer(bus: ProcessBus, node: str, owner: Participant, timeout_s: float) -> str:
     from tactile_nodes.messages import types
     from tactile_nodes.messages.services import LIST_PARAMETERS
 

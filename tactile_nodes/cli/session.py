@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tactile_nodes.errors import BusError, MessageError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Graph
-    from tactile_nodes.bus.zeromq import ZmqBus
+    from tactile_nodes.bus.protocol import Graph, ProcessBus
 
 Number = TypeVar('Number', int, float)
 Action = Callable[[argparse.Namespace], int]
@@ -47,7 +46,7 @@ def _show_help(parser: argparse.ArgumentParser) -> Action:
 
 
 @contextmanager
-def joined() -> Iterator[ZmqBus]:
+def joined() -> Iterator[ProcessBus]:
     """This process on the bus.
 
     Raises:

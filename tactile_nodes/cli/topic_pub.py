@@ -21,8 +21,7 @@ from tactile_nodes.cli.session import (
 from tactile_nodes.errors import BusError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.publishing import ZmqPublisher
-    from tactile_nodes.bus.zeromq import ZmqBus
+    from tactile_nodes.bus.protocol import ProcessBus, Publisher
     from tactile_nodes.clock import Clock
 
 NS_PER_S = 1_000_000_000
@@ -112,7 +111,7 @@ def _wanted_listeners(arguments: argparse.Namespace) -> int:
     return 1 if arguments.once or arguments.times else 0
 
 
-def _wait_for_listeners(publisher: ZmqPublisher, clock: Clock, wanted: int, longest_s: float | None) -> None:
+def _wait_for_listeners(publisher: Publisher, clock: Clock, wanted: int, longest_s: float | None) -> None:
     start_ns = clock.now_ns()
     looks = 0
     while (found := publisher.listeners) < wanted:
@@ -127,7 +126,7 @@ def _wait_for_listeners(publisher: ZmqPublisher, clock: Clock, wanted: int, long
         _pause(clock, _LOOK_EVERY_S)
 
 
-def _publish_all(bus: ZmqBus, publisher: ZmqPublisher, values: dict[str, Any], arguments: argparse.Namespace) -> None:
+def _publish_all(bus: ProcessBus, publisher: Publisher, values: dict[str, Any], arguments: argparse.Namespace) -> None:
     from tactile_nodes.cli.text import to_python
 
     times = 1 if arguments.once else arguments.times

@@ -12,6 +12,8 @@ LIST_PARAMETERS = 'rcl_interfaces/srv/ListParameters'
 GET_PARAMETERS = 'rcl_interfaces/srv/GetParameters'
 SET_PARAMETERS = 'rcl_interfaces/srv/SetParameters'
 DESCRIBE_PARAMETERS = 'rcl_interfaces/srv/DescribeParameters'
+GET_PARAMETER_TYPES = 'rcl_interfaces/srv/GetParameterTypes'
+SET_PARAMETERS_ATOMICALLY = 'rcl_interfaces/srv/SetParametersAtomically'
 
 SERVICES = {
     f'{TRIGGER}_Request': '',
@@ -26,6 +28,10 @@ SERVICES = {
     f'{SET_PARAMETERS}_Response': 'rcl_interfaces/SetParametersResult[] results\n',
     f'{DESCRIBE_PARAMETERS}_Request': 'string[] names\n',
     f'{DESCRIBE_PARAMETERS}_Response': 'rcl_interfaces/ParameterDescriptor[] descriptors\n',
+    f'{GET_PARAMETER_TYPES}_Request': 'string[] names\n',
+    f'{GET_PARAMETER_TYPES}_Response': 'uint8[] types\n',
+    f'{SET_PARAMETERS_ATOMICALLY}_Request': 'rcl_interfaces/Parameter[] parameters\n',
+    f'{SET_PARAMETERS_ATOMICALLY}_Response': 'rcl_interfaces/SetParametersResult result\n',
 }
 
 

@@ -331,6 +331,14 @@ class DescribeParameters_Response(Message):
     descriptors: list[ParameterDescriptor]
     def __init__(self, descriptors: list[ParameterDescriptor] = ...) -> None: ...
 
+class GetParameterTypes_Request(Message):
+    names: list[str]
+    def __init__(self, names: list[str] = ...) -> None: ...
+
+class GetParameterTypes_Response(Message):
+    types: NDArray[Any]
+    def __init__(self, types: NDArray[Any] = ...) -> None: ...
+
 class GetParameters_Request(Message):
     names: list[str]
     def __init__(self, names: list[str] = ...) -> None: ...
@@ -347,6 +355,14 @@ class ListParameters_Request(Message):
 class ListParameters_Response(Message):
     result: ListParametersResult
     def __init__(self, result: ListParametersResult = ...) -> None: ...
+
+class SetParametersAtomically_Request(Message):
+    parameters: list[Parameter]
+    def __init__(self, parameters: list[Parameter] = ...) -> None: ...
+
+class SetParametersAtomically_Response(Message):
+    result: SetParametersResult
+    def __init__(self, result: SetParametersResult = ...) -> None: ...
 
 class SetParameters_Request(Message):
     parameters: list[Parameter]

@@ -1,0 +1,85 @@
+"""The ends of topics and services on a ROS 2 graph: bytes in, bytes out."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from tactile_nodes import messages
+from tactile_nodes.bus.freezing import freeze_arrays
+from tactile_nodes.bus.protocol import Received
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import Clock, wall_ns
+from tactile_nodes.errors import BusError
+
+
+class Ros2Publisher:
+    """Publishes our CDR bytes through an rclpy publisher."""
+
+    def __init__(self, topic: str, type_name: str, handle: Any, on_close: Callable[[], None]) -> None:
+        self.topic = topic
+        self.type_name = type_name
+        self.shut = False
+        self._handle = handle
+        self._on_close = on_close
+        self._lock = threading.Lock()
+
+    @property
+    def listeners(self) -> int:
+        """How many subscriptions get what is published now, in whichever process."""
+        with self._lock:
+            return 0 if self.shut else int(self._handle.get_subscription_count())
+
+    def publish(self, message: Any) -> None:
+        if message.__msgtype__ != self.type_name:
+            raise BusError(f'{self.topic} carries {self.type_name}, not {messages.type_name(message)}')
+        freeze_arrays(message)  # as on the other buses, where it is shared
+        self.publish_bytes(messages.encode(message))
+
+    def publish_bytes(self, data: bytes) -> None:
+        with self._lock:
+            if self.shut:
+                raise BusError(f'the publisher of {self.topic} is closed')
+            self._handle.publish(bytes(data))  # rclpy takes bytes proper, and passes them on as they are
+
+    def close(self) -> None:
+        with self._lock:
+            if self.shut:
+                return
+            self.shut = True
+            self._on_close()
+
+
+class Ros2Service:
+    """A service that this process answers."""
+
+    def __init__(self, name: str, node: str, on_close: Callable[[], None]) -> None:
+        self.name = name
+        self.node = node
+        self.shut = False
+        self._on_close = on_close
+
+    def close(self) -> None:
+        if not self.shut:
+            self.shut = True
+            self._on_close()
+
+
+def receiving(subscription: Subscription, clock: Clock) -> Callable[[bytes, dict[str, Any]], None]:
+    """rclpy's callback for a raw subscription.
+
+    rclpy tells no publisher, so messages are counted as they come in: `sequence` shows no losses on the way. ROS
+    2's wall-clock time of publishing is brought to the host's time base here, once.
+    """
+    numbers = itertools.count(1)
+    publisher = f'ros2:{subscription.topic}'
+
+    def receive(data: bytes, info: dict[str, Any]) -> None:
+        now_ns = clock.now_ns()
+        published_ns = int(info.get('source_timestamp') or 0)
+        source_ns = published_ns + now_ns - wall_ns() if published_ns > 0 else now_ns
+        subscription.put(Received(subscription.type_name, publisher, next(numbers), source_ns, now_ns, data=data))
+
+    return receive
