@@ -36,6 +36,7 @@ VERBS = {
     'bench': 'measure this machine with the benchmarks that the documentation quotes',
     'keys': 'make and show the keys by which machines know each other',
     'doctor': 'say what this machine lacks, and what to do about it',
+    'reference': 'renew the parts of the documentation that are made from the code',
     'completion': 'print what a shell needs to complete this command',
 }
 INTERRUPTED = 130  # what a shell reports of a program that Ctrl-C ended: 128 + SIGINT
