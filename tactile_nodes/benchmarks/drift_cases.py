@@ -20,6 +20,7 @@ from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.metrics import root_mean_square
 from tactile_nodes.sensing.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.disturbances import dimmed, knocked, other_markers, shrunk, warmed
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -82,48 +83,27 @@ class Point:
     after_s: float | None
 
 
-def _knocked(gel: Gel, px: float) -> Gel:
-    degrees = math.degrees(px / math.sqrt(2) / gel.focal_px_per_rad)
-    about_x, about_y = gel.camera_tilt_deg
-    return dataclasses.replace(gel, camera_tilt_deg=(about_x + degrees, about_y + degrees))
-
-
-def _dimmed(gel: Gel, share: float) -> Gel:
-    return dataclasses.replace(gel, light_gain=gel.light_gain * share)
-
-
 def _stiffer(gel: Gel, percent: float) -> Gel:
     return dataclasses.replace(gel, shear_modulus_mpa=gel.shear_modulus_mpa * (1 + percent / 100))
 
 
-def _shrunk(gel: Gel, percent: float) -> Gel:
-    return dataclasses.replace(gel, soft_mm=gel.soft_mm * (1 - percent / 100))
-
-
-def _warm(gel: Gel, minutes: float) -> Gel:
-    """A lens that grows by 0.02 %, a mount that gives by 0.15 px and a lamp that loses 5 %, within some 15 minutes."""
-    done = 1 - math.exp(-minutes / 15)
-    grown = dataclasses.replace(gel, focal_px_per_rad=gel.focal_px_per_rad * (1 + 2e-4 * done))
-    return _dimmed(_knocked(grown, 0.15 * done), 1 - 0.05 * done)
-
-
 def _exchanged(gel: Gel, number: float) -> Gel:
-    return dataclasses.replace(gel, seed=gel.seed + 1000 + round(number))
+    return other_markers(gel, round(number))
 
 
 STIFFENING = (0.0, 2.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 18.0, 20.0, 30.0, 50.0)
 KNOCKS = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 COURSES = (
-    Course('the camera is knocked', 'px', KNOCKS, _knocked, apart=True),
-    Course('knocked, rest image captured again', 'px', (0.3, 0.5, 1.0, 2.0, 4.0, 8.0), _knocked, True, apart=True),
-    Course('the light fades', 'of the light', (1.0, 0.9, 0.7, 0.5, 0.4, 0.38, 0.3, 0.2, 0.14, 0.1), _dimmed),
+    Course('the camera is knocked', 'px', KNOCKS, knocked, apart=True),
+    Course('knocked, rest image captured again', 'px', (0.3, 0.5, 1.0, 2.0, 4.0, 8.0), knocked, True, apart=True),
+    Course('the light fades', 'of the light', (1.0, 0.9, 0.7, 0.5, 0.4, 0.38, 0.3, 0.2, 0.14, 0.1), dimmed),
     Course('the gel stiffens, an independent force beside it', '%', STIFFENING, _stiffer, compared='sensor'),
     Course('the gel stiffens, a weight put on it', '%', STIFFENING, _stiffer, compared='weight'),
     Course('the gel stiffens, nothing to compare with', '%', (0.0, 10.0, 20.0, 50.0), _stiffer),
-    Course('the gel shrinks as it cures on', '% of thickness', (0.1, 0.2, 0.3, 0.5, 1.0), _shrunk),
-    Course('it shrank, rest image captured again', '% of thickness', (0.1, 0.3, 1.0, 3.0), _shrunk, True),
-    Course('it warms up', 'min', (0.0, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 60.0), _warm),
-    Course('it warms up, rest image captured again', 'min', (1.0, 3.0, 8.0, 20.0, 60.0), _warm, True),
+    Course('the gel shrinks as it cures on', '% of thickness', (0.1, 0.2, 0.3, 0.5, 1.0), shrunk),
+    Course('it shrank, rest image captured again', '% of thickness', (0.1, 0.3, 1.0, 3.0), shrunk, True),
+    Course('it warms up', 'min', (0.0, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 60.0), warmed),
+    Course('it warms up, rest image captured again', 'min', (1.0, 3.0, 8.0, 20.0, 60.0), warmed, True),
     Course(
         'another gel is put in, rest image captured again', 'exchanged', (1.0, 2.0, 3.0), _exchanged, True, apart=True
     ),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import multiprocessing
 import os
 import signal
@@ -27,6 +26,7 @@ from tactile_nodes.learning.plans import random_presses
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.reference import average
+from tactile_nodes.simulation.disturbances import dimmed, knocked, other_markers
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.mechanics import ContactTable
@@ -60,18 +60,7 @@ class Disturbance:
 
     def gel_after(self, gel: Gel) -> Gel:
         """The gel as the camera sees it once the rest image has been taken."""
-        gel = self.gel_before(gel)
-        about_x, about_y = gel.camera_tilt_deg
-        tilt = math.degrees(self.knock_px / math.sqrt(2) / gel.focal_px_per_rad)
-        return dataclasses.replace(
-            gel,
-            camera_tilt_deg=(about_x + tilt, about_y + tilt) if tilt else gel.camera_tilt_deg,
-            light_gain=gel.light_gain * self.light,
-        )
-
-
-def _other_markers(gel: Gel) -> Gel:
-    return dataclasses.replace(gel, seed=gel.seed + 1000)
+        return dimmed(knocked(self.gel_before(gel), self.knock_px), self.light)
 
 
 def _stiff(_: Gel) -> Gel:
@@ -85,7 +74,7 @@ def _thin(_: Gel) -> Gel:
 UNDISTURBED = Disturbance('as trained')
 DISTURBANCES = (
     UNDISTURBED,
-    Disturbance('the same gel, other markers', gel=_other_markers),
+    Disturbance('the same gel, other markers', gel=other_markers),
     Disturbance('another gel, half as hard again', gel=_stiff),
     Disturbance('another gel, 4 mm thin', gel=_thin),
     Disturbance('camera knocked by 0.3 px', knock_px=0.3),

@@ -1,0 +1,226 @@
+"""A simulated stream of pictures into which a disturbance comes, and the truth of each of them.
+
+    rest image | at rest | the disturbance comes | at rest | presses, at rest after each | it ends | at rest
+
+Pictures are rendered when they are asked for; the light of the undisturbed gel is kept, for every stream shows it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes.benchmarks.flow_cases import seen_by
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.simulation.disturbances import WornOptics, noisier
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.indenter import INDENTERS
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.optics import NoiseBank, Press
+from tactile_nodes.simulation.scene import GAUSS_POINT
+
+CAPTURE, REST, MOVING, HELD = 'capture', 'rest', 'moving', 'held'
+BEFORE, DURING, AFTER = 'before', 'during', 'after'
+FIRST_NS = 1_000 * NS_PER_S
+REACH_MM, SHALLOWEST_MM, DEEPEST_MM = 12.0, 0.3, 1.9
+EXPOSURE_S = 0.008
+UP = Press(0.0, 0.0, -1.0)
+
+Presses = tuple[Press, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How long a stream is, in frames and presses."""
+
+    presses: int = 12
+    before: int = 4
+    coming: int = 10
+    approach: int = 1
+    hold: int = 2
+    rest: int = 2
+    after: int = 14
+    capture: int = 16
+    fps: float = 20.0
+    seed: int = 11
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One frame to be: what presses, where in the course it is, when it was taken and how long ago that is."""
+
+    number: int
+    part: str
+    kind: str
+    presses: Presses = ()
+    stamp_ns: int = 0
+    age_s: float = 0.002
+
+    @property
+    def touching(self) -> Presses:
+        """What is in the gel."""
+        return tuple(each for each in self.presses if each.depth_mm > 0)
+
+
+def course(plan: Plan, presses: Sequence[Presses]) -> list[Moment]:
+    """All frames of a stream under some presses, one after another."""
+    parts: list[tuple[str, str, Presses]] = [(BEFORE, CAPTURE, ())] * plan.capture
+    parts += [(BEFORE, REST, ())] * plan.before
+    parts += [(DURING, REST, ())] * plan.coming
+    for each in presses:
+        way = [_at_share(each, (number + 1) / (plan.approach + 1)) for number in range(plan.approach)]
+        parts += [(DURING, MOVING, here) for here in way]
+        parts += [(DURING, HELD, each)] * plan.hold
+        parts += [(DURING, MOVING, here) for here in reversed(way)]
+        parts += [(DURING, REST, ())] * plan.rest
+    parts += [(AFTER, REST, ())] * plan.after
+    period_ns = round(NS_PER_S / plan.fps)
+    return [Moment(number, *each, FIRST_NS + number * period_ns) for number, each in enumerate(parts)]
+
+
+def _at_share(presses: Presses, share: float) -> Presses:
+    return tuple(
+        dataclasses.replace(
+            each, depth_mm=share * each.depth_mm, shift_mm=(share * each.shift_mm[0], share * each.shift_mm[1])
+        )
+        for each in presses
+    )
+
+
+def random_presses(plan: Plan) -> list[Presses]:
+    """Single presses at random places, their depths spread evenly over the range in a random order."""
+    random = np.random.default_rng(plan.seed)
+    places = random.uniform(-REACH_MM, REACH_MM, (plan.presses, 2))
+    shares = (random.permutation(plan.presses) + random.uniform(0, 1, plan.presses)) / plan.presses
+    depths = SHALLOWEST_MM + shares * (DEEPEST_MM - SHALLOWEST_MM)
+    return [(Press(float(x), float(y), float(depth)),) for (x, y), depth in zip(places.tolist(), depths, strict=True)]
+
+
+Light = Callable[[np.ndarray, Moment], np.ndarray]
+Picture = Callable[[np.ndarray, Moment], np.ndarray]
+
+
+def while_it_lasts(moment: Moment) -> bool:
+    """For disturbances that come and go."""
+    return moment.part == DURING
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a disturbance does. All of it acts on the frames that `acts` names: the part of the course, or the capture.
+
+    `gel`: what the gel and the camera become. `gone`: which markers lose their light. `light`: before noise. `noise`:
+    its standard deviation, in times. `picture`: what the camera delivers. `presses`: what presses instead. `course`:
+    which frames arrive, when, in which order. `values`: what the features become. `speed_mm_s`: held frames are taken
+    while the tip goes down. `contact`: a disturbance that is there only while something touches.
+    """
+
+    gel: Callable[[Gel], Gel] | None = None
+    gone: Callable[[np.ndarray], np.ndarray] | None = None
+    light: Light | None = None
+    noise: float = 1.0
+    picture: Picture | None = None
+    presses: Callable[[Sequence[Presses], ForceTables], list[Presses]] | None = None
+    course: Callable[[list[Moment]], list[Moment]] | None = None
+    values: Callable[[np.ndarray], np.ndarray] | None = None
+    speed_mm_s: float = 0.0
+    contact: bool = False
+    capture: Callable[[int], Presses] | None = None
+    acts: Callable[[Moment], bool] = while_it_lasts
+
+    @property
+    def endless(self) -> bool:
+        """Whether what it does is in the rest image, and so in all that follows."""
+        return self.acts is not while_it_lasts
+
+
+def in_the_rest_image(moment: Moment) -> bool:
+    """For disturbances that end when the rest image has been taken."""
+    return moment.kind == CAPTURE
+
+
+def always(_: Moment) -> bool:
+    """For disturbances that are in the rest image, too, and stay."""
+    return True
+
+
+ForceTables = dict[str, ContactTable]
+
+
+class World:
+    """The gel that the models were made for, and what disturbances make of it."""
+
+    def __init__(self, gel: Gel | None = None, indenters: Sequence[str] = tuple(INDENTERS)) -> None:
+        self.gel = gel or Gel()
+        self.tables: ForceTables = {'tip': contact_table(self.gel)}
+        self.tables |= {name: contact_table(self.gel, name) for name in indenters}
+        self._optics = WornOptics(self.gel, self.tables)
+        self._noise = NoiseBank(self.gel)
+        self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
+
+    def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
+        """Every frame of a stream with its picture, cut as the camera node cuts it."""
+        presses = random_presses(plan)
+        if change.presses is not None:
+            presses = change.presses(presses, self.tables)
+        moments = course(plan, presses)
+        if change.capture is not None:
+            moments = [_captured(each, change.capture) for each in moments]
+        if change.course is not None:
+            moments = change.course(moments)
+        changed = self._changed(change)
+        noise = NoiseBank(noisier(self.gel, change.noise)) if change.noise != 1 else self._noise
+        for moment in moments:
+            yield moment, self._picture(moment, change, changed, noise)
+
+    def _picture(self, moment: Moment, change: Change, changed: WornOptics | None, noise: NoiseBank) -> np.ndarray:
+        acts = change.acts(moment)
+        during = _exposed(moment, change.speed_mm_s)
+        light = changed.light(during) if acts and changed is not None else self._light(during, change)
+        if acts and change.light is not None:
+            light = change.light(light, moment)
+        picture = (noise if acts else self._noise).expose(light, FIRST_NS + moment.number)
+        if acts and change.picture is not None:
+            picture = change.picture(picture, moment)
+        return np.ascontiguousarray(seen_by(picture))
+
+    def _light(self, during: tuple[Presses, ...], change: Change) -> np.ndarray:
+        """Of the undisturbed gel; kept for the presses that streams have in common."""
+        if change.presses is not None or change.speed_mm_s:
+            return self._optics.light(during)
+        key = tuple(tuple(press for press in each if press.depth_mm > 0) for each in during)
+        if key not in self._kept:
+            self._kept[key] = self._optics.light(during)
+        return self._kept[key]
+
+    def _changed(self, change: Change) -> WornOptics | None:
+        if change.gel is None and change.gone is None:
+            return None
+        gel = self.gel if change.gel is None else change.gel(self.gel)
+        gone = None if change.gone is None else change.gone(self._optics.markers_mm)
+        return WornOptics(gel, self.tables, gone)
+
+
+def _captured(moment: Moment, presses: Callable[[int], Presses]) -> Moment:
+    return dataclasses.replace(moment, presses=presses(moment.number)) if moment.kind == CAPTURE else moment
+
+
+def _exposed(moment: Moment, speed_mm_s: float) -> tuple[Presses, ...]:
+    """What presses at two moments of the exposure, which have its mean and variance."""
+    if speed_mm_s == 0 or moment.kind != HELD:
+        return (moment.presses,)
+    off_mm = speed_mm_s * EXPOSURE_S * GAUSS_POINT
+    return tuple(
+        tuple(dataclasses.replace(each, depth_mm=each.depth_mm + sign * off_mm) for each in moment.presses)
+        for sign in (-1, 1)
+    )
+
+
+def force_n(moment: Moment, tables: ForceTables) -> float:
+    """The true normal force of all that presses."""
+    return math.fsum(tables[each.indenter].force_at(each.depth_mm) for each in moment.touching)
