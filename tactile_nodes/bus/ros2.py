@@ -36,6 +36,7 @@ End = TypeVar('End')
 
 _SETTLED_AFTER_S = 1.0  # discovery: until then the graph is not the whole of it
 _END_WITHIN_S = 1.0
+_UNANSWERED_S = 0.2  # for calls whose answers do not come any more
 _CLOCKS_APART_NS = 10_000_000
 
 
@@ -153,12 +154,12 @@ class Ros2Bus:
             ends = [*self._ends]
         for end in ends:
             end.close()
-        self._executor.wake()
+        self._executor.create_task(_nothing)  # a spin ends when something was done, not when it is woken
         self._thread.join(_END_WITHIN_S)
         with self._lock:
             for node in [self._looker, *(node for nodes in self._nodes.values() for node in nodes)]:
                 self._drop_node(node)
-        self._executor.shutdown(timeout_sec=_END_WITHIN_S)
+        self._executor.shutdown(timeout_sec=_UNANSWERED_S)
         self._context.try_shutdown()
 
     # --- inside ---------------------------------------------------------------------------------------------
@@ -224,3 +225,7 @@ class Ros2Bus:
                 f'stamps of this package are {apart_ns / NS_PER_S:+.3f} s from the wall clock that other nodes use: '
                 'it was set after the first program of this boot; end all programs and remove clock-* in the run folder'
             )
+
+
+def _nothing() -> None:
+    """What there is to do when the bus is left."""

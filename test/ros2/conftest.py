@@ -1,0 +1,65 @@
+"""ROS 2 where it is installed, and an emulator of rclpy where it is not."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from ros2_here import DOMAIN_ID, EMULATOR, HAS_ROS
+
+DEADLINE_S = 15.0
+
+Until = Callable[[Callable[[], Any]], Any]
+
+
+@pytest.fixture
+def until() -> Until:
+    """What a condition returns once that is true; the test fails when it does not come true in time."""
+
+    def wait(condition: Callable[[], Any]) -> Any:
+        deadline_s = time.monotonic() + DEADLINE_S
+        while not (found := condition()):
+            assert time.monotonic() < deadline_s, 'waited too long'
+            time.sleep(0.005)
+        return found
+
+    return wait
+
+
+@pytest.fixture(scope='session')
+def emulated() -> Iterator[None]:
+    """rclpy can be imported: the real one, or the emulator for the time of these tests."""
+    if HAS_ROS:
+        yield
+        return
+    sys.path.insert(0, str(EMULATOR))
+    yield
+    sys.path.remove(str(EMULATOR))
+    from rclpy import generated  # type: ignore[attr-defined,unused-ignore]
+
+    generated.remove()
+    for name in [name for name in sys.modules if name.split('.')[0] == 'rclpy' or 'bus.ros2' in name]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Any]]:
+    """Join the ROS 2 graph of the test from this process; several times makes several participants."""
+    from tactile_nodes.bus import ros2
+    from tactile_nodes.bus.ros2 import Ros2Bus
+
+    if not HAS_ROS:
+        monkeypatch.setattr(ros2, '_SETTLED_AFTER_S', 0.0)  # what the emulator knows, it knows at once
+    monkeypatch.setenv('ROS_DOMAIN_ID', DOMAIN_ID)
+    buses: list[Any] = []
+
+    def make() -> Any:
+        buses.append(Ros2Bus())
+        return buses[-1]
+
+    yield make
+    for bus in buses:
+        bus.close()
