@@ -1,0 +1,86 @@
+"""The examples that turn a bag into a figure and into a table, on a bag of known forces."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from exported_bags import START_NS, STEP_NS, force, write_bag
+
+EXAMPLES = Path(__file__).parents[2] / 'examples'
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f'{name}.py')
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    sys.modules[name] = made  # a dataclass looks its module up there
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('bags') / 'touch'
+    write_bag(folder, frames=4)
+    return folder
+
+
+def test_the_figure_is_drawn_of_what_the_messages_say_in_mm_and_seconds(bag: Path) -> None:
+    forces, truth = example('bag_to_figure').read(bag)
+    wanted = [force(number, START_NS + number * STEP_NS) for number in range(4)]
+    np.testing.assert_allclose(forces.time_s, np.arange(4) * STEP_NS / 1e9)
+    np.testing.assert_array_equal(forces.total_n, [each.total for each in wanted])
+    np.testing.assert_array_equal(forces.map_n[2], wanted[2].normal_force.reshape(9, 9))
+    np.testing.assert_allclose(forces.contacts[:, 1:], [[1 / 3, -2.0, 0.1]] * 3)  # all but the second touch
+    np.testing.assert_allclose(forces.extent_mm, (-11.25, 11.25, 11.25, -11.25))  # y downwards
+    assert list(forces.status) == [2, 0, 0, 0]
+    assert len(truth) == 0
+
+
+def test_the_map_is_drawn_of_the_largest_force_that_is_not_invalid_or_of_the_instant_that_is_asked_for(
+    bag: Path,
+) -> None:
+    script = example('bag_to_figure')
+    forces, truth = script.read(bag)
+    largest = int(np.argmax(forces.total_n[1:])) + 1
+    maps = [script.draw(forces, truth, at).axes[1].images[0].get_array() for at in (None, 0.034)]
+    np.testing.assert_array_equal(maps[0], forces.map_n[largest])
+    np.testing.assert_array_equal(maps[1], forces.map_n[2])
+
+
+def test_the_status_says_the_reasons_in_words(bag: Path) -> None:
+    script = example('bag_to_figure')
+    titles = [axes.get_title() for axes in script.draw(*script.read(bag)).axes]
+    assert 'Status of each frame: 3 ok, 0 degraded, 1 invalid; reasons: low confidence' in titles
+
+
+def test_the_program_writes_a_picture(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, 'argv', ['bag_to_figure.py', str(bag), '-o', str(tmp_path / 'touch.png')])
+    assert example('bag_to_figure').main() == 0
+    assert (tmp_path / 'touch.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_bag_without_forces_is_refused_in_a_sentence(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, 'argv', ['bag_to_figure.py', str(bag), '--namespace', '/left'])
+    assert example('bag_to_figure').main() == 1
+    assert 'holds no message of /left/force_distribution; see: tactile bag info' in capsys.readouterr().err
+
+
+def test_rosbags_alone_reads_the_same_numbers(bag: Path) -> None:
+    forces, _ = example('bag_to_figure').read(bag)
+    table = list(example('bag_with_pandas').rows(bag))
+    assert [row['total_n'] for row in table] == list(forces.total_n)
+    assert [row['stamp_ns'] for row in table] == [START_NS + number * STEP_NS for number in range(4)]
+    assert [row['f80'] for row in table] == list(forces.map_n[:, 8, 8])
+
+
+def test_the_table_needs_nothing_of_this_package() -> None:
+    assert 'tactile_nodes.' not in (EXAMPLES / 'bag_with_pandas.py').read_text(encoding='utf-8')
