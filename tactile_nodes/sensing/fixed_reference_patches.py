@@ -12,10 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import cv2
 import numpy as np
 from jaxtyping import Float32, Int, Int32
+
+from tactile_nodes.sensing.compiling import compiled_loops
 
 SAMPLES_PX = np.linspace(-0.8, 0.8, 5)
 """Motions of the rest image, on each axis, that the polynomials are fitted to."""
@@ -31,6 +34,8 @@ MARKER_FREE_GREY = 0.05
 """Root mean square gradient (grey levels per pixel) below which a patch counts as if it had this one."""
 
 SINC_REACH_PX = 8
+
+_LIMITS = np.array([LEAST_GAIN, LARGEST_ANSWER_PX], np.float32)
 
 Moved = Callable[[float, float], Float32[np.ndarray, 'h w']]
 
@@ -90,6 +95,7 @@ class Templates:
         )
         self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
         self._mend = self._calibrated(moved)
+        self._numbers = np.arange(len(self._basis))
 
     def _model(self, moved: Moved) -> np.ndarray:
         """T, dT/du and dT/dv of each patch, (patches, pixels, 3), each without its mean."""
@@ -137,11 +143,25 @@ class Templates:
         home = self.grid.corner[:, which]
         corner = home if start_px is None else home + np.rint(start_px).astype(np.int32)
         corner = corner if start_px is None else np.clip(corner, 0, self.grid.furthest)
-        motion, explained = self._linear(self.grid.windows(image, corner), which)
-        motion += np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*motion))
+        if (loops := compiled_loops()) is not None and image.dtype == np.uint8:
+            motion, explained = self._matched(loops, image, corner, self._numbers if numbers is None else numbers)
+        else:
+            motion, explained = self._linear(self.grid.windows(image, corner), which)
+            motion += np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*motion))
         if start_px is not None:
             motion += corner - home
         return Match(motion, explained)
+
+    def _matched(
+        self, loops: ModuleType, image: np.ndarray, corner: np.ndarray, numbers: np.ndarray
+    ) -> tuple[Float32[np.ndarray, '2 some'], Float32[np.ndarray, ' some']]:
+        """The same, compiled."""
+        motion, explained = np.empty((2, len(numbers)), np.float32), np.empty(len(numbers), np.float32)
+        loops.match(
+            image, np.ascontiguousarray(corner), numbers, self.grid.window_px, self._basis, self._unmix, self._mend,
+            _LIMITS, motion, explained,
+        )  # fmt: skip
+        return motion, explained
 
 
 def _inverse(triangle: np.ndarray, least: float) -> Float32[np.ndarray, '3 3 patches']:

@@ -145,4 +145,4 @@ def require_layout(layout: FeatureLayout, features: Features, model_id: str) -> 
 
 def _share_trusted(scaling: InputScaling, features: Features) -> float:
     textured = features.confidence >= scaling.confidence_floor
-    return float((scaling.trusted * textured).sum() / max(float(scaling.trusted.sum()), 1.0))
+    return float(np.vdot(scaling.trusted, textured)) / max(float(scaling.trusted.sum()), 1.0)

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
+from types import ModuleType
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
@@ -59,6 +61,17 @@ class Response:
     def axes(self) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
         return self.x, self.y, self.s
 
+    @cached_property
+    def axes_array(self) -> Float[np.ndarray, '3 3']:
+        """Low, high and intervals of each axis."""
+        return np.array([[axis.low, axis.high, axis.intervals] for axis in self.axes], float)
+
+    @cached_property
+    def limits_array(self) -> Float[np.ndarray, '4 3']:
+        """Damping, largest step, lowest and highest value along each axis."""
+        largest = LARGEST_STEP_MM, LARGEST_STEP_MM, self.s.high / 4
+        return np.array([DAMPING, largest, (self.x.low, self.y.low, 0.0), [axis.high for axis in self.axes]])
+
     def force_n(self, s: float) -> float:
         """The force that s stands for."""
         return float(max(s, 0.0) ** (1 / self.power))
@@ -88,17 +101,24 @@ class Response:
     def _start_norms(self) -> Float32[np.ndarray, ' starts']:
         return np.asarray((self.start_components**2).sum(axis=1), np.float32)
 
-    @cached_property
-    def _lightest(self) -> np.ndarray:
-        return np.asarray(self.starts[:, 2] == self.starts[:, 2].min())
-
     def start(self, components: Float32[np.ndarray, ' components']) -> Float[np.ndarray, ' 3']:
         """The entry of the table that comes closest; of the lightest contacts any share, since motion begins linear."""
-        along = self.start_components @ components
-        share = np.where(self._lightest, np.clip(along / np.maximum(self._start_norms, 1e-9), 0.0, 1.0), 1.0)
-        best = int((share * (share * self._start_norms - 2 * along)).argmin())
+        along, norms = self.start_components @ components, self._start_norms
+        away = norms - 2 * along
+        light = slice(0, None, START_LEVELS)  # forces change fastest in the table
+        lightest = np.maximum(norms[light], 1e-9)
+        share = np.minimum(np.maximum(along[light] / lightest, 0.0), 1.0)
+        away[light] = share * (share * lightest - 2 * along[light])
+        best = int(away.argmin())
         x, y, s = self.starts[best].tolist()
-        return np.array([x, y, s * float(share[best]) ** self.power])
+        return np.array([x, y, s if best % START_LEVELS else s * float(share[best // START_LEVELS]) ** self.power])
+
+
+@cache
+def damping(contacts: int) -> Float[np.ndarray, 'n n']:
+    """What every step of so many contacts is granted."""
+    granted: np.ndarray = np.diag(np.tile(DAMPING, contacts))
+    return granted
 
 
 @dataclass(frozen=True)
@@ -148,9 +168,10 @@ def locate(
     Where nothing touches there is no place to be found, and steps would go to and fro to the last: they end early once
     they hardly help, as long as the gain (see `gained`) is below `least_gain`.
     """
-    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
-    low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
-    damping = np.diag(np.tile(DAMPING, len(begin)))
+    if (loops := compiled_loops()) is not None:
+        return _located(loops, response, components, begin, least_gain)
+    _, largest, low, high = response.limits_array
+    granted = damping(len(begin))
     here = begin.copy()
     best: Fit | None = None
     for _ in range(MOST_STEPS):
@@ -158,13 +179,27 @@ def locate(
         before, best = best, fit if best is None or fit.misfit < best.misfit else best
         if before is not None and _in_vain(response, components, before, best, least_gain):
             break
-        step = np.linalg.solve(fit.information + damping, slope).reshape(-1, 3)
+        step = np.linalg.solve(fit.information + granted, slope).reshape(-1, 3)
         moved = np.minimum(np.maximum(here + np.minimum(np.maximum(step, -largest), largest), low), high)
         if np.abs(moved - here).max() < CONVERGED_MM:
             break
         here = moved
     assert best is not None
     return best
+
+
+def _located(
+    loops: ModuleType, response: Response, components: np.ndarray, begin: np.ndarray, least_gain: float
+) -> Fit:
+    """The same, compiled."""
+    count = begin.size
+    contacts, information = np.empty_like(begin), np.empty((count, count))
+    ends = np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
+    misfit = loops.locate(
+        components, begin, response.axes_array, response.coefficients, response.growth, response.limits_array, ends,
+        contacts, information,
+    )  # fmt: skip
+    return Fit(contacts, information, misfit)
 
 
 def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit, least_gain: float) -> bool:
@@ -176,8 +211,8 @@ def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit,
 def gained(response: Response, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
     """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
-    nothing = float((components * components * certainty).mean())
-    return (nothing - fit.misfit) * len(components) / 2
+    nothing = float(components * components @ certainty)
+    return (nothing - fit.misfit * len(components)) / 2
 
 
 def _compare(
@@ -187,10 +222,10 @@ def _compare(
     made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
     left = components - sum(each[0] for each in made)
     # In 64 bits, because in 32 the information of two contacts at one place may come out with a negative variance.
-    slopes = np.concatenate([each[1:] for each in made]).astype(np.float64)
+    slopes = np.concatenate([each[1:] for each in made], dtype=np.float64)
     certainty = response.certainty(float(contacts[:, 2].max()))
     weighted = slopes * certainty
-    fit = Fit(contacts, weighted @ slopes.T, float((left * left * certainty).mean()))
+    fit = Fit(contacts, weighted @ slopes.T, float(left * left @ certainty) / len(components))
     return fit, weighted @ left
 
 
@@ -304,8 +339,7 @@ class ResponseReadout:
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first."""
-        certain = np.diag(np.tile(DAMPING, len(fit.contacts)))
-        variances = np.diag(np.linalg.inv(fit.information + certain)).reshape(-1, 3)
+        variances = np.linalg.inv(fit.information + damping(len(fit.contacts))).diagonal().reshape(-1, 3)
         found = [self._contact(*each) for each in zip(fit.contacts.tolist(), variances.tolist(), strict=True)]
         return tuple(sorted(found, key=lambda contact: -contact.force_n))
 

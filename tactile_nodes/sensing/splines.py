@@ -12,8 +12,9 @@ _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) 
 """Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
 _SLOPE = np.array([[-3, 6, -3, 0], [0, -12, 9, 0], [3, 6, -9, 0], [0, 0, 3, 0]]) / 6
 _BOTH = np.stack([_CUBIC, _SLOPE])
-_VALUE_X_Y_S = [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]
-"""Of which axis the slope is taken in the value and in the slopes along x, y and s."""
+_VALUE_X_Y_S = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""Of which axis (row) the slope is taken in the value and in the slopes along x, y and s."""
+_AXES = np.arange(3)[:, None]
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,11 @@ def value_and_slopes(
     at: Sequence[float],
 ) -> Float[np.ndarray, '4 outputs']:
     """The function at one place, and its slopes along x, y and s."""
-    (i, x), (j, y), (k, s) = (axis.weights(value) for axis, value in zip(axes, at, strict=True))
+    (i, t), (j, u), (k, v) = (axis.place(value) for axis, value in zip(axes, at, strict=True))
+    both = _BOTH @ np.array([[1.0, 1.0, 1.0], [t, u, v], [t * t, u * u, v * v], [t * t * t, u * u * u, v * v * v]])
+    both[1] *= [axis.intervals / (axis.high - axis.low) for axis in axes]
+    x, y, s = both[_VALUE_X_Y_S, :, _AXES]
     block = coefficients[i : i + 4, j : j + 4, k : k + 4].reshape(64, -1)
-    of_x, of_y, of_s = _VALUE_X_Y_S
-    weights = (x[of_x][:, :, None, None] * y[of_y][:, None, :, None] * s[of_s][:, None, None, :]).reshape(4, 64)
+    weights = (x[:, :, None, None] * (y[:, :, None] * s[:, None, :])[:, None]).reshape(4, 64)
     result: np.ndarray = weights.astype(np.float32) @ block
     return result

@@ -1,0 +1,94 @@
+"""Compiled loops answer as numpy does, to the last digits."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+import cv2
+import numpy as np
+import pytest
+from responding import COMPONENTS, components, features, readout, response
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.compiling import compiled_loops, use_compiled
+from tactile_nodes.sensing.flow import DisplacementField, make_flow
+from tactile_nodes.sensing.response import Fit, locate
+
+pytestmark = pytest.mark.timeout(400)  # the first use compiles
+needs_numba = pytest.mark.skipif(importlib.util.find_spec('numba') is None, reason='numba is not installed')
+
+GEL = response(growth=3.0)
+T = TypeVar('T')
+
+
+@pytest.fixture(autouse=True)
+def numpy_again() -> Iterator[None]:
+    yield
+    use_compiled(False)
+
+
+def both(answer: Callable[[], T]) -> tuple[T, T]:
+    """By numpy, and compiled."""
+    use_compiled(False)
+    plain = answer()
+    use_compiled()
+    return plain, answer()
+
+
+def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
+    return cv2.warpAffine(image, np.array([[1, 0, dx], [0, 1, dy]]), image.shape[::-1], flags=cv2.INTER_CUBIC)
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    'contacts', [[(0.3, -7.0, 0.6)], [(11.9, 11.9, 0.05)], [(-4.0, 3.0, 0.5), (5.0, -2.0, 0.7)], []]
+)
+def test_the_same_contacts_are_found(contacts: list[tuple[float, float, float]]):
+    noise = np.random.default_rng(1).normal(size=COMPONENTS).astype(np.float32)
+    seen = components(GEL, *contacts) + noise
+    begin = np.array([(x + 0.8, y - 0.5, 0.8 * s) for x, y, s in contacts]) if contacts else GEL.start(seen)[None]
+
+    def found() -> Fit:
+        return locate(GEL, seen, begin, least_gain=12.0)
+
+    plain, compiled = both(found)
+    np.testing.assert_allclose(compiled.contacts, plain.contacts, atol=1e-4)
+    np.testing.assert_allclose(compiled.information, plain.information, rtol=1e-3)
+    assert compiled.misfit == pytest.approx(plain.misfit, rel=1e-4)
+
+
+@needs_numba
+def test_the_same_forces_are_read():
+    reader = readout()
+    sure = np.ones((6, 6), np.float32)
+    seen = features(reader, components(reader.response, (2.0, 1.0, 0.4)))
+    plain, compiled = both(lambda: reader.read(seen, sure))
+    np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-5)
+    assert compiled.total_sigma_n == pytest.approx(plain.total_sigma_n, rel=1e-4)
+
+
+@needs_numba
+@pytest.mark.parametrize('shift', [(0.02, -0.01), (1.5, -0.8), (-6.3, 4.4)])
+@pytest.mark.parametrize('options', [{}, {'rows': 20, 'cols': 20, 'finest_scale': 1}])
+def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float], options: dict[str, object]):
+    flow = make_flow('inverse_compositional', options)
+    flow.set_reference(speckle)
+    image = moved(speckle, *shift)
+
+    def seen() -> DisplacementField:
+        return flow.displacement(image)
+
+    plain, compiled = both(seen)
+    assert plain.confidence is not None
+    sure = plain.confidence > 0.5
+    np.testing.assert_allclose(compiled.displacement_px[sure], plain.displacement_px[sure], atol=2e-3)
+    np.testing.assert_allclose(compiled.confidence, plain.confidence, atol=2e-2)
+
+
+def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _: None)
+    with pytest.raises(ConfigurationError, match=r"pip install 'tactile_nodes\[compiled\]'"):
+        use_compiled()
+    assert compiled_loops() is None
