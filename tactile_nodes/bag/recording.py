@@ -112,3 +112,12 @@ def dated_name() -> Path:
 def folder_of(bag: str) -> Path:
     """The folder to write: as given; a dated one in it where it ends in a slash or is empty."""
     return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)
+
+
+def free_folder(folder: Path) -> Path:
+    """This folder, or one named after it that does not exist: 'bag', 'bag_2', 'bag_3'."""
+    number, found = 1, folder
+    while found.exists():
+        number += 1
+        found = folder.with_name(f'{folder.name}_{number}')
+    return found

@@ -14,6 +14,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.answering import in_turn, trigger
 from tactile_nodes.bus.arguments import Names, NodeArguments
 from tactile_nodes.bus.diagnostics import Diagnostics, Level
+from tactile_nodes.bus.keeping import Kept
 from tactile_nodes.bus.log import Log
 from tactile_nodes.bus.parameters import ParameterServer, from_message
 from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
@@ -52,6 +53,7 @@ class Node:
         arguments = arguments or NodeArguments()
         self.bus = bus
         self.names = Names.of(self.NAME, arguments)
+        self.kept = Kept(self.full_name)
         block, self._qos = self._read_parameters(arguments)
         self._parameters = ParameterServer(block, self._apply_parameters, self._qos.descriptions())
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -195,10 +197,12 @@ class Node:
         exact = params.exact_names(self.full_name, arguments.parameters)
         # What a wildcard sets for others is not for us; what names us and is unknown is a typo.
         mine = {name: value for name, value in values.items() if name in known or name in exact}
-        return params.from_mapping(self.PARAMS, mine, source=self.full_name), qos
+        return params.from_mapping(self.PARAMS, {**mine, **self.kept.changes}, source=self.full_name), qos
 
     def _apply_parameters(self, changed: Any) -> None:
         self.on_parameters(changed)
+        before, after = params.to_values(self.params), params.to_values(changed)
+        self.post(lambda: self.kept.add_changes(before, after))  # not now: a full disk is no reason to refuse
 
     def _prepare(self, request: types.SetParameters_Request | types.SetParametersAtomically_Request) -> None:
         self.prepare_parameters({entry.name: from_message(entry.value) for entry in request.parameters})

@@ -8,8 +8,10 @@ import signal
 import subprocess
 import threading
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import BinaryIO
 
+from tactile_nodes.bus.keeping import VARIABLE as KEEP
 from tactile_nodes.launching import orphans
 from tactile_nodes.launching.output import LaunchLog, Line
 from tactile_nodes.launching.plan import ProcessPlan
@@ -47,7 +49,7 @@ class Child:
                 ' '.join(plan.command) if plan.shell else plan.command,
                 shell=plan.shell,
                 cwd=plan.cwd,
-                env=_environment(plan, mark),
+                env=_environment(plan, mark, log.folder),
                 stdin=subprocess.PIPE,
                 stdout=outputs[0][1],
                 stderr=outputs[1][1],
@@ -107,10 +109,10 @@ class Child:
         return orphans.group(self.pid)
 
 
-def _environment(plan: ProcessPlan, mark: str) -> dict[str, str]:
+def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     # Without a terminal Python holds its output back, and a killed node would take its last lines with it.
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
-    return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks}
+    return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks, KEEP: str(folder / 'kept')}
 
 
 def _close(descriptors: Iterable[int]) -> None:

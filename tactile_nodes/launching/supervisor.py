@@ -5,10 +5,15 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 
+from tactile_nodes import clock
 from tactile_nodes.launching.agenda import Agenda, Appointment
 from tactile_nodes.launching.output import LaunchLog
 from tactile_nodes.launching.plan import ProcessPlan
 from tactile_nodes.launching.processes import Child
+
+SETTLED_S = 10.0
+"""What fails sooner has never worked: another start would not help."""
+LONGEST_DELAY_S = 30.0
 
 
 class Supervisor:
@@ -34,7 +39,8 @@ class Supervisor:
         self._log = log
         self._over = over
         self._child: Child | None = None
-        self._respawns = 0
+        self._respawns = self._quick = 0
+        self._started_s = 0.0
         self._stopping = False
         self._appointments: list[Appointment] = []
 
@@ -48,6 +54,7 @@ class Supervisor:
             self._over(self, None)
             return
         self._child = child
+        self._started_s = clock.monotonic_s()
         self._say('INFO', f'process started with pid [{child.pid}]')
         child.watch()
 
@@ -91,16 +98,26 @@ class Supervisor:
             self._say('INFO', f'process has finished cleanly [pid {pid}]')
         else:
             self._say('ERROR', f"process has died [pid {pid}, exit code {code}, cmd '{self.plan.command_line}'].")
-        if self._may_respawn():
+        quick = clock.monotonic_s() - self._started_s < SETTLED_S
+        if self._may_respawn(code, quick):
             self._respawns += 1
-            self._appointments.append(self._agenda.after(self.plan.respawn_delay_s, self.start))
+            self._quick = self._quick + 1 if quick else 0
+            self._appointments.append(self._agenda.after(self._delay_s, self.start))
         else:
             self._over(self, code)
 
-    def _may_respawn(self) -> bool:
+    @property
+    def _delay_s(self) -> float:
+        """Twice as long each time that it ended soon again, so that what cannot work does not fill disk and log."""
+        delay_s = self.plan.respawn_delay_s
+        return delay_s if self._quick <= 1 else min(delay_s * 2.0 ** (self._quick - 1), max(delay_s, LONGEST_DELAY_S))
+
+    def _may_respawn(self, code: int, quick: bool) -> bool:
         plan = self.plan
+        if plan.required and (code == 0 or (code > 0 and quick)):
+            return False
         left = plan.respawn_max_retries < 0 or self._respawns < plan.respawn_max_retries
-        return plan.respawn and left and not plan.required and not self._stopping
+        return plan.respawn and left and not self._stopping
 
     def _cancel(self) -> None:
         for appointment in self._appointments:

@@ -23,10 +23,12 @@ from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.pictures import read_grey, write_png
-from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
 from tactile_nodes.following import Following, FollowingParams
-from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.messages import decode, encode, stamp_ns, types
 from tactile_nodes.params import parameter
+
+_KEPT = 'rest_image'
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,26 @@ class FlowFeaturesNode(Node):
             self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
             return
         self._reference = self.create_publisher(topics.REFERENCE_IMAGE)
+        if self._restored():
+            return
         if chosen.reference == 'file':
             self._following.use_reference(read_grey(chosen.reference_file), conversions.header(self.clock.now_ns(), ''))
             self._tell_reference()
         else:
             self._following.begin_capture(skip=chosen.skip_frames)
+
+    def _restored(self) -> bool:
+        """Go on with the rest image that was in use before this launch started us again: something may touch now."""
+        if (data := self.kept.get(_KEPT)) is None:
+            return False
+        try:
+            message = decode(data, topics.REFERENCE_IMAGE.type_name)
+            self._following.use_reference(np.array(conversions.image_array(message)), message.header)
+        except TactileError as error:
+            self.report('rest image', Level.WARN, f'the one from before the restart is of no use: {error}')
+            return False
+        self._tell_reference()
+        return True
 
     def _on_image(self, received: Received) -> None:
         image, head = conversions.image_array(received.message), received.message.header
@@ -98,6 +115,7 @@ class FlowFeaturesNode(Node):
             return
         if self.params.reference != 'topic':
             self._reference.publish(message)
+            self.kept.put(_KEPT, encode(message))
         self.log.info(f'new rest image {self._following.reference_id}')
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
         self.report('rest image', Level.OK, text)

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.recording import MB, Tally, TopicFilter, describe, folder_of
+from tactile_nodes.bag.recording import MB, Tally, TopicFilter, describe, folder_of, free_folder
 from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
@@ -25,6 +26,7 @@ from tactile_nodes.params import parameter
 
 LOOK_EVERY_S = 0.1
 HEALTH_PERIOD_S = 0.5
+_RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
 
@@ -57,7 +59,10 @@ class RecorderNode(Node):
         self._subscriptions: dict[str, Subscription] = {}
         self._since_ns: dict[str, int] = {}
         self._woken = False
-        if self.params.autostart:
+        if (before := self.kept.get(_RECORDING)) is not None:
+            folder = self._begin(free_folder(folder_of(self.params.bag)))
+            self.log.warn(f'started again while recording into {before.decode(errors="replace")}: goes on in {folder}')
+        elif self.params.autostart:
             self.start_recording()
         self.create_trigger('~/start', self.start_recording)
         self.create_trigger('~/stop', self.stop_recording)
@@ -68,14 +73,18 @@ class RecorderNode(Node):
         """Begin a bag. Raises BagError, ConfigurationError."""
         if self.writer is not None:
             raise BagError(f'{self.writer.folder} is being recorded already; stop it first')
+        return f'recording into {self._begin(folder_of(self.params.bag))}'
+
+    def _begin(self, folder: Path) -> Path:
         params = self.params
         names = frozenset(self.names.resolve(name) for name in params.topics)
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
-        self.writer = BagWriter(folder_of(params.bag), compression=params.compression, limits=limits)
+        self.writer = BagWriter(folder, compression=params.compression, limits=limits)
         self.failure, self.tally = None, Tally()
+        self.post(lambda: self.kept.put(_RECORDING, str(folder).encode()))
         self._look()
-        return f'recording into {self.writer.folder}'
+        return folder
 
     def stop_recording(self) -> str:
         """End the bag. Raises BagError when there is none, or not all of it could be written."""
@@ -99,6 +108,7 @@ class RecorderNode(Node):
         assert self.writer is not None
         self._unsubscribe()
         writer, self.writer = self.writer, None
+        self.kept.drop(_RECORDING)
         return writer
 
     def _unsubscribe(self) -> None:
@@ -155,6 +165,7 @@ class RecorderNode(Node):
         self.failure = error
         self._unsubscribe()
         self.writer = None
+        self.kept.drop(_RECORDING)
         self.report('bag', Level.ERROR, str(error))
 
     def _report_health(self) -> None:

@@ -1,0 +1,89 @@
+"""Processes that the launch needs and that are to be started again: after which end the launch goes on, and when."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.launching import supervisor
+from tactile_nodes.launching.output import Line
+from tactile_nodes.launching.service import LaunchService
+
+KILLED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; kill -9 $$'
+FAILED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; exit 3'
+
+
+def run(folder: Path, actions: str, stop_at: int = 2) -> tuple[int, list[str], list[float]]:
+    """Run a launch until so many starts were told: its status, what it said, and the delays it waited."""
+    file = folder / 'test.launch.yaml'
+    file.write_text(f'launch:\n{actions}', encoding='utf-8')
+    shown: list[str] = []
+
+    def screen(line: Line) -> None:
+        shown.append(str(line))
+        if sum('process started' in text for text in shown) == stop_at:
+            service.shutdown('the test is over')
+
+    service = LaunchService(file, screen=screen, environment=os.environ, log_base=folder / 'logs')
+    delays: list[float] = []
+    after = service._agenda.after
+    service._agenda.after = lambda seconds, task: (delays.append(seconds), after(seconds, task))[1]  # type: ignore[method-assign]
+    return service.run(), shown, delays
+
+
+def action(script: str, folder: Path, options: str = "on_exit: shutdown, respawn: 'true'") -> str:
+    program = folder / 'program'
+    program.write_text(f'#!/bin/sh\n{script.format(marker=folder / "marker")}\n', encoding='ascii')
+    program.chmod(0o755)
+    return f'  - executable: {{cmd: {program}, {options}}}\n'
+
+
+def starts(shown: list[str]) -> int:
+    return sum('process started' in text for text in shown)
+
+
+def test_a_needed_process_that_was_killed_is_started_again(tmp_path: Path) -> None:
+    status, shown, _ = run(tmp_path, action(KILLED_ONCE, tmp_path))
+    assert (status, starts(shown)) == (0, 2)
+    assert not any('was required' in text for text in shown)
+
+
+def test_a_needed_process_that_fails_soon_after_its_start_ends_the_launch(tmp_path: Path) -> None:
+    status, shown, _ = run(tmp_path, action(FAILED_ONCE, tmp_path))
+    assert (status, starts(shown)) == (1, 1)
+
+
+def test_a_needed_process_that_fails_after_it_had_worked_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
+    status, shown, _ = run(tmp_path, action(FAILED_ONCE, tmp_path))
+    assert (status, starts(shown)) == (0, 2)
+
+
+def test_a_needed_process_that_ends_cleanly_ends_the_launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
+    status, shown, _ = run(tmp_path, action('exit 0', tmp_path))
+    assert (status, starts(shown)) == (0, 1)
+
+
+def test_a_process_that_is_killed_each_time_is_given_twice_the_time_each_time(tmp_path: Path) -> None:
+    options = "respawn: 'true', respawn_delay: 0.01"
+    _, _, delays = run(tmp_path, action('kill -9 $$', tmp_path, options), stop_at=5)
+    assert delays[:4] == pytest.approx([0.01, 0.02, 0.04, 0.08])
+
+
+def test_the_wait_for_a_restart_grows_to_half_a_minute_at_most() -> None:
+    made = object.__new__(supervisor.Supervisor)
+    made.plan = type('Plan', (), {'respawn_delay_s': 0.1})()  # type: ignore[assignment]
+    made._quick = 40
+    assert made._delay_s == 30.0
+
+
+def test_processes_of_a_launch_are_told_where_to_keep_what_they_decide(tmp_path: Path) -> None:
+    _, shown, _ = run(tmp_path, action('echo "kept in $TACTILE_KEEP"', tmp_path, 'output: screen'), stop_at=9)
+    (told,) = (text for text in shown if 'kept in' in text)
+    assert told.endswith('/kept')
+    assert Path(told.partition('kept in ')[2]).parent.parent == tmp_path / 'logs'

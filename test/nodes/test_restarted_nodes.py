@@ -1,0 +1,171 @@
+"""Nodes that were killed and started again by the same launch go on with what was decided while they ran."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from feeding import PATTERN, image, run
+
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.keeping import VARIABLE
+from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.messages import types
+from tactile_nodes.nodes.flow_features import FlowFeaturesNode
+from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+from tactile_nodes.nodes.recorder import RecorderNode
+
+Born = Callable[..., tuple[Node, InProcessBus]]
+SMALL = ('encoding:=cartesian_mean', 'rows:=4', 'cols:=4', 'reference_frames:=1')
+PRESSED = PATTERN.copy()
+PRESSED[40:120, 40:120] = np.roll(PATTERN, 3, axis=1)[40:120, 40:120]
+"""The middle, four of the 16 regions, has moved 3 px to the right."""
+
+
+@pytest.fixture
+def launch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that a launch names to its processes."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / 'kept'))
+    return tmp_path / 'kept'
+
+
+@pytest.fixture
+def born(clock: SteppedClock) -> Born:
+    """A node on a bus of its own: a process that is killed leaves nothing of either."""
+
+    def make(kind: type[Any], *values: str) -> tuple[Node, InProcessBus]:
+        bus = InProcessBus(clock)
+        words = [word for value in values for word in ('-p', value)]
+        return kind(bus, parse_arguments(['--ros-args', *words]), clock), bus
+
+    return make
+
+
+def features_of(born: Born, pixels: np.ndarray, *values: str) -> types.FlowFeatures:
+    """What a new node makes of one image."""
+    node, bus = born(FlowFeaturesNode, *SMALL, *values)
+    found = bus.subscribe('/flow_features', topics.FLOW_FEATURES.type_name, Qos('queue', 10))
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
+    camera.publish(image(pixels))
+    run(node)
+    received = found.take()
+    assert received is not None
+    message: types.FlowFeatures = received.message
+    return message
+
+
+def test_flow_features_do_not_take_a_touched_gel_for_the_rest_image_after_a_restart(launch: Path, born: Born) -> None:
+    features_of(born, PATTERN)  # becomes the rest image
+    message = features_of(born, PRESSED)
+    assert not message.reasons & types.ForceDistribution.REASON_NO_REFERENCE
+    right_px = message.values.reshape(4, 4, 2)[..., 0]
+    assert np.median(right_px[1:3, 1:3]) == pytest.approx(3.0, abs=0.5)  # DIS is smooth over the edges
+
+
+def test_the_restored_rest_image_is_told_to_those_who_come_later(launch: Path, born: Born) -> None:
+    features_of(born, PATTERN)
+    _, bus = born(FlowFeaturesNode, *SMALL)
+    received = bus.subscribe('/reference_image', topics.REFERENCE_IMAGE.type_name, Qos('latest', 1)).take()
+    assert received is not None
+    np.testing.assert_array_equal(received.message.data, PATTERN.ravel())
+
+
+def test_another_launch_captures_its_own_rest_image(
+    launch: Path, born: Born, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    features_of(born, PATTERN)
+    monkeypatch.setenv(VARIABLE, str(tmp_path / 'another'))
+    assert features_of(born, PRESSED).reasons == types.ForceDistribution.REASON_NO_REFERENCE
+
+
+def test_a_node_that_no_launch_started_keeps_nothing(born: Born, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    features_of(born, PATTERN)
+    assert features_of(born, PRESSED).reasons == types.ForceDistribution.REASON_NO_REFERENCE
+
+
+@pytest.mark.parametrize('data', [b'', b'no message', bytes(4000)])
+def test_a_kept_rest_image_that_is_damaged_is_told_and_a_new_one_captured(
+    launch: Path, born: Born, data: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    launch.mkdir()
+    (launch / 'flow_features.rest_image').write_bytes(data)
+    assert features_of(born, PATTERN).reasons == types.ForceDistribution.REASON_NO_REFERENCE
+    assert 'the one from before the restart is of no use' in ''.join(capsys.readouterr())
+
+
+def test_the_force_estimator_comes_back_with_the_model_that_took_over(
+    launch: Path, born: Born, small_model: Path, tmp_path: Path
+) -> None:
+    other = shutil.copy(small_model, tmp_path / 'other.safetensors')
+    node, _ = born(ForceEstimatorNode, f'model:={small_model}')
+    node._parameters.change({'model': str(other)})
+    run(node)
+    again, _ = born(ForceEstimatorNode, f'model:={small_model}')
+    assert again.params.model == str(other)
+    assert again._estimating.now.file == other
+
+
+def test_a_parameter_that_was_set_is_still_set_and_the_others_are_those_of_the_launch(
+    launch: Path, born: Born, small_model: Path
+) -> None:
+    node, _ = born(ForceEstimatorNode, f'model:={small_model}')
+    node._parameters.change({'least_confidence': 0.5})
+    run(node)
+    again, _ = born(ForceEstimatorNode, f'model:={small_model}', 'frame_id:=skin')
+    assert (again.params.least_confidence, again.params.frame_id) == (0.5, 'skin')
+
+
+def test_kept_parameters_that_are_damaged_count_for_nothing(launch: Path, born: Born, small_model: Path) -> None:
+    launch.mkdir()
+    (launch / 'force_estimator.parameters').write_bytes(b'{"least_conf')
+    node, _ = born(ForceEstimatorNode, f'model:={small_model}', 'least_confidence:=0.6')
+    assert node.params.least_confidence == 0.6
+
+
+def test_a_recorder_that_was_killed_goes_on_in_another_bag_and_leaves_the_first_as_it_was(
+    launch: Path, born: Born, tmp_path: Path
+) -> None:
+    nodes = []
+    for text in ('before', 'after'):
+        node, bus = born(RecorderNode, f'bag:={tmp_path}/bag', 'topics:=[/chatter]', 'autostart:=false')
+        talker = bus.advertise('/chatter', 'std_msgs/msg/String', Qos('queue', 10))
+        if text == 'before':
+            node.start_recording()
+        node._look()
+        talker.publish(types.String(data=text))
+        run(node)
+        nodes.append(node)
+    for node in nodes:  # the killed one, too, so that its thread does not outlive the test
+        node.writer.close()
+    for folder, text in ((tmp_path / 'bag', 'before'), (tmp_path / 'bag_2', 'after')):
+        with BagReader(folder) as bag:
+            assert [bag.decode(message).data for message in bag.messages()] == [text]
+
+
+def test_a_recording_that_was_stopped_is_not_begun_again(launch: Path, born: Born, tmp_path: Path) -> None:
+    node, _ = born(RecorderNode, f'bag:={tmp_path}/bag', 'autostart:=false')
+    node.start_recording()
+    run(node)
+    node.stop_recording()
+    again, _ = born(RecorderNode, f'bag:={tmp_path}/bag', 'autostart:=false')
+    assert again.writer is None
+
+
+def test_things_of_two_namespaces_are_kept_apart(launch: Path, clock: SteppedClock, small_model: Path) -> None:
+    for space, value in (('/left', '0.1'), ('/right', '0.2')):
+        words = ['--ros-args', '-r', f'__ns:={space}', '-p', f'model:={small_model}']
+        node = ForceEstimatorNode(InProcessBus(clock), parse_arguments(words), clock)
+        node._parameters.change({'least_confidence': float(value)})
+        run(node)
+    words = ['--ros-args', '-r', '__ns:=/left', '-p', f'model:={small_model}']
+    assert ForceEstimatorNode(InProcessBus(clock), parse_arguments(words), clock).params.least_confidence == 0.1
