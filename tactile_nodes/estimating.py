@@ -22,10 +22,12 @@ from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.sensing.stamped import ByStamp
 
 FORCE = types.ForceDistribution
-UNMEASURED = FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE
+UNMEASURED = (
+    FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE
+)
 """Nothing is known of such a frame: its numbers are NaN."""
 
-INVALID = UNMEASURED | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE | FORCE.REASON_NOT_FINITE
+INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,28 @@ from jaxtyping import UInt8
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ImageError
-from tactile_nodes.messages import types
+from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.quality import picture_faults
+from tactile_nodes.sensing.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.tracking import FeatureTracker, overlay
 
 FORCE = types.ForceDistribution
+
+
+@dataclass(frozen=True)
+class RegistrationParams:
+    """How the motion of the whole picture is taken out: a knocked camera is no force."""
+
+    check: bool = parameter(True, 'take out how far the whole picture moved', read_only=True)
+    most_px: float = parameter(8.0, 'motion (root mean square) that is still taken out', minimum=0.1, read_only=True)
+    most_turn_deg: float = parameter(2.5, 'turn that is still taken out', minimum=0.1, read_only=True)
+    follow_s: float = parameter(
+        5.0, 'time in which slow motion is followed while nothing touches', minimum=0.1, read_only=True
+    )
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,7 @@ class FollowingParams(MethodParams):
         0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
     )
     stillness: StillnessParams = field(default_factory=StillnessParams)
+    registration: RegistrationParams = field(default_factory=RegistrationParams)
 
 
 class Following:
@@ -48,6 +62,7 @@ class Following:
             rest_frames=params.reference_frames,
             marked_share=params.marked_share,
             check=make_check(params.stillness),
+            registration=_make_registration(params.registration),
         )
         self._announced: types.Image | None = None
         self._last: tuple[np.ndarray, DisplacementField] | None = None
@@ -97,9 +112,11 @@ class Following:
             waited_s: from its publication until now.
         """
         start_ns = perf_ns()
-        if (missing := self._missing(image, head)) != 0:
-            return self._message(image, head, self._nothing(), reasons=missing)
-        field_px = self._tracker.field(image)
+        faults = picture_faults(image)
+        dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
+        if missing := dark | self._missing(image, head):
+            return self._message(image, head, self._nothing(), faults.level, reasons=missing)
+        field_px = self._tracker.field(image, stamp_ns(head.stamp))
         flow_ns = perf_ns()
         features = self._tracker.features(field_px)
         features_ns = perf_ns()
@@ -111,7 +128,10 @@ class Following:
             predict=math.nan,
             transport=max(0.0, waited_s),
         )
-        return self._message(image, head, features, untouched=self._tracker.untouched(field_px), stages=stages)
+        return self._message(
+            image, head, features, faults.level,
+            untouched=self._tracker.untouched(field_px), reasons=self._moved(), stages=stages,
+        )  # fmt: skip
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
         """A picture of the last frame's motion.
@@ -140,6 +160,14 @@ class Following:
         )
         return FORCE.REASON_OTHER_IMAGE
 
+    def _moved(self) -> int:
+        """What there is to say of the whole picture's motion."""
+        registration = self._tracker.registration
+        if registration is None:
+            return 0
+        lost = registration.lost * FORCE.REASON_PICTURE_LOST
+        return lost | (not registration.settled) * FORCE.REASON_FOREIGN_MOTION
+
     def _offer_rest(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         try:
             if self._tracker.offer_rest(image):
@@ -163,22 +191,31 @@ class Following:
         image: UInt8[np.ndarray, 'h w'],
         head: types.Header,
         features: Features,
+        level: float,
         *,
         untouched: bool = False,
         reasons: int = 0,
         stages: types.StageTimes | None = None,
     ) -> types.FlowFeatures:
-        faults = picture_faults(image)
-        seen = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
+        registration = self._tracker.registration
+        moved_px = registration.size_px if registration else 0.0
         return types.FlowFeatures(
             header=head,
             image_width=image.shape[1],
             image_height=image.shape[0],
             method=self._method,
             reference_id=self._tracker.reference_id,
-            image_level=faults.level,
+            image_level=level,
             untouched=untouched,
-            reasons=reasons | seen,
+            moved=moved_px,
+            picture_motion=np.array(registration.motion.terms if registration and moved_px else (), np.float32),
+            reasons=reasons,
             stages=stages or types.StageTimes(),
             **conversions.feature_fields(features),
         )
+
+
+def _make_registration(params: RegistrationParams) -> Registration | None:
+    if not params.check:
+        return None
+    return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))

@@ -857,9 +857,11 @@ class FlowFeatures(Message):
     reference_id: str
     image_level: float
     untouched: bool
+    moved: float
+    picture_motion: NDArray[Any]
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]
@@ -876,6 +878,10 @@ class ForceDistribution(Message):
     REASON_UNLIKE_TRAINING: ClassVar[int]
     REASON_CALIBRATION_AGEING: ClassVar[int]
     REASON_CALIBRATION_INVALID: ClassVar[int]
+    REASON_PICTURE_LOST: ClassVar[int]
+    REASON_LIGHT_CHANGED: ClassVar[int]
+    REASON_BLURRED: ClassVar[int]
+    REASON_REST_DOUBTFUL: ClassVar[int]
     header: Header
     rows: int
     cols: int

@@ -116,7 +116,7 @@ class StillnessCheck:
         size = np.einsum('bkk->bk', triangle)
         # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
         basis *= np.where(size < 0, -1.0, 1.0)[:, None]
-        self._away = _away_from_places(self.options.blocks, np.abs(size[:, 2:]))
+        self._away = away_from_places(self.options.blocks, np.abs(size[:, 2:]))
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
@@ -210,7 +210,7 @@ def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
     return np.kron(along, along).astype(np.float32)
 
 
-def _away_from_places(count: int, texture: Float[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'places numbers']:
+def away_from_places(count: int, texture: Float[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'places numbers']:
     """Motion away from each place, strongest at `TOUCH_BLOCKS` from it, as sums of all blocks' motion along x and y.
 
     `texture` is how much of each block's picture changes per pixel of motion along each axis: blocks that show more

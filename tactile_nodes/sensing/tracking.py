@@ -8,10 +8,14 @@ from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import FeatureEncoding, Features
-from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
+from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, require_like
 from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
+from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.stillness import StillnessCheck
+
+KNOCK_ROUNDS = 3
+"""How often a frame is measured anew when the camera was knocked."""
 
 
 class FeatureTracker:
@@ -23,6 +27,7 @@ class FeatureTracker:
         rest_frames: how many frames are averaged into a rest image.
         marked_share: share of the regions that must show structure in a rest image; sparse patterns need less.
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
+        registration: takes the motion of the whole picture out; None leaves it in.
     """
 
     def __init__(
@@ -33,10 +38,12 @@ class FeatureTracker:
         rest_frames: int = 10,
         marked_share: float = 0.1,
         check: StillnessCheck | None = None,
+        registration: Registration | None = None,
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
         self._check = check
+        self.registration = registration
         self._still: tuple[DisplacementField, Features] | None = None
         self._flow = flow
         self._encoding = encoding
@@ -89,18 +96,42 @@ class FeatureTracker:
         self._flow.set_reference(image)
         self._still = None
         self.reference, self.reference_id = image, content_id(image)
+        if self.registration:
+            self.registration.set_reference(image, self._flow.displacement(image))
 
-    def field(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
-        """The displacement of `image` against the rest image.
+    def field(self, image: UInt8[np.ndarray, 'h w'], stamp_ns: int = 0) -> DisplacementField:
+        """The displacement of `image`, taken at `stamp_ns`, against the rest image.
 
         Raises:
             ImageError: there is no rest image, or it has another size.
         """
         if self.reference is None:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
-        if self._check is not None and self._check(image):
+        require_like(self.reference, image)
+        straight = self.registration.straightened(image) if self.registration else image
+        if self._check is not None and self._check(straight):
+            if self.registration:
+                self.registration.at_rest(stamp_ns)
             return self._at_rest()[0]
-        return self._flow.displacement(image)
+        if self.registration is None:
+            return self._flow.displacement(image)
+        return self._registered(self.registration, image, straight, stamp_ns)
+
+    def _registered(
+        self,
+        registration: Registration,
+        image: UInt8[np.ndarray, 'h w'],
+        straight: UInt8[np.ndarray, 'h w'],
+        stamp_ns: int,
+    ) -> DisplacementField:
+        """What moved beside the whole picture; measured again where that turns out to have moved since."""
+        field = registration.without(self._flow.displacement(straight))
+        for _ in range(KNOCK_ROUNDS):
+            if not registration.look(straight, field, stamp_ns):
+                break
+            straight = registration.straightened(image)
+            field = registration.without(self._flow.displacement(straight))
+        return field
 
     def untouched(self, field: DisplacementField) -> bool:
         """Whether that field is the one of all frames in which nothing touches, and was not measured."""

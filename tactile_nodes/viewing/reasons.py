@@ -18,6 +18,10 @@ _SENTENCES = {
     _KIND.REASON_UNLIKE_TRAINING: 'The motion is unlike any that the model was trained on.',
     _KIND.REASON_CALIBRATION_AGEING: 'The calibration holds less well than it did.',
     _KIND.REASON_CALIBRATION_INVALID: 'The calibration holds no longer.',
+    _KIND.REASON_PICTURE_LOST: 'The gel is not found in the picture: did the camera or the gel move far?',
+    _KIND.REASON_LIGHT_CHANGED: 'The light changed too much: mend the lamp, or capture the rest image again.',
+    _KIND.REASON_BLURRED: 'The picture is less sharp than it was: look at lens and focus.',
+    _KIND.REASON_REST_DOUBTFUL: 'Something touched while the rest image was taken: capture it again.',
 }
 
 

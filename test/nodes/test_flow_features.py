@@ -44,7 +44,8 @@ def measured(features: Subscription) -> list[types.FlowFeatures]:
 def test_features_carry_the_stamp_of_their_image(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
-    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
+    tested = node(bus, clock, 'registration.check:=false')
     camera.publish(image(PATTERN))
     run(tested)
     camera.publish(image(np.roll(PATTERN, 2, axis=1), START_NS + 7))
@@ -55,6 +56,20 @@ def test_features_carry_the_stamp_of_their_image(
     # The picture went 2 px to the right; DIS reads whole motions of this size to a tenth.
     assert np.median(message.values.reshape(4, 4, 2)[..., 0]) == pytest.approx(2.0, abs=0.1)
     assert len(message.reference_id) == 12
+
+
+def test_a_knocked_camera_is_no_motion_and_is_told(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
+    for pixels in (PATTERN, np.roll(PATTERN, 2, axis=1)):
+        camera.publish(image(pixels))
+        run(tested)
+    (message,) = measured(features)
+    assert message.moved == pytest.approx(2.0, abs=0.05)
+    assert message.picture_motion[:2] == pytest.approx([2.0, 0.0], abs=0.05)
+    assert np.abs(np.median(message.values.reshape(4, 4, 2), axis=(0, 1))).max() < 0.05
+    assert message.reasons == 0  # all of it moved alike, so nothing touched
 
 
 def test_frames_before_there_is_a_rest_image_say_so(
@@ -185,7 +200,7 @@ def test_a_frame_like_the_rest_image_is_told_as_untouched_and_one_that_moved_is_
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested = node(bus, clock, 'stillness.full_every:=1000000')
+    tested = node(bus, clock, 'stillness.full_every:=1000000', 'registration.check:=false')
     for pixels in (PATTERN, PATTERN, np.roll(PATTERN, 2, axis=1)):
         camera.publish(image(pixels))
         run(tested)

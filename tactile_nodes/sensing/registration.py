@@ -1,0 +1,270 @@
+"""A knocked camera is no force: the motion of the whole picture since the rest image is kept, and taken out.
+
+It is found from the patches of the flow itself. While nothing touches, whatever they move by together is followed,
+slowly. A press moves no patch far from it, so most patches never move alike under one; where they do, by more than any
+press makes them, the camera was knocked, and that is taken out at once. `docs/stability.md` has the measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
+from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Straightening, WholeShift
+from tactile_nodes.sensing.stillness import away_from_places
+
+PATCHES = 10
+FOUND = 0.4
+"""Confidence from which a patch counts as found again."""
+
+LEAST_FOUND = 0.3
+"""Share of the patches that must be found before their common motion means anything."""
+
+KNOCK_PX = 0.05
+"""Common motion from which the camera was knocked: presses of the tip to 2 mm reach 0.026 px."""
+
+ALIKE_SHARE = 0.5
+"""Share of the patches that must follow the common motion of a knock, to within 0.05 px and a sixth of it."""
+ALIKE_PX, ALIKE_PART = 0.05, 1 / 6
+
+EASED = 0.6
+"""A knock explains what is seen when the median motion falls below this share of what it was."""
+
+NEGLIGIBLE_PX = 0.004
+"""Smaller motion is not taken out: it is the noise of the rest image."""
+
+SUBTRACTED_PX = 0.55
+"""Motion up to which it is subtracted from what the flow finds.
+
+Of larger motion whole pixels are undone in the image before, and where that leaves more than this, all of it. Then
+pixels are interpolated, which takes 2 ms for an image of 440x440, and blurs it.
+"""
+
+SETTLE_FRAMES = 8
+"""Frames at rest that a knock's motion is averaged over before it is only followed slowly."""
+
+LOOSE_PX, LOOSE_SHARE = 0.025, 0.05
+"""After a knock a picture is at rest when 19 of 20 patches follow it to within this, plus this share of its size."""
+
+QUIET_PX = 0.03
+"""More than 1 of 20 patches further than this from the common motion were touched, without a closer look."""
+
+QUIET_NOISE = 4.2
+"""Motion away from any place, in units of what noise makes, up to which nothing touches."""
+MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
+
+LEAST_SIDE_PX = 160
+"""Side of the smallest picture that patches of our own are laid over."""
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RegistrationOptions:
+    """How far the picture may have moved (root mean square, px; turn in degrees), and how slowly it is followed (s)."""
+
+    most_px: float = 8.0
+    most_turn_deg: float = 2.5
+    follow_s: float = 5.0
+
+
+class Registration:
+    """Keeps the motion of the whole picture since the rest image, and takes it out of images and of motion found.
+
+    `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
+    again, or moved too far. The answer follows from the images and their stamps since the rest image.
+    """
+
+    def __init__(self, options: RegistrationOptions | None = None) -> None:
+        self.options = options or RegistrationOptions()
+        self.motion = PictureMotion()
+        self.settled, self.lost = True, False
+        self._reference: np.ndarray | None = None
+        self._straightening: Straightening | WholeShift | None = None
+        self._remainder: PictureMotion | None = None
+        self._watch: InverseCompositionalFlow | None = None
+        self._away = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
+
+    @property
+    def size_px(self) -> float:
+        """Of the motion that is taken out: root mean square over the picture."""
+        return self._size_px(self.motion) if self._reference is not None else 0.0
+
+    def set_reference(
+        self, image: UInt8[np.ndarray, 'h w'], own: DisplacementField, motion: PictureMotion | None = None
+    ) -> None:
+        """Take `image` as the gel at rest, against which live pictures have moved by `motion` already.
+
+        `own` is what the flow finds in the rest image itself. Where it has fewer patches or does not say how sure it
+        is, patches of our own are measured in every frame that is looked at.
+        """
+        self._reference, self.lost = image, False
+        self._fit = MotionFit(image.shape, PATCHES, PATCHES)
+        self._watch = None
+        if own.confidence is None or min(own.confidence.shape) < PATCHES:
+            self._watch = _watch(image)
+            own = self._watch.displacement(image) if self._watch else own
+        self._known = (_coarse(own)[1] >= FOUND) if own.confidence is not None else np.zeros(PATCHES**2, bool)
+        self._straightening, self._remainder = None, None
+        self._take(motion or PictureMotion(), settled=True)
+        self._rested = SETTLE_FRAMES
+        self._still = np.zeros((PATCHES * PATCHES, 2))
+        self._last_ns: int | None = None
+
+    def straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The image as it would be had the camera stayed where it was; the image itself where that is near enough."""
+        if self._straightening is None or self._reference is None:
+            return image
+        return self._straightening(image, self._reference)
+
+    def without(self, field: DisplacementField) -> DisplacementField:
+        """Motion found in a straightened image, without what was left of the whole picture's."""
+        if self._remainder is None or self._reference is None:
+            return field
+        rows, cols = field.displacement_px.shape[:2]
+        common = self._remainder.field_px(self._reference.shape, rows, cols)
+        return DisplacementField(field.displacement_px - common, field.confidence)
+
+    def at_rest(self, stamp_ns: int) -> None:
+        """Take that nothing touches in a frame, and nothing moved."""
+        self._rested = max(self._rested, 1) + 1
+        self.settled, self.lost, self._last_ns = True, False, stamp_ns
+
+    def look(self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField, stamp_ns: int) -> bool:
+        """Take what the flow found in a frame; whether the frame is to be measured again, for the camera was knocked.
+
+        Args:
+            straight: the straightened image.
+            field: motion in it without that of the whole picture.
+            stamp_ns: when it was taken.
+        """
+        if self._known.mean() < LEAST_FOUND:
+            return False  # a pattern too sparse to tell
+        motion, found = self._patches(straight, field)
+        self.lost = found.sum() < LEAST_FOUND * self._known.sum()
+        if self.lost:
+            return False
+        weight = found.astype(float)
+        terms = self._fit.common(motion, weight, rounds=1, about_none=True)
+        if self._fit.size_px(terms) > KNOCK_PX / 2:
+            terms = self._fit.common(motion, weight)
+            if self._knocked(motion[found], terms, found):
+                return self._jump(terms)
+        self._follow(motion, found, terms, stamp_ns)
+        return False
+
+    def _knocked(self, motion: Float[np.ndarray, 'n 2'], terms: Float[np.ndarray, ' terms'], found: np.ndarray) -> bool:
+        """Whether most patches moved alike, and further than any press moves them."""
+        if (size := self._fit.size_px(terms)) < KNOCK_PX:
+            return False
+        left = np.hypot(*(motion - self._fit.carried(terms)[found]).T)
+        alike = (left < ALIKE_PX + ALIKE_PART * size).mean() >= ALIKE_SHARE
+        return bool(alike and np.median(left) < EASED * np.median(np.hypot(*motion.T)))
+
+    def _jump(self, terms: Float[np.ndarray, ' terms']) -> bool:
+        moved = self.motion + PictureMotion.of(terms)
+        assert self._reference is not None
+        turned = math.degrees(abs(moved.turn_rad(self._reference.shape))) > self.options.most_turn_deg
+        if turned or self._size_px(moved) > self.options.most_px:
+            self.lost = True
+            return False
+        self._take(moved, settled=False)
+        self._rested = 0
+        return True
+
+    def _follow(
+        self, motion: Float[np.ndarray, 'n 2'], found: np.ndarray, terms: Float[np.ndarray, ' terms'], stamp_ns: int
+    ) -> None:
+        """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
+        left = motion - self._fit.carried(terms)
+        early = self._rested < SETTLE_FRAMES
+        if not (self._loosely_quiet(left, found) if early else self._quiet(left - self._still, found)):
+            return
+        self._rested += 1
+        share = 1 / (self._rested + 1) if early else self._share(stamp_ns)
+        if early:
+            self._still += share * (left - self._still)
+        self._last_ns = stamp_ns
+        self._take(self.motion + PictureMotion.of(terms).scaled(share), settled=True)
+
+    def _share(self, stamp_ns: int) -> float:
+        """How much of what is seen is taken on, by the time since the last frame at rest."""
+        passed_s = 0.0 if self._last_ns is None else (stamp_ns - self._last_ns) / NS_PER_S
+        return 1 - math.exp(-min(max(passed_s, 0.0), 1.0) / self.options.follow_s)
+
+    def _loosely_quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:
+        limit = LOOSE_PX + LOOSE_SHARE * self.size_px
+        return self._beyond(left, found, limit) <= 0.05
+
+    def _quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:
+        """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
+        if self._beyond(left, found, QUIET_PX) > 0.05:
+            return False
+        noise_px = max(float(np.median(np.abs(left[found]))) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
+        away = np.abs(self._away @ np.where(found[:, None], left, 0.0).astype(np.float32).reshape(-1))
+        return float(away.max()) <= QUIET_NOISE * noise_px
+
+    def _beyond(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray, limit_px: float) -> float:
+        return float((np.square(left[found]).sum(axis=1) > limit_px**2).mean())
+
+    def _take(self, motion: PictureMotion, *, settled: bool) -> None:
+        """From now on with this motion; images are straightened by it, or by one near enough."""
+        assert self._reference is not None
+        self.motion, self.settled = motion, settled
+        if self._straightening is None or self._apart_px(self._straightening) > NEGLIGIBLE_PX:
+            self._straightening = self._straightening_for(motion)
+        left = motion - self._straightening.motion if self._straightening else motion
+        self._remainder = left if self._size_px(left) > NEGLIGIBLE_PX else None
+
+    def _straightening_for(self, motion: PictureMotion) -> Straightening | WholeShift | None:
+        if self._size_px(motion) <= SUBTRACTED_PX:
+            return None
+        shift = WholeShift(*(round(each) for each in motion.shift_px))
+        if self._size_px(motion - shift.motion) <= SUBTRACTED_PX:
+            return shift
+        assert self._reference is not None
+        return Straightening(motion, self._reference.shape)
+
+    def _size_px(self, motion: PictureMotion) -> float:
+        return self._fit.size_px(np.array(motion.terms))
+
+    def _apart_px(self, straightening: Straightening | WholeShift) -> float:
+        """How far a straightening is from what it should be; whole shifts are near enough up to a limit."""
+        near_px = SUBTRACTED_PX if isinstance(straightening, WholeShift) else 0.0
+        return max(0.0, self._size_px(self.motion - straightening.motion) - near_px)
+
+    def _patches(
+        self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField
+    ) -> tuple[Float[np.ndarray, 'patches 2'], Bool[np.ndarray, ' patches']]:
+        """Motion of each patch, and which were found again."""
+        if self._watch is not None:
+            field = self.without(self._watch.displacement(straight))
+        motion, confidence = _coarse(field)
+        return motion, (confidence >= FOUND) & self._known
+
+
+def _watch(image: UInt8[np.ndarray, 'h w']) -> InverseCompositionalFlow | None:
+    """Patches of our own at half size; None of a picture too small for them."""
+    if min(image.shape) < LEAST_SIDE_PX:
+        return None
+    flow = InverseCompositionalFlow(InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=1))
+    flow.set_reference(image)
+    return flow
+
+
+def _coarse(field: DisplacementField) -> tuple[Float[np.ndarray, 'patches 2'], Float[np.ndarray, ' patches']]:
+    """Motion of 10x10 patches and the confidence in it."""
+    assert field.confidence is not None
+    motion, confidence = field.displacement_px, field.confidence
+    if confidence.shape != (PATCHES, PATCHES):
+        size = (PATCHES, PATCHES)
+        coarse = cv2.resize(confidence, size, interpolation=cv2.INTER_AREA)
+        weighted = cv2.resize(motion * confidence[:, :, None], size, interpolation=cv2.INTER_AREA)
+        motion, confidence = weighted / np.maximum(coarse, 1e-6)[:, :, None], coarse
+    return motion.reshape(-1, 2).astype(float), confidence.reshape(-1).astype(float)
