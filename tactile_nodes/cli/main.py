@@ -54,6 +54,7 @@ first steps:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``tactile`` with these words; the result is the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
+    os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it looks at
     try:
         status = _run(words)
         sys.stdout.flush()
