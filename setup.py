@@ -25,6 +25,7 @@ NODES = [
     'live_view',
     'force_views',
     'guarded_approach',
+    'dds_bridge',
     'composed',
 ]
 
@@ -74,8 +75,12 @@ setup(
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
+        'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
+        'foxglove': ['foxglove-sdk>=0.30.3,<0.31'],
         'dev': [
             'beartype>=0.20,<1',
+            'cyclonedds==11.0.1',
+            'foxglove-sdk>=0.30.3,<0.31',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',

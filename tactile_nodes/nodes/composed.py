@@ -20,6 +20,7 @@ KNOWN = (
     'live_view',
     'force_views',
     'guarded_approach',
+    'dds_bridge',
 )  # fmt: skip
 
 

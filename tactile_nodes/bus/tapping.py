@@ -1,0 +1,67 @@
+"""Messages of the bus for somebody who is not on it: a topic is received only for as long as they want it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from tactile_nodes.bus.protocol import Bus, Qos, Received
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import default_qos
+
+Key = tuple[str, str]
+"""Full name and type of a topic."""
+_SHORTEST_QUEUE = 16  # a bridge that waits for its turn must not lose what a subscriber of its own would have had
+
+
+class Tap:
+    """Subscriptions of `node` that come and go; `post` runs work in its thread, where `take` gets each message.
+
+    Args:
+        take: called with a topic's full name and a message, in the order in which they came.
+    """
+
+    def __init__(
+        self, bus: Bus, node: str, post: Callable[[Callable[[], None]], None], take: Callable[[str, Received], None]
+    ) -> None:
+        self._bus = bus
+        self._node = node
+        self._post = post
+        self._take = take
+        self._subscriptions: dict[Key, Subscription] = {}
+        self._woken = False
+
+    @property
+    def topics(self) -> frozenset[Key]:
+        """What is received now."""
+        return frozenset(self._subscriptions)
+
+    @property
+    def dropped(self) -> int:
+        """Messages that gave way to newer ones before they could be taken, of the topics received now."""
+        return sum(subscription.dropped for subscription in self._subscriptions.values())
+
+    def keep(self, wanted: Iterable[Key]) -> None:
+        """From now on receive `wanted` and nothing else. A latched message comes again to whoever comes again."""
+        keys = set(wanted)
+        for key in self._subscriptions.keys() - keys:
+            self._subscriptions.pop(key).close()
+        for key in sorted(keys - self._subscriptions.keys()):
+            topic, type_name = key
+            qos = Qos('queue', max(default_qos(topic).depth, _SHORTEST_QUEUE))
+            self._subscriptions[key] = self._bus.subscribe(topic, type_name, qos, self._node, self._wake)
+            self._wake()
+
+    def close(self) -> None:
+        """Receive nothing any more."""
+        self.keep(())
+
+    def _wake(self) -> None:
+        if not self._woken:
+            self._woken = True
+            self._post(self._drain)
+
+    def _drain(self) -> None:
+        self._woken = False  # before taking: what comes in from now on asks again
+        for (topic, _), subscription in list(self._subscriptions.items()):
+            while (received := subscription.take()) is not None:
+                self._take(topic, received)

@@ -1,0 +1,101 @@
+"""Topics of a ROS 2 graph for the nodes of the bus: an independent force sensor, say, or the state of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tactile_nodes import messages
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.protocol import Bus, Publisher, Qos
+from tactile_nodes.errors import ConfigurationError, MessageError
+
+if TYPE_CHECKING:
+    from tactile_nodes.dds.endpoints import CdrReader
+    from tactile_nodes.dds.participant import Participant
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A topic to take over: its name as written, and its type."""
+
+    topic: str
+    type_name: str
+
+    @classmethod
+    def parse(cls, text: str) -> Wish:
+        """'/robot/wrench@geometry_msgs/msg/WrenchStamped'; for names of the topic table the type can be left out.
+
+        Raises:
+            ConfigurationError: no type is given, or one that there is not.
+        """
+        name, _, kind = text.partition('@')
+        known = topics.TOPICS.get(name) or topics.TOPICS.get(name.rpartition('/')[2])
+        kind = kind or (known.type_name if known else '')
+        try:
+            messages.message_class(kind)
+        except MessageError as error:
+            raise ConfigurationError(
+                f'{text!r} does not say what to take; write topic@package/msg/Type, say '
+                '/robot/wrench@geometry_msgs/msg/WrenchStamped'
+            ) from error
+        return cls(name, kind)
+
+
+class Inward:
+    """Publishes on the bus, as `node`, what comes from the graph; bytes that are no message are counted only."""
+
+    def __init__(
+        self,
+        participant: Participant,
+        bus: Bus,
+        node: str,
+        wishes: Iterable[Wish],
+        post: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self.taken = self.malformed = 0
+        self._flows = [_Flow(self, participant, bus, node, wish, post) for wish in wishes]
+
+    @property
+    def gids(self) -> tuple[bytes, ...]:
+        """Of the readers."""
+        return tuple(flow.reader.gid for flow in self._flows)
+
+    def close(self) -> None:
+        """Take no more."""
+        for flow in self._flows:
+            flow.publisher.close()
+        self._flows.clear()
+
+
+class _Flow:
+    def __init__(
+        self,
+        whole: Inward,
+        participant: Participant,
+        bus: Bus,
+        node: str,
+        wish: Wish,
+        post: Callable[[Callable[[], None]], None],
+    ) -> None:
+        qos = Qos('queue', topics.default_qos(wish.topic).depth)
+        self._whole = whole
+        self._type_name = wish.type_name
+        self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
+        self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
+
+    def drain(self) -> None:
+        """Hand over what has come; called in the thread that `post` leads to."""
+        while found := self.reader.take():
+            for data in found:
+                self._hand_over(data)
+
+    def _hand_over(self, data: bytes) -> None:
+        try:
+            messages.decode(data, self._type_name)
+        except MessageError:
+            self._whole.malformed += 1
+            return
+        self.publisher.publish_bytes(data)
+        self._whole.taken += 1

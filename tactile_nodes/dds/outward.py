@@ -1,0 +1,127 @@
+"""The nodes of the bus as a ROS 2 graph sees them: each with its name, each of its topics with a writer of its own."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.bridge_talk import fits
+from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Qos, Received
+from tactile_nodes.bus.tapping import Tap
+from tactile_nodes.dds.names import NodeEnds
+from tactile_nodes.errors import BusError, MessageError
+
+if TYPE_CHECKING:
+    from tactile_nodes.dds.endpoints import CdrWriter
+    from tactile_nodes.dds.participant import Participant
+
+BRIDGE = 'dds_bridge'
+_EVERY_NODE_HAS = {topics.ROSOUT.name, topics.DIAGNOSTICS.name}
+_ROSOUT_LIFESPAN_S = 10.0  # rmw_qos_profile_rosout_default
+
+
+class Outward:
+    """Repeats what fits `send` to whoever reads it there; what nobody reads is not received here either.
+
+    Args:
+        post: runs work in the thread that calls `look`.
+        refuse: told of each publisher that cannot be repeated, once.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        bus: Bus,
+        node: str,
+        send: tuple[str, ...],
+        post: Callable[[Callable[[], None]], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self.forwarded = self.failed = 0
+        self._participant = participant
+        self._bus = bus
+        self._send = send
+        self._refuse = refuse
+        self._tap = Tap(bus, node, post, self._take)
+        self._ends: dict[str, Endpoint] = {}
+        self._writers: dict[str, CdrWriter] = {}
+        self._refused: set[str] = set()
+        self._unknown: set[str] = set()
+
+    @property
+    def readers(self) -> int:
+        """Of all topics."""
+        return sum(writer.readers for writer in self._writers.values())
+
+    @property
+    def dropped(self) -> int:
+        """Messages that a reader was too far behind for, or that waited here for too long."""
+        return self._tap.dropped + sum(writer.dropped for writer in self._writers.values())
+
+    def look(self) -> dict[str, NodeEnds]:
+        """Follow who has come and gone on the bus, and who reads in the graph. The nodes that are shown there."""
+        graph = self._bus.graph()
+        ends = {end.gid: end for end in graph.publishers() if self._is_sent(end)}
+        for gid in self._writers.keys() - ends.keys():
+            del self._writers[gid]
+        for gid in ends.keys() - self._writers.keys() - self._refused:
+            self._offer(gid, ends[gid])
+        self._ends = ends
+        self._unknown.clear()
+        self._tap.keep((ends[gid].name, ends[gid].type_name) for gid in self._writers if self._is_wanted(gid))
+        return self._nodes(graph.nodes())
+
+    def close(self) -> None:
+        """Receive no more."""
+        self._tap.close()
+        self._writers.clear()
+
+    def _is_sent(self, end: Endpoint) -> bool:
+        # What a bridge of this kind publishes of its own accord came from there.
+        came = end.node.rpartition('/')[2] == BRIDGE and end.name not in _EVERY_NODE_HAS
+        return bool(end.gid) and not came and fits(end.name, self._send)
+
+    def _offer(self, gid: str, end: Endpoint) -> None:
+        table = topics.default_qos(end.name)
+        rosout = end.name == topics.ROSOUT.name  # ROS 2's own gives what was said to those who come later
+        qos = Qos(table.keep, table.depth, latched=end.latched or rosout)
+        try:
+            lifespan_s = _ROSOUT_LIFESPAN_S if rosout else None
+            self._writers[gid] = self._participant.writer(end.name, end.type_name, qos, lifespan_s)
+        except (BusError, MessageError) as error:
+            self._refused.add(gid)
+            self._refuse(f'{end.name} of {end.node} is not shown: {error}')
+
+    def _is_wanted(self, gid: str) -> bool:
+        end = self._ends[gid]
+        return end.latched or end.name == topics.ROSOUT.name or self._writers[gid].readers > 0
+
+    def _nodes(self, names: list[str]) -> dict[str, NodeEnds]:
+        gids: dict[str, list[bytes]] = defaultdict(list, {name: [] for name in names})
+        for gid, writer in self._writers.items():
+            gids[self._ends[gid].node].append(writer.gid)
+        return {name: NodeEnds(tuple(sorted(found))) for name, found in gids.items() if name}
+
+    def _take(self, topic: str, received: Received) -> None:
+        del topic
+        gid = received.publisher
+        if gid not in self._writers and gid not in self._unknown:
+            self.look()  # a newcomer whose first words must not be lost
+            self._unknown.add(gid)
+        writer = self._writers.get(gid)
+        if writer is None:
+            return
+        try:
+            writer.write(received.view)
+            self.forwarded += 1
+        except BusError:
+            self.failed += 1
+
+
+def other_bridges(graph: Graph, own: str) -> list[str]:
+    """The bridges of this kind on this bus, besides the one whose full name is `own`."""
+    found = [node for node in graph.nodes() if node.rpartition('/')[2] == BRIDGE]
+    found.remove(own)
+    return found

@@ -1,0 +1,102 @@
+"""Shows the nodes of this bus in a ROS 2 graph, where ROS 2 itself is not installed here; one such node a machine.
+
+Each node appears there under its own name with its own topics: ``ros2 node list``, ``topic list``, ``topic echo``,
+RViz. ``take`` brings topics of the graph onto this bus. Parameters and services do not cross. Needs the extra `dds`.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.discovery import domain_from_environment
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.dds.inward import Inward, Wish
+from tactile_nodes.dds.opening import open_participant
+from tactile_nodes.dds.outward import BRIDGE, Outward, other_bridges
+from tactile_nodes.dds.settings import LOCALHOST, RANGE_VARIABLE, SUBNET, Discovery
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.params import parameter
+
+LOOK_EVERY_S = 0.2
+_REPORT_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class DdsBridgeParams(NodeParams):
+    """Parameters of the DDS bridge."""
+
+    discovery_range: str = parameter(
+        '',
+        f'{LOCALHOST}: this machine only; {SUBNET}: the network too; empty: what {RANGE_VARIABLE} says, or {LOCALHOST}',
+        choices=('', LOCALHOST, SUBNET),
+        read_only=True,
+    )
+    peers: tuple[str, ...] = parameter(
+        (), f'machines to ask besides, where {SUBNET} finds none by itself: names or addresses', read_only=True
+    )
+    send: tuple[str, ...] = parameter(('/**',), 'topics to show there (* one level, ** any)', read_only=True)
+    take: tuple[str, ...] = parameter(
+        (), 'topics to bring here: name@package/msg/Type, the type for names out of the topic table', read_only=True
+    )
+
+
+class DdsBridgeNode(Node):
+    """Opens the participant, and looks at who comes and goes on either side."""
+
+    NAME = BRIDGE
+    PARAMS = DdsBridgeParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        chosen: DdsBridgeParams = self.params
+        if not isinstance(bus, InProcessBus):
+            raise ConfigurationError('this bus is a ROS 2 graph already; nothing has to be shown there')
+        if others := other_bridges(bus.graph(), self.full_name):
+            raise ConfigurationError(f'{others[0]} shows this bus over DDS already, all namespaces; one is enough')
+        wishes = [Wish.parse(text) for text in chosen.take if text]
+        discovery = Discovery.chosen(chosen.discovery_range, chosen.peers)
+        domain_id = domain_from_environment()
+        self._participant = open_participant(domain_id, discovery)
+        warn = lambda text: self.log.warn(text, once=text)  # noqa: E731
+        self._out = Outward(self._participant, bus, self.full_name, chosen.send, self.post, warn)
+        resolved = [Wish(self.names.resolve(wish.topic), wish.type_name) for wish in wishes]
+        self._in = Inward(self._participant, bus, self.full_name, resolved, self.post)
+        self._look()
+        self.create_timer(LOOK_EVERY_S, self._look)
+        self.create_timer(_REPORT_PERIOD_S, self._report)
+        reach = 'this machine only' if discovery.is_local else 'the network'
+        self.log.info(f'shown in DDS domain {domain_id} to {reach}')
+
+    def on_close(self) -> None:
+        self._out.close()
+        self._in.close()
+        self._participant.close()
+
+    def _look(self) -> None:
+        nodes = self._out.look()
+        nodes[self.full_name] = nodes[self.full_name].with_readers(self._in.gids)
+        self._participant.tell(nodes)
+
+    def _report(self) -> None:
+        out, came = self._out, self._in
+        level, text = (Level.WARN, f'{out.failed} messages could not be sent') if out.failed else (Level.OK, '')
+        self.report(
+            'graph', level, text, readers=out.readers, sent=out.forwarded, dropped=out.dropped, failed=out.failed,
+            taken=came.taken, malformed=came.malformed,
+        )  # fmt: skip
+
+
+def main() -> int:
+    """The program ``dds_bridge_node``."""
+    return run_node(DdsBridgeNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""A process on the other side, and a bridge on this one, in a DDS domain that no other test is in."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+from dds_sides import Other
+
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.nodes.dds_bridge import DdsBridgeNode
+
+
+@pytest.fixture
+def cyclone() -> None:
+    """Skips what needs the extra where it is not installed."""
+    pytest.importorskip('cyclonedds', reason="Cyclone DDS is not installed: pip install 'tactile_nodes[dds]'")
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Workers of one test run are in domains of their own. (Ports of those above 101 may be taken.)"""
+    number = 20 + os.getpid() % 80
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(number))
+    monkeypatch.delenv('ROS_AUTOMATIC_DISCOVERY_RANGE', raising=False)
+    return number
+
+
+@pytest.fixture
+def other(cyclone: None, domain: int) -> Iterator[Other]:
+    made = Other()
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def bus() -> Iterator[InProcessBus]:
+    made = InProcessBus()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def bridge(cyclone: None, domain: int, bus: InProcessBus) -> Iterator[Callable[..., DdsBridgeNode]]:
+    """Start a bridge in a thread: ``bridge('take:=[/wrench]')``."""
+    running: list[tuple[DdsBridgeNode, threading.Thread]] = []
+
+    def start(*parameters: str) -> DdsBridgeNode:
+        words = [word for each in parameters for word in ('-p', each)]
+        node = DdsBridgeNode(bus, parse_arguments(['--ros-args', *words]))
+        thread = threading.Thread(target=node.spin)
+        thread.start()
+        running.append((node, thread))
+        return node
+
+    yield start
+    for node, thread in running:
+        node.stop()
+        thread.join()
+        node.close()

@@ -1,0 +1,64 @@
+"""Names, types and configuration of DDS."""
+
+from __future__ import annotations
+
+import doctest
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tactile_nodes.bus.topics import TOPICS
+from tactile_nodes.dds import names
+from tactile_nodes.dds.inward import Wish
+from tactile_nodes.dds.settings import Discovery
+from tactile_nodes.errors import ConfigurationError
+
+
+def test_examples_in_the_names_hold() -> None:
+    assert doctest.testmod(names).attempted == 4
+    assert doctest.testmod(names).failed == 0
+
+
+def test_nobody_listens_on_a_network_unasked() -> None:
+    chosen = Discovery.chosen('', (), {})
+    assert chosen.is_local
+    config = ET.fromstring(chosen.config() or '')
+    assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost']
+    assert [entry.text for entry in config.iter('AllowMulticast')] == ['false']
+
+
+@pytest.mark.parametrize(
+    ('wish', 'said', 'local'),
+    [('', 'SUBNET', False), ('', 'LOCALHOST', True), ('LOCALHOST', 'SUBNET', True), ('SUBNET', 'LOCALHOST', False)],
+)
+def test_ros_2s_own_variable_is_heeded_where_nothing_else_is_said(wish: str, said: str, local: bool) -> None:
+    assert Discovery.chosen(wish, (), {'ROS_AUTOMATIC_DISCOVERY_RANGE': said}).is_local is local
+
+
+def test_on_a_network_the_configuration_of_cyclone_is_left_to_its_user() -> None:
+    assert Discovery.chosen('SUBNET', (), {}).config() is None
+
+
+def test_machines_that_are_named_are_asked() -> None:
+    config = ET.fromstring(Discovery.chosen('SUBNET', ('robot.local',), {}).config() or '')
+    assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost', 'robot.local']
+
+
+@pytest.mark.parametrize(('wish', 'peers'), [('LOCALHOST', ('robot.local',)), ('MOON', ())])
+def test_what_cannot_be_is_refused(wish: str, peers: tuple[str, ...]) -> None:
+    with pytest.raises(ConfigurationError):
+        Discovery.chosen(wish, peers, {})
+
+
+def test_a_topic_of_the_table_needs_no_type() -> None:
+    assert Wish.parse('/robot/wrench') == Wish('/robot/wrench', 'geometry_msgs/msg/WrenchStamped')
+
+
+def test_each_type_of_the_table_can_be_sent() -> None:
+    pytest.importorskip('cyclonedds', reason="Cyclone DDS is not installed: pip install 'tactile_nodes[dds]'")
+    from tactile_nodes.dds.idl_types import idl_type
+
+    for type_name in {topic.type_name for topic in TOPICS.values()}:
+        made = idl_type(type_name)
+        made.__idl__.fill_type_data()  # what creating a topic does
+        assert made.__idl__.idl_transformed_typename == names.dds_type(type_name)
