@@ -36,7 +36,9 @@ class SyncInputSettings:
 
     device: str = parameter('', 'serial port, best from /dev/serial/by-id; empty: none')
     line: str = parameter('cts', 'its control line', choices=tuple(MASKS))
-    invert: bool = parameter(False, 'the line is low when the machine switches on (most optocouplers do that)')
+    invert: bool = parameter(
+        False, 'switching on ends the control line (so a divider at a TTL adapter; an optocoupler does not)'
+    )
     poll_ms: float = parameter(1.0, 'between looks, where the driver cannot wait', minimum=0.1)
     wait: bool = parameter(True, 'have the driver wait for changes if it can')
     delay_ms: float = parameter(0.0, 'constant time from the edge to this program, taken off the stamps', minimum=0.0)
