@@ -43,15 +43,16 @@ Time = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """Frames to learn from and to be scored by, and whether slow ways and networks take part."""
+    """Frames to learn from and to be scored by, and whether slow ways, networks and compiled loops take part."""
 
     train: int = 1500
     test: int = 400
     slow: bool = True
     networks: bool = False
+    compiled: bool = True
 
 
-QUICK = Plan(train=300, test=16, slow=False)
+QUICK = Plan(train=300, test=16, slow=False, compiled=False)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,6 +97,7 @@ def measure(
     """
     from tactile_nodes.benchmarks.front_fit import fitted
     from tactile_nodes.benchmarks.front_memory import memory_mb
+    from tactile_nodes.benchmarks.front_profiles import measure_profiles
 
     about = surroundings(command)
     one_thread()
@@ -108,7 +110,8 @@ def measure(
     found = fitted(shelf, taking_part, plan.train, progress)
     memory = {way.name: memory_mb(way.name) for way in ways}
     table = {name: {**each, 'memory_mb': memory[each['way']]} for name, each in found.items()}
-    return {**about, 'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table)}
+    shipped = measure_profiles(plan, progress)
+    return {**about, 'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
 
 
 def fronts(table: dict[str, Any]) -> dict[str, list[str]]:
@@ -207,7 +210,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     test = plan.test if arguments.test is None else arguments.test
     if train < 300 or test < 1:
         raise ConfigurationError('--train must be at least 300, and --test at least 1')
-    return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks)
+    return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks, plan.compiled)
 
 
 def _command(arguments: argparse.Namespace) -> str:

@@ -63,7 +63,7 @@ def test_contenders_have_names_of_their_own() -> None:
 def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
     ways = [way for way in WAYS if way.name in ('ours, quarter size', 'small pixels')]
     ways = [Way(way.name, way.make, way.grids[:1], way.by_grid) for way in ways]
-    result = front.measure(ways, front.Plan(train=260, test=12), Progress())
+    result = front.measure(ways, front.Plan(train=260, test=12, compiled=False), Progress())
     ours, pixels = result['contenders']['ours, quarter size, 10x10'], result['contenders']['small pixels, 20x20']
     assert ours['armse_n'] < 0.03
     assert ours['armse_n'] < pixels['armse_n']
@@ -72,6 +72,11 @@ def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
     text = page(result)
     assert '| ours, quarter size, 10x10 |' in text
     assert '- aRMSE [N]: ' in text
+    shipped = result['profiles']
+    assert shipped['fast']['armse_n'] < shipped['paper']['armse_n']
+    assert shipped['fast']['cpu_ms']['median'] < shipped['paper']['cpu_ms']['median']
+    assert shipped['fast']['cpu_ms']['median'] > result['floors_cpu_ms']['reading 440x440 bytes once']
+    assert '| paper, DIS medium ' in text
 
 
 def test_the_front_is_by_time_and_each_error() -> None:
