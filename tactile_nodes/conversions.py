@@ -14,6 +14,7 @@ from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.drift_verdict import Verdict
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
+from tactile_nodes.sensing.picture_motion import TERMS, PictureMotion
 from tactile_nodes.sensing.reading import Contact
 
 _CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
@@ -96,6 +97,12 @@ def features_array(message: types.FlowFeatures) -> Features:
         )
     values = message.values.reshape(rows, cols, channels)
     return Features(message.encoding, values, message.confidence.reshape(rows, cols))
+
+
+def picture_motion(message: types.FlowFeatures) -> PictureMotion | None:
+    """The motion of the whole picture that was taken out of the features in a message; None where none was."""
+    terms = message.picture_motion
+    return PictureMotion(tuple(float(each) for each in terms)) if len(terms) == TERMS else None
 
 
 def feature_fields(features: Features) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from tactile_nodes.estimating import Estimating, calibration_reasons
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.picture_motion import PictureMotion
 
 REST_FRAMES, LEAST_CONFIDENCE, CHECK_S = 16, 0.85, 0.5
 """What config/live.yaml and the drift monitor's parameters say."""
@@ -46,12 +47,12 @@ class Watching:
         self._looked_ns = 0
         return self._told(stamp_ns)
 
-    def look(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int] | None:
+    def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
         """The same of a frame, if it is time to look at one again."""
         if self._looked_ns is None or 0 <= stamp_ns - self._looked_ns < CHECK_S * NS_PER_S:
             return None
         self._looked_ns = stamp_ns
-        self._monitor.frame(stamp_ns, picture)
+        self._monitor.frame(stamp_ns, picture, taken_out)
         return self._told(stamp_ns)
 
     def feel(self, stamp_ns: int, force: types.ForceDistribution) -> None:
@@ -87,7 +88,7 @@ class Chain:
         features = self._following.answer(image, head, acquire_s=0.0, waited_s=age_s)
         if (rest := self._following.announced()) is not None:
             self._estimating.calibration.add(*self._watching.rest(stamp_ns, np.array(conversions.image_array(rest))))
-        if (state := self._watching.look(stamp_ns, image)) is not None:
+        if (state := self._watching.look(stamp_ns, image, conversions.picture_motion(features))) is not None:
             self._estimating.calibration.add(*state)
         if values is not None:
             features = replace(features, values=values(features.values), untouched=False)  # type: ignore[type-var]

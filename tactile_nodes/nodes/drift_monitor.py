@@ -1,7 +1,8 @@
 """Whether the calibration still holds, told on ``calibration_state`` (latched), on /diagnostics, and so in every force.
 
-Subscribes ``image_raw``, ``reference_image``, ``force_distribution``, ``model_in_use``, ``calibration_image`` and the
-independent force that ``force_topic`` names. Service: ``~/check_weight`` compares the gel with ``weight_g`` on it.
+Subscribes ``image_raw``, ``reference_image``, ``flow_features``, ``force_distribution``, ``model_in_use``,
+``calibration_image`` and the independent force that ``force_topic`` names. Service: ``~/check_weight`` compares the gel
+with ``weight_g`` on it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from tactile_nodes.drifting import Calibrated, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.reference import content_id
 
 
@@ -54,10 +56,12 @@ class DriftMonitorNode(Node):
         self._told = self.create_publisher(topics.CALIBRATION_STATE)
         self._looked_ns = 0
         self._reference_id = ''
+        self._taken_out: PictureMotion | None = None
         self.create_subscription(topics.MODEL_IN_USE, self._on_model)
         self.create_subscription(topics.CALIBRATION_IMAGE, self._on_calibration)
         self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
         self.create_subscription(topics.IMAGE, self._on_image)
+        self.create_subscription(topics.FLOW_FEATURES, self._on_features)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         if self.params.force_topic:
             self.create_subscription(replace(topics.FORCE_TORQUE, name=self.params.force_topic), self._on_independent)
@@ -85,8 +89,11 @@ class DriftMonitorNode(Node):
         at_ns = stamp_ns(received.message.header.stamp)
         if self._reference_id and not 0 <= at_ns - self._looked_ns < self.params.check_s * NS_PER_S:
             self._looked_ns = at_ns
-            self._monitor.frame(at_ns, conversions.image_array(received.message))
+            self._monitor.frame(at_ns, conversions.image_array(received.message), self._taken_out)
             self._tell(at_ns)
+
+    def _on_features(self, received: Received) -> None:
+        self._taken_out = conversions.picture_motion(received.message)
 
     def _on_force(self, received: Received) -> None:
         force: types.ForceDistribution = received.message

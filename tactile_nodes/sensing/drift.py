@@ -26,6 +26,7 @@ from tactile_nodes.sensing.force_check import (
     UnlikeContacts,
 )
 from tactile_nodes.sensing.picture_change import PictureChange, PictureComparison
+from tactile_nodes.sensing.picture_motion import PictureMotion, Straightening
 
 STANDARD_GRAVITY = 9.80665
 MOVED_CLEARLY_PX = 0.15
@@ -116,10 +117,16 @@ class DriftMonitor:
         self._last_rest = np.array(picture)
         self._compare_rest(picture)
 
-    def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w']) -> None:
-        """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image."""
-        if self._rest is not None:
-            self.change(stamp_ns, self._rest.of(picture))
+    def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
+        """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
+
+        Motion of the whole picture that is taken out of the forces is no fault of theirs: what is left of it counts.
+        """
+        if self._rest is None or self._last_rest is None:
+            return
+        if taken_out is not None and picture.shape == self._last_rest.shape:
+            picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
+        self.change(stamp_ns, self._rest.of(picture))
 
     def change(self, stamp_ns: int, since_rest: PictureChange) -> None:
         """Take how a picture differs from the rest image."""

@@ -49,6 +49,9 @@ pixels are interpolated, which takes 2 ms for an image of 440x440, and blurs it.
 SETTLE_FRAMES = 8
 """Frames at rest that a knock's motion is averaged over before it is only followed slowly."""
 
+SURE_FRAMES = 3
+"""Frames at rest after which a knock is settled."""
+
 LOOSE_PX, LOOSE_SHARE = 0.025, 0.05
 """After a knock a picture is at rest when 19 of 20 patches follow it to within this, plus this share of its size."""
 
@@ -89,6 +92,8 @@ class Registration:
         self._straightening: Straightening | WholeShift | None = None
         self._remainder: PictureMotion | None = None
         self._watch: InverseCompositionalFlow | None = None
+        self._offset: np.ndarray | None = None
+        self._still = np.zeros((PATCHES * PATCHES, 2))
         self._away = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
     @property
@@ -114,7 +119,7 @@ class Registration:
         self._straightening, self._remainder = None, None
         self._take(motion or PictureMotion(), settled=True)
         self._rested = SETTLE_FRAMES
-        self._still = np.zeros((PATCHES * PATCHES, 2))
+        self._forget_offset()
         self._last_ns: int | None = None
 
     def straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
@@ -125,11 +130,12 @@ class Registration:
 
     def without(self, field: DisplacementField) -> DisplacementField:
         """Motion found in a straightened image, without what was left of the whole picture's."""
-        if self._remainder is None or self._reference is None:
-            return field
-        rows, cols = field.displacement_px.shape[:2]
-        common = self._remainder.field_px(self._reference.shape, rows, cols)
-        return DisplacementField(field.displacement_px - common, field.confidence)
+        motion = field.displacement_px
+        if self._remainder is not None and self._reference is not None:
+            motion = motion - self._remainder.field_px(self._reference.shape, *motion.shape[:2])
+        if self._offset is not None and self._offset.shape == motion.shape:
+            motion = motion - self._offset
+        return DisplacementField(motion, field.confidence)
 
     def at_rest(self, stamp_ns: int) -> None:
         """Take that nothing touches in a frame, and nothing moved."""
@@ -156,7 +162,7 @@ class Registration:
             terms = self._fit.common(motion, weight)
             if self._knocked(motion[found], terms, found):
                 return self._jump(terms)
-        self._follow(motion, found, terms, stamp_ns)
+        self._follow(motion, found, terms, field, stamp_ns)
         return False
 
     def _knocked(self, motion: Float[np.ndarray, 'n 2'], terms: Float[np.ndarray, ' terms'], found: np.ndarray) -> bool:
@@ -174,12 +180,18 @@ class Registration:
         if turned or self._size_px(moved) > self.options.most_px:
             self.lost = True
             return False
+        self._forget_offset()
         self._take(moved, settled=False)
         self._rested = 0
         return True
 
     def _follow(
-        self, motion: Float[np.ndarray, 'n 2'], found: np.ndarray, terms: Float[np.ndarray, ' terms'], stamp_ns: int
+        self,
+        motion: Float[np.ndarray, 'n 2'],
+        found: np.ndarray,
+        terms: Float[np.ndarray, ' terms'],
+        field: DisplacementField,
+        stamp_ns: int,
     ) -> None:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
@@ -189,9 +201,23 @@ class Registration:
         self._rested += 1
         share = 1 / (self._rested + 1) if early else self._share(stamp_ns)
         if early:
-            self._still += share * (left - self._still)
+            self._take_offset(left, PictureMotion.of(terms), field)
         self._last_ns = stamp_ns
-        self._take(self.motion + PictureMotion.of(terms).scaled(share), settled=True)
+        self._take(self.motion + PictureMotion.of(terms).scaled(share), settled=self._rested >= SURE_FRAMES)
+
+    def _take_offset(self, left: Float[np.ndarray, 'n 2'], common: PictureMotion, field: DisplacementField) -> None:
+        """What each patch is off by once a knock was undone, as pixels fell elsewhere: the mean of the first frames."""
+        share = np.float32(1 / self._rested)
+        if self._watch is not None:  # a dense search is off at rest as well, and its models learned that
+            self._still += share * (left - self._still)
+            return
+        assert self._reference is not None
+        rest = field.displacement_px - common.field_px(self._reference.shape, *field.displacement_px.shape[:2])
+        self._offset = share * rest if self._offset is None else self._offset + share * rest
+
+    def _forget_offset(self) -> None:
+        self._offset = None
+        self._still = np.zeros((PATCHES * PATCHES, 2))
 
     def _share(self, stamp_ns: int) -> float:
         """How much of what is seen is taken on, by the time since the last frame at rest."""
