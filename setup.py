@@ -26,6 +26,7 @@ NODES = [
     'force_views',
     'guarded_approach',
     'dds_bridge',
+    'foxglove_bridge',
     'composed',
 ]
 

@@ -21,6 +21,7 @@ KNOWN = (
     'force_views',
     'guarded_approach',
     'dds_bridge',
+    'foxglove_bridge',
 )  # fmt: skip
 
 

@@ -1,0 +1,84 @@
+"""Shows every topic in Foxglove or Lichtblick on this machine; nothing can be changed from there.
+
+A topic is received only while a panel draws it. Needs the extra `foxglove`.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.clock import Clock
+from tactile_nodes.foxglove_view.opening import open_server
+from tactile_nodes.foxglove_view.showing import Showing
+from tactile_nodes.params import parameter
+from tactile_nodes.paths import share_directory
+from tactile_nodes.web.guard import is_loopback
+
+LOOK_EVERY_S = 0.2
+_REPORT_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class FoxgloveBridgeParams(NodeParams):
+    """Parameters of the Foxglove bridge."""
+
+    address: str = parameter('127.0.0.1', 'address to serve at; any but 127.0.0.1 lets others watch', read_only=True)
+    port: int = parameter(
+        8765, 'port to serve at, or the next one that is free; 0: any', minimum=0, maximum=65535, read_only=True
+    )
+    topics: tuple[str, ...] = parameter(('/**',), 'topics to show (* one level, ** any)', read_only=True)
+
+
+class FoxgloveBridgeNode(Node):
+    """Opens the server, and looks at who publishes and who watches."""
+
+    NAME = 'foxglove_bridge'
+    PARAMS = FoxgloveBridgeParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        chosen: FoxgloveBridgeParams = self.params
+        self.server = open_server(chosen.address, chosen.port, self._on_interest)
+        warn = lambda text: self.log.warn(text, once=text)  # noqa: E731
+        self._showing = Showing(self.server, bus, self.full_name, chosen.topics, self.post, warn)
+        self._showing.look()
+        self.create_timer(LOOK_EVERY_S, self._showing.look)
+        self.create_timer(_REPORT_PERIOD_S, self._report)
+        self._announce()
+
+    def on_close(self) -> None:
+        self._showing.close()
+        self.server.close()
+
+    def _announce(self) -> None:
+        place = f'ws://{self.params.address}:{self.server.port}'
+        layout = share_directory() / 'config' / 'foxglove' / 'tactile.json'
+        self.log.info(f'serving {place}; open {self.server.link} or connect Lichtblick; a layout to import: {layout}')
+        if not is_loopback(self.params.address):
+            self.log.warn(f'anyone who reaches {self.params.address} can watch')
+
+    def _on_interest(self, topic: str) -> None:
+        """In a thread of the server's."""
+        self.post(lambda: self._showing.welcome(topic))
+
+    def _report(self) -> None:
+        shown = self._showing
+        self.report(
+            'foxglove', Level.OK, '', topics=shown.offered, watched=shown.watched, shown=shown.shown,
+            dropped=shown.dropped,
+        )  # fmt: skip
+
+
+def main() -> int:
+    """The program ``foxglove_bridge_node``."""
+    return run_node(FoxgloveBridgeNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

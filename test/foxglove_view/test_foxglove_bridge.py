@@ -1,0 +1,248 @@
+"""What Foxglove sees of this bus: a client that speaks its protocol (foxglove.sdk.v1)."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+
+from tactile_nodes import messages
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.errors import AddressInUseError, BusError
+from tactile_nodes.messages import types
+from tactile_nodes.nodes.foxglove_bridge import FoxgloveBridgeNode
+
+Start = Callable[..., FoxgloveBridgeNode]
+WAIT_S = 20.0
+
+
+@pytest.fixture
+def bus() -> Iterator[InProcessBus]:
+    made = InProcessBus()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def bridge(bus: InProcessBus) -> Iterator[Start]:
+    """Start a bridge in a thread."""
+    pytest.importorskip('foxglove', reason="foxglove-sdk is not installed: pip install 'tactile_nodes[foxglove]'")
+    running: list[tuple[FoxgloveBridgeNode, threading.Thread]] = []
+
+    def start(*parameters: str) -> FoxgloveBridgeNode:
+        words = [word for each in ('port:=0', *parameters) for word in ('-p', each)]
+        node = FoxgloveBridgeNode(bus, parse_arguments(['--ros-args', *words]))
+        thread = threading.Thread(target=node.spin)
+        thread.start()
+        running.append((node, thread))
+        return node
+
+    yield start
+    for node, thread in running:
+        node.stop()
+        thread.join()
+        node.close()
+
+
+class Viewer:
+    """A client: what the server said, and messages of the channels that it watches."""
+
+    def __init__(self, connection: aiohttp.ClientWebSocketResponse) -> None:
+        self._connection = connection
+        self.server: dict[str, Any] = {}
+        self.channels: dict[str, dict[str, Any]] = {}
+
+    async def hear(self) -> tuple[int, int, bytes] | None:
+        """One message of the server: (subscription, stamp, data) of a channel, or None."""
+        came = await asyncio.wait_for(self._connection.receive(), WAIT_S)
+        if came.type == aiohttp.WSMsgType.BINARY:
+            kind, subscription, stamp_ns = struct.unpack_from('<BIQ', came.data)
+            assert kind == 1
+            return subscription, stamp_ns, came.data[13:]
+        said = json.loads(came.data)
+        if said['op'] == 'serverInfo':
+            self.server = said
+        elif said['op'] == 'advertise':
+            self.channels |= {channel['topic']: channel for channel in said['channels']}
+        return None
+
+    async def see(self, *wanted: str) -> None:
+        while not set(wanted) <= self.channels.keys():
+            await self.hear()
+
+    async def watch(self, topic: str) -> None:
+        await self.see(topic)
+        order = {'id': 7, 'channelId': self.channels[topic]['id']}
+        await self._connection.send_json({'op': 'subscribe', 'subscriptions': [order]})
+
+    async def message(self) -> tuple[int, bytes]:
+        while (came := await self.hear()) is None:
+            pass
+        return came[1:]
+
+
+@asynccontextmanager
+async def viewer(node: FoxgloveBridgeNode) -> AsyncIterator[Viewer]:
+    async with aiohttp.ClientSession() as session:
+        address = f'http://127.0.0.1:{node.server.port}'
+        async with session.ws_connect(address, protocols=['foxglove.sdk.v1'], max_msg_size=0) as connection:
+            yield Viewer(connection)
+
+
+def wrench(z: float) -> types.WrenchStamped:
+    return types.WrenchStamped(wrench=types.Wrench(force=types.Vector3(z=z)))
+
+
+def image(value: int) -> types.Image:
+    return types.Image(height=440, width=440, encoding='mono8', step=440, data=np.full(193600, value, np.uint8))
+
+
+def offer(bus: InProcessBus, topic: topics.Topic) -> Any:
+    return bus.advertise('/skin/' + topic.name, topic.type_name, topic.qos, '/skin/someone')
+
+
+async def until(holds: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if holds():
+            return
+        await asyncio.sleep(0.02)
+    raise AssertionError('it never came to that')
+
+
+def test_each_topic_is_a_channel_with_the_definition_of_its_message(bridge: Start, bus: InProcessBus) -> None:
+    offer(bus, topics.FORCE_DISTRIBUTION)
+    node = bridge()
+
+    async def look() -> Viewer:
+        async with viewer(node) as found:
+            await found.see('/skin/force_distribution', '/diagnostics', '/rosout')
+            return found
+
+    found = asyncio.run(look())
+    channel = found.channels['/skin/force_distribution']
+    assert (channel['encoding'], channel['schemaEncoding']) == ('cdr', 'ros2msg')
+    assert channel['schemaName'] == 'tactile_nodes/msg/ForceDistribution'
+    assert channel['schema'] == messages.definition('tactile_nodes/msg/ForceDistribution')
+    assert found.server['capabilities'] == []  # nothing can be changed from there
+
+
+def test_who_watches_gets_the_bytes_that_travelled_and_when_they_were_published(
+    bridge: Start, bus: InProcessBus
+) -> None:
+    force = offer(bus, topics.WRENCH)
+    heard = bus.subscribe('/skin/wrench', topics.WRENCH.type_name, topics.WRENCH.qos)
+    node = bridge()
+
+    async def look() -> tuple[int, bytes]:
+        async with viewer(node) as found:
+            await found.watch('/skin/wrench')
+            await until(lambda: force.listeners == 2)
+            force.publish(wrench(-0.5))
+            return await found.message()
+
+    stamp_ns, data = asyncio.run(look())
+    received = heard.take()
+    assert received is not None
+    assert (stamp_ns, data) == (received.source_ns, received.data)
+    assert messages.decode(data, topics.WRENCH.type_name).wrench.force.z == -0.5
+
+
+def test_what_nobody_watches_is_not_received(bridge: Start, bus: InProcessBus) -> None:
+    force, pictures = offer(bus, topics.WRENCH), offer(bus, topics.IMAGE)
+    node = bridge()
+
+    async def look() -> None:
+        async with viewer(node) as found:
+            await found.watch('/skin/wrench')
+            await until(lambda: force.listeners)
+            assert pictures.listeners == 0
+        await until(lambda: not force.listeners)
+
+    asyncio.run(look())
+
+
+def test_what_is_latched_is_shown_to_the_second_viewer_too(bridge: Start, bus: InProcessBus) -> None:
+    rest = offer(bus, topics.REFERENCE_IMAGE)
+    rest.publish(image(3))
+    node = bridge()
+
+    async def look() -> list[bytes]:
+        async with viewer(node) as first, viewer(node) as second:
+            await first.watch('/skin/reference_image')
+            one = await first.message()
+            await second.watch('/skin/reference_image')
+            return [one[1], (await second.message())[1]]
+
+    assert asyncio.run(look()) == [messages.encode(image(3))] * 2
+
+
+def test_a_topic_whose_publishers_have_gone_is_offered_no_more(bridge: Start, bus: InProcessBus) -> None:
+    force = offer(bus, topics.WRENCH)
+    node = bridge()
+
+    async def look() -> dict[str, Any]:
+        async with viewer(node) as found:
+            await found.see('/skin/wrench')
+        force.close()
+        await until(lambda: node._showing.offered == 2)  # /rosout and /diagnostics of the bridge itself
+        async with viewer(node) as found:
+            await found.see('/rosout', '/diagnostics')
+            return found.channels
+
+    assert '/skin/wrench' not in asyncio.run(look())
+
+
+def test_a_viewer_that_reads_nothing_keeps_nobody_waiting(bridge: Start, bus: InProcessBus) -> None:
+    pictures = offer(bus, topics.IMAGE)
+    node = bridge()
+
+    async def look() -> bytes:
+        async with viewer(node) as stuck, viewer(node) as quick:
+            await stuck.watch('/skin/image_raw')
+            await until(lambda: pictures.listeners)  # from now on `stuck` reads nothing
+            await quick.watch('/skin/image_raw')
+            for value in range(200):  # 39 MB, more than sockets and queues hold
+                pictures.publish(image(value))
+                await asyncio.sleep(0)
+            data = b''
+            while not data or data[-1] != 199:
+                data = (await quick.message())[1]
+            return data
+
+    assert asyncio.run(look()) == messages.encode(image(199))
+
+
+def test_a_taken_port_gives_way_to_the_next(bridge: Start) -> None:
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        assert port < bridge(f'port:={port}').server.port < port + 20
+
+
+def test_an_address_of_another_machine_is_refused(bridge: Start) -> None:
+    with pytest.raises(BusError, match=r'cannot serve Foxglove at 192\.0\.2\.77') as refused:
+        bridge('address:=192.0.2.77')
+    assert not isinstance(refused.value, AddressInUseError)
+
+
+def test_without_the_library_the_program_says_what_to_install() -> None:
+    code = (
+        "import sys; sys.modules['foxglove'] = None; sys.argv = ['foxglove_bridge_node']; "
+        'from tactile_nodes.nodes.foxglove_bridge import main; sys.exit(main())'
+    )
+    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert "install it with: pip install 'tactile_nodes[foxglove]'" in ended.stderr
+    assert 'Traceback' not in ended.stderr
