@@ -17,6 +17,7 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.quality import picture_faults
@@ -46,14 +47,23 @@ class FollowingParams(MethodParams):
     marked_share: float = parameter(
         0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
     )
+    compiled: bool = parameter(
+        False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True
+    )
     stillness: StillnessParams = field(default_factory=StillnessParams)
     registration: RegistrationParams = field(default_factory=RegistrationParams)
 
 
 class Following:
-    """Answers each frame with a message of features; there is nothing else to hand on from frame to frame."""
+    """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
+
+    Raises:
+        ConfigurationError: compiled loops are asked for, and numba is not installed.
+    """
 
     def __init__(self, params: FollowingParams) -> None:
+        if params.compiled:
+            use_compiled()
         flow, self._encoding = make_methods(params)
         self._method = told(flow)
         self._tracker = FeatureTracker(

@@ -23,6 +23,7 @@ from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.estimating import Estimating, Ready, calibration_reasons
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.compiling import use_compiled
 
 _PREVIOUS = ''
 
@@ -36,6 +37,9 @@ class ForceEstimatorParams(NodeParams):
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
+    compiled: bool = parameter(
+        False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True
+    )
 
 
 class ForceEstimatorNode(Node):
@@ -47,6 +51,8 @@ class ForceEstimatorNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         self._asked: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
+        if self.params.compiled:
+            use_compiled()
         self._estimating = Estimating(self.params.model)
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)
