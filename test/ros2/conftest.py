@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from ros2_here import DOMAIN_ID, EMULATOR, HAS_ROS
+from ros2_workspace import build
 
-DEADLINE_S = 15.0
+DEADLINE_S = 30.0
 
 Until = Callable[[Callable[[], Any]], Any]
 
@@ -63,3 +67,34 @@ def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[
     yield make
     for bus in buses:
         bus.close()
+
+
+@pytest.fixture(scope='session')
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment in which the package was built with colcon and sourced."""
+    return build(tmp_path_factory.mktemp('ws'))
+
+
+@pytest.fixture
+def running(installed: dict[str, str], tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start a program beside the test, in the sourced environment; SIGINT ends it, as a launcher would."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*words: str, **more: str) -> subprocess.Popen[str]:
+        said = (tmp_path / f'said-{len(started)}.txt').open('w', encoding='utf-8')
+        program = subprocess.Popen(
+            words, env={**installed, **more}, stdout=said, stderr=said, stdin=subprocess.DEVNULL, text=True
+        )
+        said.close()
+        started.append(program)
+        return program
+
+    yield start
+    for program in started:
+        program.send_signal(signal.SIGINT)
+    for program in started:
+        try:
+            program.wait(10.0)
+        except subprocess.TimeoutExpired:
+            program.kill()
+            program.wait()

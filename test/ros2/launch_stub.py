@@ -1,0 +1,86 @@
+"""A prefix that holds, instead of the nodes of this package, programs that write down how they were started."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ros2_here import ROOT
+
+LAUNCHES = sorted((ROOT / 'launch').glob('*.launch.yaml'))
+_QUIET_S = 4.0
+_STUB = """\
+#!{python}
+import json, os, pathlib, signal, sys
+signal.signal(signal.SIGINT, lambda *_: os._exit(0))
+signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+words = sys.argv[1:]
+files = [words[place + 1] for place, word in enumerate(words) if word == '--params-file']
+noted = dict(name=os.path.basename(sys.argv[0]), words=words, files=[open(file).read() for file in files])
+draft = pathlib.Path(os.environ['LAUNCH_NOTES'], f'{{os.getpid()}}.draft')
+draft.write_text(json.dumps(noted))
+draft.rename(draft.with_suffix('.json'))
+signal.pause()
+"""
+
+
+def make_prefix(folder: Path) -> Path:
+    """An ament prefix with a stub for each program, and the files of this source tree."""
+    programs, share = folder / 'lib/tactile_nodes', folder / 'share'
+    marker = share / 'ament_index/resource_index/packages/tactile_nodes'
+    for made in (programs, share / 'tactile_nodes', marker.parent):
+        made.mkdir(parents=True)
+    marker.touch()
+    for name in ('launch', 'config', 'models', 'msg', 'package.xml'):
+        (share / 'tactile_nodes' / name).symlink_to(ROOT / name)
+    for node in (ROOT / 'tactile_nodes/nodes').glob('[a-z]*.py'):
+        program = programs / f'{node.stem}_node'
+        program.write_text(_STUB.format(python=sys.executable))
+        program.chmod(0o755)
+    return folder
+
+
+def started_by(launcher: list[str], prefix: Path, notes: Path, environment: dict[str, str]) -> list[dict[str, Any]]:
+    """How `launcher` starts programs, sorted; it is ended when no new one has come for a while."""
+    notes.mkdir()
+    before = environment.get('AMENT_PREFIX_PATH', '')
+    env = {**environment, 'AMENT_PREFIX_PATH': f'{prefix}:{before}'.rstrip(':'), 'LAUNCH_NOTES': str(notes)}
+    said = notes / 'said.txt'
+    with said.open('w') as stream:
+        program = subprocess.Popen(
+            launcher, env=env, stdout=stream, stderr=stream, stdin=subprocess.DEVNULL, start_new_session=True
+        )
+        try:
+            _wait_until_quiet(notes, program)
+        finally:
+            os.killpg(program.pid, signal.SIGINT)
+            program.wait(20.0)
+    found = [json.loads(file.read_text()) for file in notes.glob('*.json')]
+    assert found, said.read_text()
+    return sorted((_plain(entry, prefix) for entry in found), key=json.dumps)
+
+
+def _wait_until_quiet(notes: Path, program: subprocess.Popen[bytes]) -> None:
+    count, since_s, begin_s = 0, time.monotonic(), time.monotonic()
+    while program.poll() is None and time.monotonic() - begin_s < 60.0:
+        found = len(list(notes.glob('*.json')))
+        if found > count:
+            count, since_s = found, time.monotonic()
+        if count and time.monotonic() - since_s > _QUIET_S:
+            return
+        time.sleep(0.05)
+
+
+def _plain(entry: dict[str, Any], prefix: Path) -> dict[str, Any]:
+    """Without what two launchers may name differently: temporary files, and the prefix."""
+    words = [re.sub(r'^\S*/launch_params_\w+(\.yaml)?$', '<temporary>', word) for word in entry['words']]
+    words = [word.replace(f'{prefix}/share/tactile_nodes', str(ROOT)) for word in words]
+    return {'name': entry['name'], 'words': words, 'files': [yaml.safe_load(text) for text in entry['files']]}

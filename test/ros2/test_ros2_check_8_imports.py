@@ -1,0 +1,57 @@
+"""Check 8: without ROS 2 nothing of ROS 2 is imported.
+
+Expected: rclpy and generated messages are imported by `bus/ros2*.py` only, and those by `bus/runtime.py` only, inside
+the function that is called when the ROS 2 bus is chosen; with the ZeroMQ bus a node's process has no rclpy in it.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ros2_here import ROOT, environment
+
+SOURCES = sorted((ROOT / 'tactile_nodes').rglob('*.py'))
+FOREIGN = {'rclpy', 'rosidl_runtime_py', 'rosidl_adapter', 'ament_index_python', 'launch_ros', 'rosbag2_py'}
+
+
+def _imported(tree: ast.AST) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f'{node.module}.{alias.name}' for alias in node.names)}
+    return found
+
+
+def _id(file: Path) -> str:
+    return str(file.relative_to(ROOT))
+
+
+@pytest.mark.parametrize('file', [file for file in SOURCES if not file.stem.startswith('ros2')], ids=_id)
+def test_module_imports_nothing_of_ros_2(file: Path) -> None:
+    tree = ast.parse(file.read_text(encoding='utf-8'))
+    assert not {name.split('.')[0] for name in _imported(tree)} & FOREIGN
+    assert 'tactile_nodes.msg' not in _imported(tree)
+    if file.name != 'runtime.py':
+        assert not any(name.startswith('tactile_nodes.bus.ros2') for name in _imported(tree))
+
+
+def test_ros_2_bus_is_imported_only_when_it_is_chosen() -> None:
+    tree = ast.parse((ROOT / 'tactile_nodes/bus/runtime.py').read_text(encoding='utf-8'))
+    at_import = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+    assert not any('ros2' in name for node in at_import for name in _imported(ast.Module([node], [])))
+    assert any('bus.ros2' in name for name in _imported(tree))
+
+
+def test_process_on_the_zeromq_bus_has_no_rclpy_in_it() -> None:
+    code = (
+        'import sys; from tactile_nodes.bus.runtime import open_bus; import tactile_nodes.nodes.composed; '
+        'open_bus().close(); sys.exit("rclpy" in sys.modules)'
+    )
+    env = environment(TACTILE_BUS='zeromq')
+    assert subprocess.run([sys.executable, '-c', code], env=env, check=False).returncode == 0
