@@ -159,6 +159,7 @@ class Ros2Bus:
         with self._lock:
             for node in [self._looker, *(node for nodes in self._nodes.values() for node in nodes)]:
                 self._drop_node(node)
+            self._nodes.clear()
         self._executor.shutdown(timeout_sec=_UNANSWERED_S)
         self._context.try_shutdown()
 
