@@ -38,13 +38,13 @@ Presses = tuple[Press, ...]
 class Plan:
     """How long a stream is, in frames and presses."""
 
-    presses: int = 12
+    presses: int = 8
     before: int = 4
     coming: int = 10
     approach: int = 1
     hold: int = 2
     rest: int = 2
-    after: int = 14
+    after: int = 12
     capture: int = 16
     fps: float = 20.0
     seed: int = 11

@@ -84,12 +84,12 @@ def _with(course: Callable[[Moments, float], Moments], level: float, moments: Mo
 
 
 TIMES = (
-    ('frames dropped', '%', (10.0, 50.0, 90.0), _when(dropped)),
-    ('frames doubled', '%', (10.0, 50.0), _when(doubled)),
-    ('frames out of order', 'frames late', (1.0, 5.0), _when(reordered)),
-    ('frames late', 's', (0.05, 0.3, 2.0), _when(late)),
-    ('frame rate', 'fps', (15.0, 60.0, 120.0, 240.0), _when(paced)),
-    ('stamps jump', 's', (0.5, 60.0, -0.5, -60.0), _when(jumped)),
+    ('frames dropped', '%', (50.0, 90.0), _when(dropped)),
+    ('frames doubled', '%', (50.0,), _when(doubled)),
+    ('frames out of order', 'frames late', (5.0,), _when(reordered)),
+    ('frames late', 's', (0.3, 2.0), _when(late)),
+    ('frame rate', 'fps', (15.0, 60.0, 240.0), _when(paced)),
+    ('stamps jump', 's', (60.0, -0.5, -60.0), _when(jumped)),
     ('stamps stand still', '', (0.0,), _when(stood_still)),
-    ('a pause after the rest image', 's', (10.0, 3600.0), _when(begun_late)),
+    ('a pause after the rest image', 's', (3600.0,), _when(begun_late)),
 )
