@@ -64,9 +64,8 @@ def test_launched_by_ros_2_it_answers_the_tools_of_ros_2_and_ends_within_five_se
     assert '/camera' in run(['ros2', 'node', 'list'], installed).split()
     assert 'use_sim_time' in run(['ros2', 'param', 'list', '/camera'], installed)
     assert 'Boolean value is: False' in run(['ros2', 'param', 'get', '/camera', 'use_sim_time'], installed)
-    services = run(['ros2', 'service', 'list', '-t'], installed).splitlines()
-    (tare, *_) = [line.split()[0] for line in services if 'std_srvs/srv/Trigger' in line and 'tare' in line]
-    assert 'success' in run(['ros2', 'service', 'call', tare, 'std_srvs/srv/Trigger'], installed)
+    capture = ['ros2', 'service', 'call', '/flow_features/capture_reference', 'std_srvs/srv/Trigger']
+    assert 'success' in run(capture, installed)
     begin_s = time.monotonic()
     launch.send_signal(signal.SIGINT)
     launch.wait(20.0)
