@@ -14,6 +14,7 @@ BENCHMARKS = {
     'take_over': 'what a recorded calibration shows of the live node: forces before and after, frames lost',
     'drift': 'when the monitor says that a calibration is ageing, and how wrong forces are by then',
     'bus': 'latency and throughput of the bus beside plain pyzmq',
+    'dds': 'what showing the nodes in a ROS 2 graph over DDS costs: nobody, one reader, one that hangs',
     'drivers': 'latency, loss and cost of each hardware driver at its highest rate',
     'collection': 'a whole collection in simulated time, into a real bag',
     'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',

@@ -26,10 +26,10 @@ _CDR_LITTLE, _CDR_BIG = b'\0\1', b'\0\0'
 
 
 def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> Qos:
-    """Reliable, keep last, as ROS 2 offers it; latched is transient local. A write never waits for a reader."""
+    """Keep last, as ROS 2 offers it; latched is transient local. A write never waits for a reader."""
     history = Policy.History.KeepLast(qos.depth)
     policies = [
-        Policy.Reliability.Reliable(max_blocking_time=0),
+        _reliability(qos),
         history,
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
         Policy.DurabilityService(0, history, _UNLIMITED, _UNLIMITED, _UNLIMITED),
@@ -43,9 +43,9 @@ def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> 
 
 
 def reader_qos(type_name: str, qos: BusQos) -> Qos:
-    """Best effort and volatile, which every writer satisfies."""
+    """Keep last and volatile; what is not reliable every writer satisfies."""
     return Qos(
-        Policy.Reliability.BestEffort,
+        _reliability(qos),
         Policy.History.KeepLast(qos.depth),
         Policy.Durability.Volatile,
         Policy.DataRepresentation(use_cdrv0_representation=True),
@@ -105,6 +105,10 @@ class CdrReader:
 def listener(on_data: Callable[[], None]) -> Listener:
     """What calls `on_data`, in a thread of Cyclone's, whenever something has come in."""
     return Listener(on_data_available=lambda _: on_data())
+
+
+def _reliability(qos: BusQos) -> Any:
+    return Policy.Reliability.Reliable(max_blocking_time=0) if qos.reliable else Policy.Reliability.BestEffort
 
 
 def _without_padding(data: bytes) -> bytes:

@@ -79,7 +79,7 @@ class _Flow:
         wish: Wish,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        qos = Qos('queue', topics.default_qos(wish.topic).depth)
+        qos = Qos('queue', topics.default_qos(wish.topic).depth, reliable=False)  # which fits every writer
         self._whole = whole
         self._type_name = wish.type_name
         self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)

@@ -11,6 +11,20 @@ if TYPE_CHECKING:
     from tactile_nodes.dds.participant import Participant
 
 
+def require_cyclone() -> None:
+    """Find out early what `open_participant` would say.
+
+    Raises:
+        ConfigurationError: Cyclone DDS is not installed.
+    """
+    try:
+        import tactile_nodes.dds.participant  # noqa: F401
+    except ImportError as error:
+        raise ConfigurationError(
+            f"DDS needs Cyclone DDS ({error}); install it with: pip install 'tactile_nodes[dds]'"
+        ) from error
+
+
 def open_participant(domain_id: int, discovery: Discovery) -> Participant:
     """Join a DDS domain.
 
@@ -18,10 +32,7 @@ def open_participant(domain_id: int, discovery: Discovery) -> Participant:
         BusError: it cannot be joined.
         ConfigurationError: Cyclone DDS is not installed.
     """
-    try:
-        from tactile_nodes.dds.participant import Participant
-    except ImportError as error:
-        raise ConfigurationError(
-            f"DDS needs Cyclone DDS ({error}); install it with: pip install 'tactile_nodes[dds]'"
-        ) from error
+    require_cyclone()
+    from tactile_nodes.dds.participant import Participant
+
     return Participant(domain_id, discovery)

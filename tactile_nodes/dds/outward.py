@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.bridge_talk import fits
-from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Qos, Received
+from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Received
 from tactile_nodes.bus.tapping import Tap
 from tactile_nodes.dds.names import NodeEnds
 from tactile_nodes.errors import BusError, MessageError
@@ -86,7 +87,7 @@ class Outward:
     def _offer(self, gid: str, end: Endpoint) -> None:
         table = topics.default_qos(end.name)
         rosout = end.name == topics.ROSOUT.name  # ROS 2's own gives what was said to those who come later
-        qos = Qos(table.keep, table.depth, latched=end.latched or rosout)
+        qos = replace(table, latched=end.latched or rosout)
         try:
             lifespan_s = _ROSOUT_LIFESPAN_S if rosout else None
             self._writers[gid] = self._participant.writer(end.name, end.type_name, qos, lifespan_s)
