@@ -53,15 +53,15 @@ class Sensing:
 
 
 @contextmanager
-def sensing() -> Iterator[Sensing]:
-    """Start it, and end it with all its processes.
+def sensing(*words: str) -> Iterator[Sensing]:
+    """Start it, with launch arguments (`model:=accurate`), and end it with all its processes.
 
     Raises:
         ConfigurationError: it did not come up.
     """
     with tempfile.TemporaryDirectory(prefix='tp') as folder:
         environment = {**os.environ, 'TACTILE_RUN_DIR': folder, 'ROS_LOG_DIR': f'{folder}/log'}
-        command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'live', 'page_port:=0', '--noninteractive']
+        command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'live', 'page_port:=0', *words, '--noninteractive']
         log = Path(folder) / 'said.txt'
         with log.open('w') as said:
             process = subprocess.Popen(command, env=environment, stdout=said, stderr=subprocess.STDOUT, text=True)

@@ -25,8 +25,10 @@ BENCHMARKS = {
     'motion': 'flow alone: error and bias of each way against how far the picture moved',
     'stability': 'each disturbance from none to far too much: does the force hold, and does the status say so?',
     'untouched': 'frames in which nothing touches: are any touches missed, and what does not measuring them save?',
+    'latency': 'from capture to force in another process, for minutes; the highest rate without a drop',
     'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
     'endurance': 'hours of sensing: does memory, a queue or a count of files or threads grow?',
+    'system_faults': 'processes killed, run folder gone, garbage and crowds on the bus: what does sensing lose?',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 

@@ -1,0 +1,125 @@
+"""The highest rate of frames that flow features and force estimator answer without a drop, on one core, from memory."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.runtime import run_until
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import NS_PER_S, SystemClock
+from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.messages import stamp_ns
+from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.nodes.flow_features import FlowFeaturesNode
+from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.simulation.optics import Optics, Press
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Publisher
+    from tactile_nodes.learning.progress import Progress
+
+KINDS = {'in contact': 1, 'mixed': 2}
+"""One frame in so many is in contact."""
+REST_FRAMES, IMAGES = 8, 32
+WARM_UP, ANSWERS_WITHIN_S, SETTLES_NS = 20, 2.0, NS_PER_S // 5
+TRIES = 3
+"""Of a rate: other work may take the core for longer than a frame lasts."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """The highest rate at which nothing was dropped (0: none), stamp to force there, and the next, which was not."""
+
+    rate_hz: int
+    p99_ms: float
+    next_hz: int | None
+
+
+def highest(model: str, compiled: bool, rates: Sequence[int], seconds: float, progress: Progress) -> dict[str, Held]:
+    """By kind of frames, in a process of its own that one core has to do for."""
+    found = {}
+    with progress.bar(f'rates of {model}{", compiled" if compiled else ""}', len(KINDS)) as bar:
+        for kind, every in KINDS.items():
+            with multiprocessing.get_context('spawn').Pool(1) as pool:
+                found[kind] = pool.apply(_highest, (model, compiled, list(rates), seconds, every))
+            bar.advance(1, f'{kind}: {found[kind].rate_hz} Hz')
+    return found
+
+
+def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every: int) -> Held:
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    pictures = _pictures(load_model(find_model(model)).image_size[0], every)
+    bus, done = InProcessBus(), threading.Event()
+    words = [f'model:={model}', f'compiled:={str(compiled).lower()}']
+    given = parse_arguments(['--ros-args', *(word for each in words for word in ('-p', each)),
+                             '-p', f'reference_frames:={REST_FRAMES}'])  # fmt: skip
+    nodes = [FlowFeaturesNode(bus, given), ForceEstimatorNode(bus, given)]
+    forces = bus.subscribe('/force_distribution', topics.FORCE_DISTRIBUTION.type_name, Qos('queue', 100_000))
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos())
+    spinning = threading.Thread(target=run_until, args=(nodes, done))
+    spinning.start()
+    try:
+        _feed(camera, pictures[:1] * (REST_FRAMES + WARM_UP), 50)
+        held = Held(0, math.nan, rates[0])
+        for number, rate in enumerate(rates):
+            tries = (_tried(camera, forces, pictures[1:], rate, round(rate * seconds)) for _ in range(TRIES))
+            dropped, p99_ms = next((each for each in tries if not each[0]), (1, math.nan))
+            if dropped:
+                return Held(held.rate_hz, held.p99_ms, rate)
+            held = Held(rate, p99_ms, rates[number + 1] if number + 1 < len(rates) else None)
+        return held
+    finally:
+        done.set()
+        spinning.join()
+        bus.close()
+
+
+def _tried(
+    camera: Publisher, forces: Subscription, pictures: Sequence[np.ndarray], rate: int, count: int
+) -> tuple[int, float]:
+    """How many images of `count` were not answered, and the 99th percentile from stamp to force (ms)."""
+    clock = SystemClock()
+    clock.sleep_until(clock.now_ns() + SETTLES_NS)
+    while forces.take() is not None:
+        pass
+    _feed(camera, [pictures[i % len(pictures)] for i in range(count)], rate)
+    late_ms: list[float] = []
+    while len(late_ms) < count and (received := forces.get(ANSWERS_WITHIN_S)) is not None:
+        late_ms.append((received.source_ns - stamp_ns(received.message.header.stamp)) / 1e6)
+    return count - len(late_ms), float(np.percentile(late_ms or [math.nan], 99))
+
+
+def _feed(camera: Publisher, pictures: Sequence[np.ndarray], rate: int) -> None:
+    """Publish pictures in time; one that is late is published at once, and those after it keep their own times."""
+    clock = SystemClock()
+    begun_ns = clock.now_ns()
+    for number, picture in enumerate(pictures):
+        due_ns = begun_ns + number * NS_PER_S // rate
+        clock.sleep_until(due_ns)
+        camera.publish(conversions.image_message(picture, conversions.header(clock.now_ns(), 'camera')))
+
+
+def _pictures(side: int, every: int) -> list[np.ndarray]:
+    """The gel at rest, then presses anywhere and, of `every` frames all but one, more of the gel at rest."""
+    gel = load_gel('paper')
+    optics, random = Optics(gel, contact_table(gel)), np.random.default_rng(3)
+    made = [optics.render((), 1)]
+    for number in range(IMAGES):
+        x_mm, y_mm, depth_mm = random.uniform((-12.0, -12.0, 0.3), (12.0, 12.0, 1.8)).tolist()
+        presses = (Press(x_mm, y_mm, depth_mm),) if number % every == 0 else ()
+        made.append(optics.render(presses, 2 + number))
+    return [np.ascontiguousarray(centre_crop(image, side, side)) for image in made]

@@ -1,0 +1,36 @@
+"""The benchmark of live latency: what it counts, and that a slow rate from memory is held."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import pytest
+
+from tactile_nodes.benchmarks import latency
+from tactile_nodes.benchmarks.latency_rates import highest
+from tactile_nodes.learning.progress import Progress
+
+LIVE = {
+    'model': 'fast', 'arrangement': 'a process each', 'forces': 600, 'skipped': 2, 'lost': 1, 'p50_ms': 3.4,
+    'p99_ms': 9.0, 'worst_ms': 20.0, 'longest_ms': 50.0, 'stages_p50_ms': dict.fromkeys(latency.STAGES, 0.5),
+    'cpu_share': {'camera_node': 0.2},
+}  # fmt: skip
+
+
+def test_a_slow_rate_from_memory_is_held() -> None:
+    for held in highest('fast', False, [2], 2.0, Progress()).values():
+        assert held.rate_hz == 2
+        assert 0 < held.p99_ms < 500
+        assert held.next_hz is None
+
+
+def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latency, '_live', lambda *_: LIVE)
+    held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'next': 400}
+    monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
+    asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
+    text = latency.page(latency.measure(asked, Progress()))
+    assert '$ tactile bench latency --minutes 0.1 --models fast --compiled' in text
+    assert '600 |       2 |    1 |' in text
+    assert 'compiled |  mixed |       300 |     2.50 |               400 |' in text
