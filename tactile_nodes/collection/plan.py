@@ -42,6 +42,9 @@ class Point(NamedTuple):
     depth_mm: float
 
 
+MOST_POINTS = 200_000
+
+
 @dataclass(frozen=True)
 class PlanSettings:
     """How a plan's points come about."""
@@ -62,6 +65,9 @@ class PlanSettings:
     def __post_init__(self) -> None:
         if self.kind != 'list' and not self.depths_mm:
             raise ValueError('depths_mm is empty; give at least one depth')
+        points = self.count if self.kind == 'random' else self.columns * self.rows * len(self.depths_mm)
+        if self.kind != 'list' and points > MOST_POINTS:
+            raise ValueError(f'that makes {points} presses, weeks of work; {MOST_POINTS} at most')
 
 
 @dataclass(frozen=True)
