@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import subprocess
 import sys
@@ -33,7 +34,7 @@ def until() -> Until:
     return wait
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def emulated() -> Iterator[None]:
     """rclpy can be imported: the real one, or the emulator for the time of these tests."""
     if HAS_ROS:
@@ -42,26 +43,29 @@ def emulated() -> Iterator[None]:
     sys.path.insert(0, str(EMULATOR))
     yield
     sys.path.remove(str(EMULATOR))
-    from rclpy import generated  # type: ignore[attr-defined,unused-ignore]
-
-    generated.remove()
-    for name in [name for name in sys.modules if name.split('.')[0] == 'rclpy' or 'bus.ros2' in name]:
-        del sys.modules[name]
+    if generated := sys.modules.get('rclpy.generated'):
+        generated.remove()
+    package = importlib.import_module('tactile_nodes.bus')
+    for name in list(sys.modules):
+        parent, _, short = name.rpartition('.')
+        if name.split('.')[0] == 'rclpy':
+            del sys.modules[name]
+        elif parent == package.__name__ and short.startswith('ros2'):
+            del sys.modules[name]
+            vars(package).pop(short, None)
 
 
 @pytest.fixture
 def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Any]]:
     """Join the ROS 2 graph of the test from this process; several times makes several participants."""
-    from tactile_nodes.bus import ros2
-    from tactile_nodes.bus.ros2 import Ros2Bus
-
+    ros2 = importlib.import_module('tactile_nodes.bus.ros2')
     if not HAS_ROS:
         monkeypatch.setattr(ros2, '_SETTLED_AFTER_S', 0.0)  # what the emulator knows, it knows at once
     monkeypatch.setenv('ROS_DOMAIN_ID', DOMAIN_ID)
     buses: list[Any] = []
 
     def make() -> Any:
-        buses.append(Ros2Bus())
+        buses.append(ros2.Ros2Bus())
         return buses[-1]
 
     yield make
