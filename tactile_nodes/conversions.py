@@ -180,8 +180,11 @@ def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:
     """The net force on the gel, in the surface frame: pressing into the gel is -z, since z points out of it.
 
     The torque is about the frame's origin, from each bin's force at its centre: r x F with F = (0, 0, -f) is
-    (-y f, x f, 0).
+    (-y f, x f, 0). Of a distribution that is invalid all is NaN, for a wrench has no status to say so.
     """
+    if force.status == types.ForceDistribution.STATUS_INVALID:
+        nothing = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
+        return types.WrenchStamped(header=force.header, wrench=types.Wrench(force=nothing, torque=nothing))
     forces = np.asarray(force.normal_force, np.float64).reshape(force.rows, force.cols)
     x = force.origin.x + (np.arange(force.cols) + 0.5) * force.bin_width
     y = force.origin.y + (np.arange(force.rows) + 0.5) * force.bin_height

@@ -22,6 +22,11 @@ from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.sensing.stamped import ByStamp
 
 FORCE = types.ForceDistribution
+KNOWN_SHARE = 0.99
+"""Share of the known regions that undisturbed frames show at least."""
+
+LEAST_DOUBT_N = 0.05
+
 UNMEASURED = (
     FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE
 )
@@ -149,7 +154,7 @@ class Estimating:
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=found.total_sigma_n, unlikeness=found.unlikeness,
+            total_sigma_n=told_sigma_n(found, reasons), unlikeness=found.unlikeness,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
@@ -194,6 +199,28 @@ class Estimating:
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
         }
         return sum(bit for bit, present in faults.items() if present)
+
+
+SHARE_IN_DOUBT = {
+    FORCE.REASON_LOW_CONFIDENCE: 0.1,
+    FORCE.REASON_FOREIGN_MOTION: 0.1,
+    FORCE.REASON_LIGHT_CHANGED: 0.3,
+    FORCE.REASON_BLURRED: 0.3,
+}
+"""Share of the total, and of the least force called a contact, that it may be off by for a reason."""
+
+
+def told_sigma_n(found: ForceMap, reasons: int) -> float:
+    """The standard deviation of the total with what the model cannot know: NaN where it states none.
+
+    It grows with the unlikeness above 1, as errors do, with the share of the regions that are lost (what presses there
+    is not seen), and for light, blur and knocks by shares that stand for the errors in docs/results/stability.md.
+    """
+    unlike = found.unlikeness if found.unlikeness > 1 else 1.0
+    lost = max(0.0, KNOWN_SHARE - found.confidence)
+    doubts = [lost, *(share for reason, share in SHARE_IN_DOUBT.items() if reasons & reason)]
+    at_most_n = abs(found.total_n) + LEAST_DOUBT_N
+    return math.hypot(unlike * found.total_sigma_n, *(share * at_most_n for share in doubts))
 
 
 def calibration_reasons(state: types.CalibrationState) -> int:

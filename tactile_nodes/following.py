@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes import conversions
-from tactile_nodes.clock import perf_ns
+from tactile_nodes.clock import NS_PER_S, perf_ns
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
@@ -20,11 +20,18 @@ from tactile_nodes.params import parameter
 from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import DisplacementField
-from tactile_nodes.sensing.quality import picture_faults
-from tactile_nodes.sensing.registration import Registration, RegistrationOptions
-from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+from tactile_nodes.sensing.freshness import Freshness
+from tactile_nodes.sensing.quality import PictureLikeness, PictureLimits, picture_faults, sharpness
+from tactile_nodes.sensing.registration import FEW_FOUND, Registration, RegistrationOptions
+from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
+from tactile_nodes.sensing.tracking import Coming, FeatureTracker, overlay
 
 FORCE = types.ForceDistribution
+PREPARE_S = 0.2
+"""From the last frame of a renewed rest image until it is used, so that which frame is the first is no chance."""
+
+ANOTHER_TIME_S = 60.0
+"""Stamps further away than this are not of this time base, and say nothing of a frame's age."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,13 @@ class FollowingParams(MethodParams):
     )
     stillness: StillnessParams = field(default_factory=StillnessParams)
     registration: RegistrationParams = field(default_factory=RegistrationParams)
+    renew: bool = parameter(
+        True, 'take the rest image anew, while nothing touches, when light or sharpness have changed', read_only=True
+    )
+    renew_after_s: float = parameter(
+        60.0, 'time after which slow changes renew the rest image, while nothing touches', minimum=1.0, read_only=True
+    )
+    stale_after_s: float = parameter(0.2, 'age from which a frame is called stale', minimum=0.001)
 
 
 class Following:
@@ -74,9 +88,15 @@ class Following:
             check=make_check(params.stillness),
             registration=_make_registration(params.registration),
         )
+        self._flow = flow.name
+        self._freshness = Freshness(params.stale_after_s)
+        self._likeness: PictureLikeness | None = None
+        self._captured: PictureLikeness | None = None
+        self._renewal = Renewal(RenewalOptions(after_s=params.renew_after_s)) if params.renew else None
+        self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self._last: tuple[np.ndarray, DisplacementField] | None = None
-        self.trouble = ''
+        self.trouble, self.renewed = '', False
 
     @property
     def reference(self) -> UInt8[np.ndarray, 'h w'] | None:
@@ -122,15 +142,21 @@ class Following:
             waited_s: from its publication until now.
         """
         start_ns = perf_ns()
+        self._take_coming(head)
         faults = picture_faults(image)
         dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
+        stale = self._freshness.stale(stamp_ns(head.stamp), _age_s(acquire_s, waited_s)) * FORCE.REASON_STALE
         if missing := dark | self._missing(image, head):
-            return self._message(image, head, self._nothing(), faults.level, reasons=missing)
+            return self._message(image, head, self._nothing(), faults.level, reasons=missing | stale)
         field_px = self._tracker.field(image, stamp_ns(head.stamp))
         flow_ns = perf_ns()
         features = self._tracker.features(field_px)
         features_ns = perf_ns()
         self._last = image, field_px
+        untouched = self._tracker.untouched(field_px)
+        unlike = 0 if untouched else self._unlike(image, faults.level)
+        self._offer_renewal(stamp_ns(head.stamp), untouched, unlike)
+        reasons = stale | self._moved() | unlike
         stages = types.StageTimes(
             acquire=acquire_s,
             flow=(flow_ns - start_ns) * 1e-9,
@@ -140,7 +166,7 @@ class Following:
         )
         return self._message(
             image, head, features, faults.level,
-            untouched=self._tracker.untouched(field_px), reasons=self._moved(), stages=stages,
+            untouched=untouched, reasons=reasons, stages=stages,
         )  # fmt: skip
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
@@ -175,8 +201,45 @@ class Following:
         registration = self._tracker.registration
         if registration is None:
             return 0
-        lost = registration.lost * FORCE.REASON_PICTURE_LOST
-        return lost | (not registration.settled) * FORCE.REASON_FOREIGN_MOTION
+        told = {
+            FORCE.REASON_PICTURE_LOST: registration.lost,
+            FORCE.REASON_FOREIGN_MOTION: not registration.settled,
+            FORCE.REASON_LOW_CONFIDENCE: registration.found < FEW_FOUND,
+        }
+        return sum(reason for reason, present in told.items() if present)
+
+    def _unlike(self, image: UInt8[np.ndarray, 'h w'], level: float) -> int:
+        """What there is to say of the picture as a picture, beside the rest image and beside the one captured."""
+        if self._likeness is None or self._captured is None:
+            return 0
+        sharp = sharpness(image)
+        light = self._likeness.light_changed(level) or self._captured.light_changed(level)
+        blurred = self._likeness.blurred(sharp) or self._captured.blurred(sharp)
+        return light * FORCE.REASON_LIGHT_CHANGED | blurred * FORCE.REASON_BLURRED
+
+    def _offer_renewal(self, at_ns: int, untouched: bool, unlike: int) -> None:
+        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
+        registration, straight = self._tracker.registration, self._tracker.straight
+        if self._renewal is None or registration is None or straight is None or self._coming is not None:
+            return
+        like = untouched or not registration.steady
+        rested = Rested(registration.surely, registration.maybe, like, bool(unlike))
+        image = self._renewal.offer(straight, at_ns, rested)
+        if image is not None:
+            self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
+
+    def _take_coming(self, head: types.Header) -> None:
+        """Measure against the renewed rest image from the first frame on that is due."""
+        coming, at_ns = self._coming, stamp_ns(head.stamp)
+        if coming is None or 0 <= coming.due_ns - at_ns <= 2 * PREPARE_S * NS_PER_S:
+            return
+        self._coming = None
+        try:
+            self._tracker.use(coming.prepared(), offset=coming.offset)
+        except ImageError as error:
+            self.trouble = str(error)
+            return
+        self._announce(head, renewed=True)
 
     def _offer_rest(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         try:
@@ -185,10 +248,16 @@ class Following:
         except ImageError as error:
             self.trouble = str(error)
 
-    def _announce(self, head: types.Header) -> None:
-        assert self._tracker.reference is not None
-        self.trouble = ''
-        self._announced = conversions.image_message(self._tracker.reference, head)
+    def _announce(self, head: types.Header, *, renewed: bool = False) -> None:
+        image = self._tracker.reference
+        assert image is not None
+        self.trouble, self.renewed = '', renewed
+        self._likeness = PictureLikeness(image, PictureLimits.near(self._flow))
+        if not renewed:
+            self._coming, self._captured = None, PictureLikeness(image, PictureLimits.far())
+        if self._renewal is not None:
+            self._renewal.taken(stamp_ns(head.stamp))
+        self._announced = conversions.image_message(image, head)
 
     def _nothing(self) -> Features:
         """No motion, in which nobody believes: what is said of a frame that was not measured."""
@@ -218,11 +287,17 @@ class Following:
             image_level=level,
             untouched=untouched,
             moved=moved_px,
-            picture_motion=np.array(registration.motion.terms if registration and moved_px else (), np.float32),
+            picture_motion=np.array(registration.since_rest.terms if registration and moved_px else (), np.float32),
             reasons=reasons,
             stages=stages or types.StageTimes(),
             **conversions.feature_fields(features),
         )
+
+
+def _age_s(acquire_s: float, waited_s: float) -> float:
+    """From capture until now; NaN where the stamps are of another time base, as those of an old recording."""
+    age_s = acquire_s + waited_s
+    return math.nan if abs(age_s) > ANOTHER_TIME_S else age_s
 
 
 def _make_registration(params: RegistrationParams) -> Registration | None:

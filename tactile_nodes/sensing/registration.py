@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Straightening, WholeShift
+from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 from tactile_nodes.sensing.stillness import away_from_places
 
-PATCHES = 10
-FOUND = 0.4
-"""Confidence from which a patch counts as found again."""
+FEW_FOUND = 0.95
+"""Share of the patches known at rest below which a part of the picture is lost: presses to 2 mm leave 0.98."""
 
 LEAST_FOUND = 0.3
 """Share of the patches that must be found before their common motion means anything."""
@@ -39,7 +37,7 @@ EASED = 0.6
 NEGLIGIBLE_PX = 0.004
 """Smaller motion is not taken out: it is the noise of the rest image."""
 
-SUBTRACTED_PX = 0.55
+SUBTRACTED_PX = 0.5
 """Motion up to which it is subtracted from what the flow finds.
 
 Of larger motion whole pixels are undone in the image before, and where that leaves more than this, all of it. Then
@@ -62,9 +60,6 @@ QUIET_NOISE = 4.2
 """Motion away from any place, in units of what noise makes, up to which nothing touches."""
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
-LEAST_SIDE_PX = 160
-"""Side of the smallest picture that patches of our own are laid over."""
-
 NS_PER_S = 1_000_000_000
 
 
@@ -81,43 +76,55 @@ class Registration:
     """Keeps the motion of the whole picture since the rest image, and takes it out of images and of motion found.
 
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
-    again, or moved too far. The answer follows from the images and their stamps since the rest image.
+    again, or moved too far. `found` is the share of the known patches that were found again. `surely`: nothing touched
+    in the last frame; `maybe`: not much did. All follows from the images and their stamps since the rest image.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:
         self.options = options or RegistrationOptions()
-        self.motion = PictureMotion()
-        self.settled, self.lost = True, False
+        self.motion = self._base = PictureMotion()
+        self.settled, self.lost, self.found = True, False, 1.0
+        self.surely, self.maybe = False, False
         self._reference: np.ndarray | None = None
+        self._rest: Registered
+        self._fit: MotionFit
         self._straightening: Straightening | WholeShift | None = None
         self._remainder: PictureMotion | None = None
-        self._watch: InverseCompositionalFlow | None = None
         self._offset: np.ndarray | None = None
         self._still = np.zeros((PATCHES * PATCHES, 2))
         self._away = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
     @property
+    def since_rest(self) -> PictureMotion:
+        """The motion since the rest image in use, which is taken out; `motion` is that since the first one."""
+        return self.motion - self._base
+
+    @property
     def size_px(self) -> float:
         """Of the motion that is taken out: root mean square over the picture."""
-        return self._size_px(self.motion) if self._reference is not None else 0.0
+        return self._size_px(self.since_rest) if self._reference is not None else 0.0
 
-    def set_reference(
-        self, image: UInt8[np.ndarray, 'h w'], own: DisplacementField, motion: PictureMotion | None = None
-    ) -> None:
-        """Take `image` as the gel at rest, against which live pictures have moved by `motion` already.
+    @property
+    def steady(self) -> bool:
+        """Whether a knock, if there was one, has been averaged over."""
+        return self._rested >= SETTLE_FRAMES
 
-        `own` is what the flow finds in the rest image itself. Where it has fewer patches or does not say how sure it
-        is, patches of our own are measured in every frame that is looked at.
+    @property
+    def beside_frame(self) -> PictureMotion:
+        """Where straightened images lie beside the first rest image."""
+        return self.motion - self._straightening.motion if self._straightening else self.motion
+
+    def set_reference(self, rest: Registered, offset: PictureMotion | None = None) -> None:
+        """Take a gel at rest; of straightened images `offset` says where it lies beside the first rest image.
+
+        So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
         """
-        self._reference, self.lost = image, False
-        self._fit = MotionFit(image.shape, PATCHES, PATCHES)
-        self._watch = None
-        if own.confidence is None or min(own.confidence.shape) < PATCHES:
-            self._watch = _watch(image)
-            own = self._watch.displacement(image) if self._watch else own
-        self._known = (_coarse(own)[1] >= FOUND) if own.confidence is not None else np.zeros(PATCHES**2, bool)
-        self._straightening, self._remainder = None, None
-        self._take(motion or PictureMotion(), settled=True)
+        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
+        self.lost, self.found = False, 1.0
+        self._base = offset or PictureMotion()
+        if offset is None:
+            self.motion, self._straightening = PictureMotion(), None
+        self._take(self.motion, settled=True)
         self._rested = SETTLE_FRAMES
         self._forget_offset()
         self._last_ns: int | None = None
@@ -140,7 +147,8 @@ class Registration:
     def at_rest(self, stamp_ns: int) -> None:
         """Take that nothing touches in a frame, and nothing moved."""
         self._rested = max(self._rested, 1) + 1
-        self.settled, self.lost, self._last_ns = True, False, stamp_ns
+        self.settled, self.lost, self.found, self._last_ns = True, False, 1.0, stamp_ns
+        self.surely = self.maybe = True
 
     def look(self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField, stamp_ns: int) -> bool:
         """Take what the flow found in a frame; whether the frame is to be measured again, for the camera was knocked.
@@ -150,10 +158,12 @@ class Registration:
             field: motion in it without that of the whole picture.
             stamp_ns: when it was taken.
         """
-        if self._known.mean() < LEAST_FOUND:
+        self.surely = self.maybe = False
+        if self._rest.known.mean() < LEAST_FOUND:
             return False  # a pattern too sparse to tell
         motion, found = self._patches(straight, field)
-        self.lost = found.sum() < LEAST_FOUND * self._known.sum()
+        self.found = float(found.sum() / self._rest.known.sum())
+        self.lost = self.found < LEAST_FOUND
         if self.lost:
             return False
         weight = found.astype(float)
@@ -196,7 +206,9 @@ class Registration:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
-        if not (self._loosely_quiet(left, found) if early else self._quiet(left - self._still, found)):
+        self.maybe = self._loosely_quiet(left - self._still, found)
+        self.surely = self.maybe and self._quiet(left - self._still, found)
+        if not (self.maybe if early else self.surely):
             return
         self._rested += 1
         share = 1 / (self._rested + 1) if early else self._share(stamp_ns)
@@ -208,7 +220,7 @@ class Registration:
     def _take_offset(self, left: Float[np.ndarray, 'n 2'], common: PictureMotion, field: DisplacementField) -> None:
         """What each patch is off by once a knock was undone, as pixels fell elsewhere: the mean of the first frames."""
         share = np.float32(1 / self._rested)
-        if self._watch is not None:  # a dense search is off at rest as well, and its models learned that
+        if self._rest.watch is not None:  # a dense search is off at rest as well, and its models learned that
             self._still += share * (left - self._still)
             return
         assert self._reference is not None
@@ -245,7 +257,7 @@ class Registration:
         self.motion, self.settled = motion, settled
         if self._straightening is None or self._apart_px(self._straightening) > NEGLIGIBLE_PX:
             self._straightening = self._straightening_for(motion)
-        left = motion - self._straightening.motion if self._straightening else motion
+        left = self.beside_frame - self._base
         self._remainder = left if self._size_px(left) > NEGLIGIBLE_PX else None
 
     def _straightening_for(self, motion: PictureMotion) -> Straightening | WholeShift | None:
@@ -269,28 +281,7 @@ class Registration:
         self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField
     ) -> tuple[Float[np.ndarray, 'patches 2'], Bool[np.ndarray, ' patches']]:
         """Motion of each patch, and which were found again."""
-        if self._watch is not None:
-            field = self.without(self._watch.displacement(straight))
-        motion, confidence = _coarse(field)
-        return motion, (confidence >= FOUND) & self._known
-
-
-def _watch(image: UInt8[np.ndarray, 'h w']) -> InverseCompositionalFlow | None:
-    """Patches of our own at half size; None of a picture too small for them."""
-    if min(image.shape) < LEAST_SIDE_PX:
-        return None
-    flow = InverseCompositionalFlow(InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=1))
-    flow.set_reference(image)
-    return flow
-
-
-def _coarse(field: DisplacementField) -> tuple[Float[np.ndarray, 'patches 2'], Float[np.ndarray, ' patches']]:
-    """Motion of 10x10 patches and the confidence in it."""
-    assert field.confidence is not None
-    motion, confidence = field.displacement_px, field.confidence
-    if confidence.shape != (PATCHES, PATCHES):
-        size = (PATCHES, PATCHES)
-        coarse = cv2.resize(confidence, size, interpolation=cv2.INTER_AREA)
-        weighted = cv2.resize(motion * confidence[:, :, None], size, interpolation=cv2.INTER_AREA)
-        motion, confidence = weighted / np.maximum(coarse, 1e-6)[:, :, None], coarse
-    return motion.reshape(-1, 2).astype(float), confidence.reshape(-1).astype(float)
+        if self._rest.watch is not None:
+            field = self.without(self._rest.watch.displacement(straight))
+        motion, confidence = coarse(field)
+        return motion, (confidence >= FOUND) & self._rest.known

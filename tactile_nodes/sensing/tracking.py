@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+import threading
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.features import FeatureEncoding, Features
-from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, require_like
+from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
+from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
+from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
+from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.stillness import StillnessCheck
+
+
+@dataclass(frozen=True)
+class PreparedRest:
+    """A rest image with all that is computed of it once; `own` is what the flow finds in itself."""
+
+    image: UInt8[np.ndarray, 'h w']
+    flow: FlowMethod
+    encoding: FeatureEncoding
+    check: StillnessCheck | None
+    own: DisplacementField
+    registering: Registered | None
+
 
 KNOCK_ROUNDS = 3
 """How often a frame is measured anew when the camera was knocked."""
@@ -42,6 +60,7 @@ class FeatureTracker:
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
+        self.straight: np.ndarray | None = None
         self._check = check
         self.registration = registration
         self._still: tuple[DisplacementField, Features] | None = None
@@ -88,16 +107,37 @@ class FeatureTracker:
         Raises:
             ImageError: it shows nothing that can be measured against; the one before stays in use.
         """
-        self._encoding.set_reference(image)
+        self.use(self.prepared(image))
+
+    def prepared(self, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
+        """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
+
+        Raises:
+            ImageError: it shows nothing that can be measured against.
+        """
+        encoding = make_encoding(self._encoding.name, self._encoding.options)
+        encoding.set_reference(image)
         still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
-        require_rest_image(image, self._encoding.encode(still).confidence, self._marked_share)
-        if self._check is not None:
-            self._check.set_reference(image)
-        self._flow.set_reference(image)
-        self._still = None
-        self.reference, self.reference_id = image, content_id(image)
-        if self.registration:
-            self.registration.set_reference(image, self._flow.displacement(image))
+        require_rest_image(image, encoding.encode(still).confidence, self._marked_share)
+        check = None if self._check is None else StillnessCheck(self._check.options)
+        if check is not None:
+            check.set_reference(image)
+        flow = make_flow(self._flow.name, self._flow.options)
+        flow.set_reference(image)
+        own = flow.displacement(image)
+        registering = None if self.registration is None else Registered(image, own)
+        return PreparedRest(image, flow, encoding, check, own, registering)
+
+    def use(self, rest: PreparedRest, *, offset: PictureMotion | None = None) -> None:
+        """Measure against a prepared rest image from now on.
+
+        `offset`: it was made of straightened images, and lies so far beside the first one. None: it is a first one.
+        """
+        self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
+        self._still, self._own = None, rest.own
+        self.reference, self.reference_id = rest.image, content_id(rest.image)
+        if self.registration and rest.registering:
+            self.registration.set_reference(rest.registering, offset)
 
     def field(self, image: UInt8[np.ndarray, 'h w'], stamp_ns: int = 0) -> DisplacementField:
         """The displacement of `image`, taken at `stamp_ns`, against the rest image.
@@ -108,7 +148,7 @@ class FeatureTracker:
         if self.reference is None:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
         require_like(self.reference, image)
-        straight = self.registration.straightened(image) if self.registration else image
+        straight = self.straight = self.registration.straightened(image) if self.registration else image
         if self._check is not None and self._check(straight):
             if self.registration:
                 self.registration.at_rest(stamp_ns)
@@ -129,7 +169,7 @@ class FeatureTracker:
         for _ in range(KNOCK_ROUNDS):
             if not registration.look(straight, field, stamp_ns):
                 break
-            straight = registration.straightened(image)
+            straight = self.straight = registration.straightened(image)
             field = registration.without(self._flow.displacement(straight))
         return field
 
@@ -145,10 +185,42 @@ class FeatureTracker:
         """No motion, with the confidence that the rest image has in itself."""
         if self._still is None:
             assert self.reference is not None
-            own = self._flow.displacement(self.reference)
+            own = self._own
             field = DisplacementField(np.zeros_like(own.displacement_px), own.confidence)
             self._still = field, self._encoding.encode(field)
         return self._still
+
+
+class Coming:
+    """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
+
+    `offset` is where it lies beside the first rest image.
+    """
+
+    def __init__(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], due_ns: int) -> None:
+        self.due_ns = due_ns
+        self.offset = tracker.registration.beside_frame if tracker.registration else None
+        self._found: PreparedRest | ImageError | None = None
+        self._thread = threading.Thread(target=self._prepare, args=(tracker, image), name='rest image', daemon=True)
+        self._thread.start()
+
+    def prepared(self) -> PreparedRest:
+        """What came of it.
+
+        Raises:
+            ImageError: nothing can be measured against it.
+        """
+        self._thread.join()
+        if isinstance(self._found, ImageError):
+            raise self._found
+        assert self._found is not None
+        return self._found
+
+    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w']) -> None:
+        try:
+            self._found = tracker.prepared(image)
+        except ImageError as error:
+            self._found = error
 
 
 def overlay(

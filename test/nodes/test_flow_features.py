@@ -62,8 +62,8 @@ def test_a_knocked_camera_is_no_motion_and_is_told(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    for pixels in (PATTERN, *[np.roll(PATTERN, 2, axis=1)] * 4):
-        camera.publish(image(pixels))
+    for number, pixels in enumerate((PATTERN, *[np.roll(PATTERN, 2, axis=1)] * 4)):
+        camera.publish(image(pixels, START_NS + number))
         run(tested)
     first, *_, message = measured(features)
     assert message.moved == pytest.approx(2.0, abs=0.05)
@@ -176,7 +176,7 @@ def test_image_of_another_size_is_said_and_does_not_end_the_node(
     camera.publish(image(PATTERN))
     run(tested)
     features.take()
-    camera.publish(image(PATTERN[:120, :120].copy()))
+    camera.publish(image(PATTERN[:120, :120].copy(), START_NS + 1))
     run(tested)
     received = features.take()
     assert received is not None
@@ -189,8 +189,8 @@ def test_image_of_another_size_is_said_and_does_not_end_the_node(
 
 def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise) -> None:
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
-    for pixels in (PATTERN, np.zeros_like(PATTERN)):
-        camera.publish(image(pixels))
+    for number, pixels in enumerate((PATTERN, np.zeros_like(PATTERN))):
+        camera.publish(image(pixels, START_NS + number))
         run(tested)
     (message,) = measured(features)
     assert message.reasons == FORCE.REASON_DARK_IMAGE

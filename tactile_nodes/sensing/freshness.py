@@ -1,0 +1,36 @@
+"""Whether a frame is news: by its stamp and its age alone, however many frames came before."""
+
+from __future__ import annotations
+
+NS_PER_S = 1_000_000_000
+EARLY_S = 0.05
+"""How far a stamp may lie in the future before it is none."""
+
+IN_ORDER = 3
+"""Frames in order after which stamps that jumped back are believed: the clock was set."""
+
+
+class Freshness:
+    """Tells frames that are too old, that come after a newer one, and that come twice.
+
+    With `stale_after_s` of 0.1 a frame 0.11 s old is stale. Of stamps 1, 3, 2, 4 s the third is, of 1, 1 s the second.
+    """
+
+    def __init__(self, stale_after_s: float) -> None:
+        self._stale_after_s = stale_after_s
+        self._newest_ns: int | None = None
+        self._last_ns: int | None = None
+        self._in_order = 0
+
+    def stale(self, stamp_ns: int, age_s: float) -> bool:
+        """Whether the next frame is no news. An age of NaN is not known, and not judged."""
+        late = age_s > self._stale_after_s or age_s < -EARLY_S
+        return self._behind(stamp_ns) or late
+
+    def _behind(self, stamp_ns: int) -> bool:
+        self._in_order = self._in_order + 1 if self._last_ns is None or stamp_ns > self._last_ns else 0
+        self._last_ns = stamp_ns
+        if self._newest_ns is not None and stamp_ns <= self._newest_ns and self._in_order < IN_ORDER:
+            return True
+        self._newest_ns = stamp_ns
+        return False

@@ -1,0 +1,86 @@
+"""When a rest image is taken anew by itself: while nothing touches, once the picture is no longer that of the old one.
+
+Light that changed and a lens out of focus alter how far motion is read; a rest image that shows the same mends that. A
+touch is never taken for rest: motion tells, and slow touches are told by an unbroken chain from a frame that was surely
+at rest. `docs/stability.md` says what it mends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes.sensing.reference import RestAccumulator
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RenewalOptions:
+    """`frames` over at least `least_s` seconds are averaged.
+
+    After a change of the picture that is no motion a rest image is renewed at once; slow changes wait for `after_s`
+    since the last one.
+    """
+
+    frames: int = 8
+    least_s: float = 0.2
+    after_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class Rested:
+    """What is known of one frame: `surely` (strictly) at rest, or at rest as far as a coarse look tells (`maybe`).
+
+    `like`: it is the picture of the rest image in all respects. `changed`: its light or sharpness is another.
+    """
+
+    surely: bool
+    maybe: bool
+    like: bool
+    changed: bool
+
+
+class Renewal:
+    """Collects frames at rest, and gives their mean when a new rest image is due."""
+
+    def __init__(self, options: RenewalOptions | None = None) -> None:
+        self._options = options or RenewalOptions()
+        self._calm = False
+        self._taken_ns: int | None = None
+        self._begin()
+
+    def taken(self, stamp_ns: int) -> None:
+        """Take that a rest image came into use, whose frames were at rest."""
+        self._taken_ns, self._calm = stamp_ns, True
+        self._begin()
+
+    def offer(
+        self, straight: UInt8[np.ndarray, 'h w'], stamp_ns: int, rested: Rested
+    ) -> UInt8[np.ndarray, 'h w'] | None:
+        """Take a frame; the mean of some when it is time for them to be the rest image."""
+        self._calm = rested.surely or (self._calm and rested.maybe)
+        if rested.like or not self._fits(stamp_ns, rested):
+            self._begin()
+            return None
+        if not self._frames.count:
+            self._first_ns = stamp_ns
+        self._frames.add(straight)
+        if self._frames.count < self._options.frames or stamp_ns - self._first_ns < self._options.least_s * NS_PER_S:
+            return None
+        finished = self._frames.image()
+        self._begin()
+        return finished
+
+    def _fits(self, stamp_ns: int, rested: Rested) -> bool:
+        """Whether this frame may go into a rest image."""
+        if rested.changed:
+            return self._calm and rested.maybe
+        since_ns = 0 if self._taken_ns is None else stamp_ns - self._taken_ns
+        return rested.surely and since_ns >= self._options.after_s * NS_PER_S
+
+    def _begin(self) -> None:
+        self._frames = RestAccumulator()
+        self._first_ns = 0
