@@ -87,9 +87,11 @@ class Ros2Bus:
             owner = self._node(node)
             handles: list[Any] = []
 
-            def forget(_: Subscription) -> None:
+            def forget(closed: Subscription) -> None:
                 for handle in handles:
                     owner.destroy_subscription(handle)
+                with self._lock:
+                    self._ends = [end for end in self._ends if end is not closed]
 
             made = Subscription(topic, type_name, qos, node, on_ready, forget)
             there = [end for end in owner.get_publishers_info_by_topic(topic) if end.topic_type == type_name]

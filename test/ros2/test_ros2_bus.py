@@ -176,6 +176,15 @@ def test_closed_ends_are_refused_and_closing_twice_is_harmless(join: Join) -> No
             use()
 
 
+def test_closed_ends_are_not_kept(join: Join) -> None:
+    bus = join()
+    for _ in range(5):
+        bus.subscribe('/n', NUMBER, QUEUE).close()
+        bus.advertise('/n', NUMBER, QUEUE).close()
+        bus.serve('/s', services.TRIGGER, lambda request, reply: None).close()
+    assert len(bus._ends) <= 2
+
+
 def test_closing_a_bus_wakes_who_waits_for_a_message(join: Join) -> None:
     bus = join()
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
