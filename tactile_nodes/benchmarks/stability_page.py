@@ -35,9 +35,10 @@ objects that the live nodes run, drift monitor and all. All of it is simulation.
 undisturbed stream's; *while ok* the same over those frames whose status is ok; *place* the median distance of a
 contact; *missed* the share of contacts that none was told for; *false* the largest force told as a contact while
 nothing touches, and the share of frames at rest in which one was; *status* the shares of frames that say ok, degraded
-and invalid; *sigma* the median uncertainty over the undisturbed one; *said after* and *invalid after* the number of the
-first frame after the cause that is not ok, and is invalid (1: at once); *left after* the last one after its end that is
-still invalid. Bold: a force more than twice as wrong as undisturbed, or a false contact above 20 mN, with status ok."""
+and invalid; *sigma* the median uncertainty over the undisturbed one, and in brackets the error in units of it; *said
+after* and *invalid after* the number of the first frame after the cause that is not ok, and is invalid (1: at once);
+*left after* the last one after its end that is still invalid. Bold: a force more than twice as wrong as undisturbed,
+or a false contact above 20 mN, with status ok."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -46,7 +47,7 @@ def page(result: Mapping[str, Any]) -> str:
     plan = result['plan']
     about = (
         f'{plan["presses"]} presses a stream, {plan["hold"]} frames each, {plan["fps"]:g} frames a second; '
-        f'{len(points)} streams, {machine_and_commit(result)}.'
+        f'{len(points)} streams; {machine_and_commit(result)}.'
     )
     parts = ['# The failure bench', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
     parts += ['## Aims', _aims(result, points), _undisturbed(result)]
@@ -77,18 +78,18 @@ def _verdict(found: Verdict | None) -> str:
 
 
 def _undisturbed(result: Mapping[str, Any]) -> str:
-    heads = ['undisturbed', 'error, N', 'place, mm', 'missed', 'largest N at rest', 'ok', 'sigma, N']
+    heads = ['undisturbed', 'error, N', 'place, mm', 'missed', 'largest N at rest', 'ok', 'sigma, N', 'error in sigmas']
     rows = [
         [name, _n(each['rmse_n']), _mm(each['place_mm']), f'{each["missed"]:.0%}', _n(each['rest_n']),
-         f'{each["ok"]:.0%}', _n(each['sigma_n'])]
+         f'{each["ok"]:.0%}', _n(each['sigma_n']), _sigmas(each['error_sigmas'])]
         for name, each in result['undisturbed'].items()
     ]  # fmt: skip
     return table(heads, rows)
 
 
 HEADS = (
-    'disturbance', 'error, N', 'while ok', 'place, mm', 'missed', 'false, N', 'ok / degraded / invalid', 'sigma',
-    'said after', 'invalid after', 'left after', 'reasons',
+    'disturbance', 'error, N', 'while ok', 'place, mm', 'missed', 'false, N', 'ok / degraded / invalid',
+    'sigma (error in it)', 'said after', 'invalid after', 'left after', 'reasons',
 )  # fmt: skip
 
 
@@ -109,7 +110,7 @@ def _row(point: Point) -> list[str]:
         f'{score["missed"]:.0%}',
         f'**{false}**' if point.falsely_touched else false,
         ' / '.join(f'{100 * score[name]:.0f}' for name in ('ok', 'degraded', 'invalid')) + ' %',
-        _times(point.sigma_ratio),
+        f'{_times(point.sigma_ratio)} ({_sigmas(score["error_sigmas"])})',
         *(_count(score[name]) for name in ('until_said', 'until_invalid', 'until_left')),
         ', '.join(f'{name} {share:.0%}' for name, share in list(score['reasons'].items())[:3]) or '-',
     ]
@@ -133,6 +134,10 @@ def _mm(value: float | None) -> str:
 
 def _times(value: float | None) -> str:
     return '-' if value is None else f'{value:.1f}x'
+
+
+def _sigmas(value: float | None) -> str:
+    return '-' if value is None else f'{value:.1f}'
 
 
 def _count(value: int | None) -> str:

@@ -56,12 +56,13 @@ class Answer:
 class Score:
     """A stream in numbers, of the time in which the disturbance was there. None: there is nothing to tell it from.
 
-    `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of these.
-    `place_mm` is the median over contacts, `missed` the share of true contacts that no reported one answers to.
-    `rest_n` is the largest force told at rest, `false_n` the largest of those told as a contact (0: none), and
-    `false_share` their share. Shares of statuses are over all frames. `until_said` and `until_invalid` count frames
-    from the cause to the first that is not ok, and is invalid (1: at once); `until_left` is the last frame after its
-    end that is still invalid (0: none), None if it does not end.
+    `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of
+    these. `error_sigmas` is the error in units of the uncertainty told. `place_mm` is the median over contacts,
+    `missed` the share of true contacts that no reported one answers to. `rest_n` is the largest force told at rest,
+    `false_n` the largest of those told as a contact (0: none), and `false_share` their share. Shares of statuses are
+    over all frames. `until_said` and `until_invalid` count frames from the cause to the first that is not ok, and is
+    invalid (1: at once); `until_left` is the last frame after its end that is still invalid (0: none), None if it does
+    not end.
     """
 
     rmse_n: float | None
@@ -81,6 +82,7 @@ class Score:
     held_ok: float
     held_invalid: float
     sigma_n: float | None
+    error_sigmas: float | None
     until_said: int | None
     until_invalid: int | None
     until_left: int | None
@@ -115,6 +117,7 @@ def score(answers: Sequence[Answer], *, contact_only: bool = False, endless: boo
         held_ok=_share(held, [each.status == OK for each in held]),
         held_invalid=_share(held, [each.status == INVALID for each in held]),
         sigma_n=_median([each.sigma_n for each in held]),
+        error_sigmas=_rms_of([each.error_n / each.sigma_n for each in held if each.sigma_n > 0]),
         until_said=_first(since, (DEGRADED, INVALID)),
         until_invalid=_first(since, (INVALID,)),
         until_left=None if endless else _last(after, (INVALID,)),
@@ -123,8 +126,12 @@ def score(answers: Sequence[Answer], *, contact_only: bool = False, endless: boo
 
 
 def _rms(answers: Sequence[Answer]) -> float | None:
-    errors = np.array([each.error_n for each in answers if math.isfinite(each.error_n)])
-    return float(np.sqrt(np.square(errors).mean())) if len(errors) else None
+    return _rms_of([each.error_n for each in answers])
+
+
+def _rms_of(values: Sequence[float]) -> float | None:
+    known = np.array([each for each in values if math.isfinite(each)])
+    return float(np.sqrt(np.square(known).mean())) if len(known) else None
 
 
 def _largest(values: Sequence[float]) -> float | None:
