@@ -74,9 +74,11 @@ def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[
 
 
 @pytest.fixture(scope='session')
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """The environment in which the package was built with colcon and sourced."""
-    return build(tmp_path_factory.mktemp('ws'))
+    environment = build(tmp_path_factory.mktemp('ws'))
+    yield environment
+    subprocess.run(['ros2', 'daemon', 'stop'], env=environment, check=False)  # which the tools started
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.clock import SystemClock
 from tactile_nodes.errors import (
     BusError,
     ConfigurationError,
@@ -140,6 +141,15 @@ def test_what_nodes_said_is_kept_for_who_looks_later(join: Join, until: Until) -
     received = looker.subscribe(topic.name, topic.type_name, QUEUE).get(10.0)
     assert received is not None
     assert received.message.msg == 'hello'
+
+
+def test_clock_that_was_set_after_the_boot_is_warned_of(
+    join: Join, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    join().close()
+    monkeypatch.setattr('tactile_nodes.bus.ros2.wall_ns', lambda: SystemClock().now_ns() - 3_000_000_000)
+    join()
+    assert 'stamps of this package are +3.000 s from the wall clock' in capfd.readouterr().err
 
 
 def test_message_of_another_type_is_refused_in_a_sentence(join: Join) -> None:

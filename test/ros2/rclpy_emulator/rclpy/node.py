@@ -33,7 +33,7 @@ class _Logger:
     def error(self, text: str) -> None:
         sys.stderr.write(f'[ERROR] [{self._name}]: {text}\n')
 
-    def warn(self, text: str) -> None:
+    def warning(self, text: str) -> None:
         sys.stderr.write(f'[WARN] [{self._name}]: {text}\n')
 
 
