@@ -11,6 +11,7 @@ import argparse
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
             cases[name] = _measured(ends, arguments.seconds)
         print(f'{name}: measured', flush=True)
     command = f'tactile bench dds --seconds {arguments.seconds:g} --rate {arguments.rate:g}'
-    result = {**surroundings(command), 'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
+    around = surroundings(command)
+    around['versions']['cyclonedds'] = version('cyclonedds')
+    result = {**around, 'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
     print(told(result))
     if arguments.output:
         keep(arguments.output, 'dds', page(result), result)
@@ -83,7 +86,7 @@ def page(result: dict[str, Any]) -> str:
             '# What DDS costs',
             f'```console\n$ {result["command"]} -o docs/results\n```',
             __doc__.partition('\n\n')[2].strip(),
-            f'{machine_and_commit(result)}; {named_versions(result)}; {result["rate_hz"]:g} Hz, '
+            f'{machine_and_commit(result)};\n{named_versions(result)};\n{result["rate_hz"]:g} Hz, '
             f'{result["seconds"]:g} s each.',
             told(result),
             'The bridge receives nothing that nobody reads. A reader that hangs (stopped with SIGSTOP, and reliable) '
