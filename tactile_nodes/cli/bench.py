@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     benchmarks = parser.add_subparsers(dest='benchmark', required=True, metavar='benchmark')
     for name, text in BENCHMARKS.items():
         module = importlib.import_module(f'tactile_nodes.benchmarks.{name}')
-        module.add_arguments(benchmarks.add_parser(name, help=text, description=module.__doc__))
+        made = benchmarks.add_parser(name, help=text, description=module.__doc__)
+        module.add_arguments(made)
+        made.epilog = made.epilog or f'example: tactile bench {name}'
 
 
 def run(arguments: argparse.Namespace) -> int:

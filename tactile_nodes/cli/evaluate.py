@@ -14,6 +14,12 @@ DESCRIPTION = (
     'Score models at continuous random places and depths: the metrics of the paper, places and forces, light touches, '
     'how true stated uncertainties are, and what is flagged.'
 )
+EPILOG = """\
+examples:
+  tactile evaluate paper fast accurate --unlike            several side by side, and what they flag
+  tactile evaluate fast --picture fast.png --json fast.json
+  tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -103,7 +103,19 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
         )
         if module is not None:
             module.add_arguments(made)
+            _give_examples(made, f'tactile {name}')
     return parser
+
+
+def _give_examples(parser: argparse.ArgumentParser, words: str) -> None:
+    """Show those examples of a verb that are of one of its commands in the help of that command too."""
+    written = (parser.epilog or '').splitlines()
+    commands = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    for name, command in [pair for found in commands for pair in found.items()]:
+        own = [line for line in written if line.strip().startswith(f'{words} {name}')]
+        if own and not command.epilog:
+            command.epilog = '\n'.join(['examples:', *own])
+            command.formatter_class = argparse.RawDescriptionHelpFormatter
 
 
 def parse(parser: argparse.ArgumentParser, verb: str | None, words: Sequence[str]) -> argparse.Namespace:

@@ -17,7 +17,7 @@ def verbs() -> str:
 
 def flags() -> str:
     """Every argument of every command."""
-    return '\n\n'.join(_section(words, parser) for verb in main.VERBS for words, parser in _leaves(verb))
+    return '\n\n'.join(_section(words, parser) for verb in main.VERBS for words, parser in commands(verb))
 
 
 def _parser(verb: str) -> argparse.ArgumentParser:
@@ -33,7 +33,8 @@ def _words(parser: argparse.ArgumentParser) -> list[str]:
     return list(_choices(parser))
 
 
-def _leaves(verb: str) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+def commands(verb: str) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """A verb, or each of its commands: the words after ``tactile``, and their parser."""
     own = _parser(verb)
     below = _choices(own)
     if not below:

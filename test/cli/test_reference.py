@@ -11,7 +11,8 @@ from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.topics import TOPICS, Topic
-from tactile_nodes.cli import reference
+from tactile_nodes.cli import main as main_module
+from tactile_nodes.cli import reference, reference_commands
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.reference_nodes import NodeKind, ends_of, ends_of_every_node, node_kinds
 from tactile_nodes.cli.reference_pages import pages, renewed
@@ -137,3 +138,9 @@ def test_parameter_files_name_no_parameter_that_there_is_not(file: Path) -> None
 
 def described(node: NodeKind) -> dict[str, ParameterDescription]:
     return {entry.name: entry for entry in params.describe(node.kind.PARAMS)}
+
+
+@pytest.mark.parametrize('verb', main_module.VERBS)
+def test_the_help_of_every_command_shows_how_it_is_used(verb: str) -> None:
+    for words, parser in reference_commands.commands(verb):
+        assert f'tactile {words}' in (parser.epilog or ''), f'tactile {words} --help has no example'
