@@ -89,7 +89,13 @@ def running(installed: dict[str, str], tmp_path: Path) -> Iterator[Callable[...,
     def start(*words: str, **more: str) -> subprocess.Popen[str]:
         said = (tmp_path / f'said-{len(started)}.txt').open('w', encoding='utf-8')
         program = subprocess.Popen(
-            words, env={**installed, **more}, stdout=said, stderr=said, stdin=subprocess.DEVNULL, text=True
+            words,
+            env={**installed, **more},
+            cwd=tmp_path,
+            stdout=said,
+            stderr=said,
+            stdin=subprocess.DEVNULL,
+            text=True,
         )
         said.close()
         started.append(program)

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -20,17 +21,21 @@ needs_ros = pytest.mark.skipif(not HAS_ROS, reason='needs ROS 2: source its setu
 
 def environment(**more: str) -> dict[str, str]:
     """The environment of a program that is started from these tests; its rclpy is the emulator where ROS 2 is not."""
-    paths = [str(ROOT), *([] if HAS_ROS else [str(EMULATOR)]), *filter(None, [os.environ.get('PYTHONPATH')])]
+    before = [path for path in [os.environ.get('PYTHONPATH')] if path]
+    paths = before if HAS_ROS else [str(ROOT), str(EMULATOR), *before]
     return {**os.environ, 'PYTHONPATH': os.pathsep.join(paths), 'ROS_DOMAIN_ID': DOMAIN_ID, **more}
 
 
 def run(words: list[str], env: dict[str, str], timeout_s: float = 60.0, cwd: Path | None = None) -> str:
-    """What a program says on its standard output; the test fails with all it said when it fails."""
+    """What a program says on its standard output; the test fails with all it said when it fails.
+
+    It runs where no source tree lies, so that what is installed is imported.
+    """
     assert shutil.which(words[0], path=env.get('PATH')), f'there is no program {words[0]}'
     ended = subprocess.run(
         words,
         env=env,
-        cwd=cwd,
+        cwd=cwd or tempfile.gettempdir(),
         capture_output=True,
         text=True,
         timeout=timeout_s,

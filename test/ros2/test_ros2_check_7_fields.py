@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ros2_here import ROOT, needs_ros, run
+from ros2_here import needs_ros, run
 
 
 @needs_ros
@@ -19,4 +19,4 @@ from ros2_here import ROOT, needs_ros, run
 @pytest.mark.parametrize('name', ['test_ros2_bus.py', 'test_ros2_nodes.py'])
 def test_tests_of_the_bus_pass_with_checked_fields(name: str) -> None:
     words = [sys.executable, '-m', 'pytest', '-q', str(Path(__file__).with_name(name))]
-    run(words, {**os.environ, 'ROS_PYTHON_CHECK_FIELDS': '1'}, timeout_s=500.0, cwd=ROOT)
+    run(words, {**os.environ, 'ROS_PYTHON_CHECK_FIELDS': '1'}, timeout_s=500.0, cwd=Path(__file__).parent)
