@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import zmq
@@ -110,8 +111,15 @@ class CallServer:
 
 def bind_again(socket: Any, old: str, new: str) -> None:
     """Bind a socket whose file was removed; those who are connected stay so."""
+    if old == new and is_bound(old):
+        return
     socket.unbind(old)
     socket.bind(new)
+
+
+def is_bound(address: str) -> bool:
+    """Whether the file of a socket's address is still there."""
+    return Path(address.removeprefix('ipc://')).exists()
 
 
 def call_remote(

@@ -55,7 +55,7 @@ class Meeting:
         self._records: dict[str, tuple[int, Record | None]] = {}
         self._writing = threading.Lock()
         self._reading = threading.Lock()
-        self._written_ns = 0
+        self._written_ns = self._said_ns = 0
         self._lock = -1
         self.enter()
         _at_fork(self)
@@ -87,6 +87,14 @@ class Meeting:
         except OSError:
             return False
 
+    def is_announced(self) -> bool:
+        """Whether the others can read what we said last; false when it was removed or written over."""
+        with self._writing:
+            try:
+                return (self.folder / f'{self.uid}.json').stat().st_mtime_ns == self._said_ns
+            except OSError:
+                return False
+
     def socket_address(self, number: int) -> str:
         """An ipc:// address of our own."""
         return f'ipc://{self.folder}/{self.uid}.{number}.sock'
@@ -104,6 +112,7 @@ class Meeting:
             try:
                 draft.write_text(record.to_json(), encoding='utf-8')
                 os.utime(draft, ns=(self._written_ns, self._written_ns))
+                self._said_ns = draft.stat().st_mtime_ns  # as coarse as this file system has it
                 draft.rename(self.folder / f'{self.uid}.json')
             except OSError as error:
                 raise BusError(f'cannot tell the others on the bus in {self.folder}: {error.strerror}') from error
@@ -184,14 +193,18 @@ class Meeting:
             found = file.stat()
             if uid in self._records and self._records[uid][0] == found.st_mtime_ns:
                 return self._records[uid][1]
-            record = self._parsed(uid, file, found)
-        except FileNotFoundError:  # it has come and not spoken yet
-            return None
+            record: Record | None = self._parsed(uid, file, found)
+        except FileNotFoundError:  # it has come and not spoken yet, or its record was removed and it will speak again
+            return self._known(uid)
         except (OSError, ValueError):
             self.malformed += 1
-            record = None
+            record = self._known(uid)
         self._records[uid] = (found.st_mtime_ns, record)
         return record
+
+    def _known(self, uid: str) -> Record | None:
+        """What a living participant said before."""
+        return self._records.get(uid, (0, None))[1]
 
     def _parsed(self, uid: str, file: Path, found: os.stat_result) -> Record:
         if not stat.S_ISREG(found.st_mode) or found.st_size > LONGEST_TEXT:

@@ -88,10 +88,8 @@ class Hub(Loop):
 
     def _stay_present(self) -> None:
         """Come back when our files were removed: at logout, or by what tidies temporary folders."""
-        if self._bus.meeting.is_present():
-            return
         try:
-            self._bus.rejoin()
+            self._bus.stay_present()
             trouble = ''
         except TactileError as error:  # tried again at the next round
             trouble = str(error)

@@ -16,7 +16,7 @@ from typing import Any, Protocol, cast
 
 import zmq
 
-from tactile_nodes.bus.calls import CallServer, call_remote, ping_remote
+from tactile_nodes.bus.calls import CallServer, call_remote, is_bound, ping_remote
 from tactile_nodes.bus.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.inprocess import InProcessBus, require_type
 from tactile_nodes.bus.protocol import Graph, Participant, Qos, ServiceHandler
@@ -187,8 +187,19 @@ class ZmqBus(InProcessBus):
         for publisher in self._sockets():
             publisher.greet()
 
+    def stay_present(self) -> None:
+        """Put back what was removed of our files, or written over.
+
+        Raises:
+            BusError, ConfigurationError: the folder cannot be used.
+        """
+        if not (self.meeting.is_present() and self._is_reachable()):
+            self.rejoin()
+        elif not self.meeting.is_announced():
+            self.announce()
+
     def rejoin(self) -> None:
-        """Be found again after the folder of the bus was removed; connections that stand are not touched.
+        """Be found again after files of ours were removed; connections that stand are not touched.
 
         Raises:
             BusError, ConfigurationError: the folder cannot be used.
@@ -208,6 +219,9 @@ class ZmqBus(InProcessBus):
     def outlets(self) -> tuple[Outlet, ...]:
         """Where the messages of this process can be had, those that it repeats included."""
         return tuple(publisher.outlet() for publisher in self._sockets())
+
+    def _is_reachable(self) -> bool:
+        return all(is_bound(address) for address in (self.server.address, *(end.address for end in self._sockets())))
 
     def _sockets(self) -> list[ZmqPublisher]:
         with self._lock:

@@ -126,6 +126,36 @@ def test_removed_lock_file_alone_is_put_back(folder: Path, join: Join) -> None:
     until((folder / 'd7' / f'{bus.uid}.lock').exists)
 
 
+@pytest.mark.parametrize('ending', ['json', '0.sock', '*.sock', 'lock', '*'])
+def test_whatever_is_removed_of_a_participants_files_is_put_back_and_newcomers_hear_it(
+    folder: Path, join: Join, ending: str
+) -> None:
+    publishing, listening = join(), join()
+    publisher = publishing.advertise('/n', NUMBER, QUEUE)
+    subscription = listening.subscribe('/n', NUMBER, QUEUE)
+    until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
+    removed = list((folder / 'd7').glob(f'{publishing.uid}.{ending}'))
+    for file in removed:
+        file.unlink()
+    late = join().subscribe('/n', NUMBER, QUEUE)
+    until(lambda: removed and all(file.exists() for file in removed), 'the files to come back')
+    while subscription.take():
+        pass
+    until(lambda: publisher.publish(types.Int64(data=2)) or (late.waiting and subscription.waiting), 'old and new ones')
+
+
+@pytest.mark.parametrize('text', [b'', b'{', bytes(300), b'[]'])
+def test_record_that_was_written_over_is_written_anew_and_meanwhile_the_last_one_counts(
+    folder: Path, join: Join, text: bytes
+) -> None:
+    spoken, other = join(), join()
+    spoken.add_node('/there')
+    until(lambda: '/there' in other.graph().nodes())
+    (folder / 'd7' / f'{spoken.uid}.json').write_bytes(text)
+    assert '/there' in other.graph().nodes()
+    until(lambda: (folder / 'd7' / f'{spoken.uid}.json').read_bytes() != text, 'it to speak again')
+
+
 def test_folder_that_cannot_be_made_again_is_said_once_and_ends_nobody(
     folder: Path, join: Join, capfd: pytest.CaptureFixture[str]
 ) -> None:
