@@ -63,7 +63,13 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--max-cache-size', type=int, default=256 * _MEGABYTE, metavar='BYTES', help='what may wait for a slow disk'
     )
-    parser.add_argument('--compression', '--compression-format', choices=list(COMPRESSIONS), default='none')
+    parser.add_argument(
+        '--compression',
+        '--compression-format',
+        choices=list(COMPRESSIONS),
+        default='none',
+        help='of the chunks of the file',
+    )
     parser.set_defaults(bag_run=_record)
 
 
@@ -88,8 +94,8 @@ def _add_play(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('first')
-    parser.add_argument('second')
+    parser.add_argument('first', help='a bag')
+    parser.add_argument('second', help='another one, a replay of it say')
     parser.add_argument('--topic', default=FORCE_DISTRIBUTION.name, help='a full name, or its last part')
     parser.add_argument('--ignore', nargs='*', default=sorted(TIMINGS), metavar='FIELD', help='fields that may differ')
     parser.set_defaults(bag_run=_compare)

@@ -144,3 +144,10 @@ def described(node: NodeKind) -> dict[str, ParameterDescription]:
 def test_the_help_of_every_command_shows_how_it_is_used(verb: str) -> None:
     for words, parser in reference_commands.commands(verb):
         assert f'tactile {words}' in (parser.epilog or ''), f'tactile {words} --help has no example'
+
+
+@pytest.mark.parametrize('verb', main_module.VERBS)
+def test_every_argument_of_every_command_says_what_it_is(verb: str) -> None:
+    for words, parser in reference_commands.commands(verb):
+        silent = [action.dest for action in parser._actions if not action.help]
+        assert not silent, f'tactile {words}: {silent}'
