@@ -1,0 +1,33 @@
+"""What the documentation points to is there."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('**/*.md'))]
+LINK = re.compile(r'\]\((?!https?://)([^)#\s]*)(?:#([^)\s]*))?\)')
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_of_a_page_leads_to_a_file_and_a_heading(page: Path) -> None:
+    for name, heading in LINK.findall(page.read_text(encoding='utf-8')):
+        target = page.parent / name if name else page
+        assert target.exists(), f'{page.name} points to {name}, which is not there'
+        if heading and target.suffix == '.md':
+            assert heading in anchors(target), f'{page.name} points to {name}#{heading}, a heading that is not there'
+
+
+@pytest.mark.parametrize('page', sorted((ROOT / 'docs').glob('*.md')), ids=lambda page: page.name)
+def test_the_index_leads_to_every_page(page: Path) -> None:
+    assert page.name == 'README.md' or f']({page.name}' in (ROOT / 'docs/README.md').read_text(encoding='utf-8')
+
+
+def anchors(page: Path) -> Iterator[str]:
+    """Headings as they are linked to: lower case, blanks as dashes, no other marks."""
+    for title in re.findall(r'(?m)^#+ (.*)$', page.read_text(encoding='utf-8')):
+        yield re.sub(r'[^\w\- ]', '', title.lower()).strip().replace(' ', '-')
