@@ -25,6 +25,7 @@ EXPLAINED = (
     FORCE.REASON_CALIBRATION_AGEING
     | FORCE.REASON_CALIBRATION_INVALID
     | FORCE.REASON_FOREIGN_MOTION
+    | FORCE.REASON_REST_DOUBTFUL
     | FORCE.REASON_UNLIKE_TRAINING
 )
 """What the monitor itself says of a force, or what is to be found out; any other reason makes a frame useless to it."""

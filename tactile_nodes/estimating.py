@@ -231,7 +231,8 @@ def calibration_reasons(state: types.CalibrationState) -> int:
         kind.LEVEL_INVALID: FORCE.REASON_CALIBRATION_INVALID,
     }
     moved = FORCE.REASON_FOREIGN_MOTION if state.reasons & kind.REASON_PICTURE_MOVED else 0
-    return int(by_level.get(state.level, 0) | moved)
+    dented = FORCE.REASON_REST_DOUBTFUL if state.reasons & kind.REASON_DENTED_REST else 0
+    return int(by_level.get(state.level, 0) | moved | dented)
 
 
 def status_of(reasons: int) -> int:

@@ -15,16 +15,25 @@ from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S, perf_ns
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.methods import MethodParams, StillnessParams, make_check, make_methods, told
+from tactile_nodes.methods import (
+    MethodParams,
+    RegistrationParams,
+    StillnessParams,
+    make_check,
+    make_methods,
+    make_registration,
+    told,
+)
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.freshness import Freshness
-from tactile_nodes.sensing.quality import PictureLikeness, PictureLimits, picture_faults, sharpness
-from tactile_nodes.sensing.registration import FEW_FOUND, Registration, RegistrationOptions
+from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.quality import PictureLikeness, picture_faults, sharpness
+from tactile_nodes.sensing.registration import FEW_FOUND
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
-from tactile_nodes.sensing.tracking import Coming, FeatureTracker, overlay
+from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest, overlay
 
 FORCE = types.ForceDistribution
 PREPARE_S = 0.2
@@ -32,18 +41,6 @@ PREPARE_S = 0.2
 
 ANOTHER_TIME_S = 60.0
 """Stamps further away than this are not of this time base, and say nothing of a frame's age."""
-
-
-@dataclass(frozen=True)
-class RegistrationParams:
-    """How the motion of the whole picture is taken out: a knocked camera is no force."""
-
-    check: bool = parameter(True, 'take out how far the whole picture moved', read_only=True)
-    most_px: float = parameter(8.0, 'motion (root mean square) that is still taken out', minimum=0.1, read_only=True)
-    most_turn_deg: float = parameter(2.5, 'turn that is still taken out', minimum=0.1, read_only=True)
-    follow_s: float = parameter(
-        5.0, 'time in which slow motion is followed while nothing touches', minimum=0.1, read_only=True
-    )
 
 
 @dataclass(frozen=True)
@@ -86,12 +83,14 @@ class Following:
             rest_frames=params.reference_frames,
             marked_share=params.marked_share,
             check=make_check(params.stillness),
-            registration=_make_registration(params.registration),
+            registration=make_registration(params.registration),
         )
         self._flow = flow.name
         self._freshness = Freshness(params.stale_after_s)
-        self._likeness: PictureLikeness | None = None
+        self._now: PictureLikeness | None = None
         self._captured: PictureLikeness | None = None
+        self._first: PreparedRest | None = None
+        self._changed = False
         self._renewal = Renewal(RenewalOptions(after_s=params.renew_after_s)) if params.renew else None
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
@@ -154,8 +153,8 @@ class Following:
         features_ns = perf_ns()
         self._last = image, field_px
         untouched = self._tracker.untouched(field_px)
-        unlike = 0 if untouched else self._unlike(image, faults.level)
-        self._offer_renewal(stamp_ns(head.stamp), untouched, unlike)
+        unlike = 0 if untouched else self._unlike(image, faults.level, head)
+        self._offer_renewal(stamp_ns(head.stamp), untouched)
         reasons = stale | self._moved() | unlike
         stages = types.StageTimes(
             acquire=acquire_s,
@@ -208,22 +207,27 @@ class Following:
         }
         return sum(reason for reason, present in told.items() if present)
 
-    def _unlike(self, image: UInt8[np.ndarray, 'h w'], level: float) -> int:
+    def _unlike(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
         """What there is to say of the picture as a picture, beside the rest image and beside the one captured."""
-        if self._likeness is None or self._captured is None:
+        if self._now is None or self._captured is None:
             return 0
         sharp = sharpness(image)
-        light = self._likeness.light_changed(level) or self._captured.light_changed(level)
-        blurred = self._likeness.blurred(sharp) or self._captured.blurred(sharp)
-        return light * FORCE.REASON_LIGHT_CHANGED | blurred * FORCE.REASON_BLURRED
+        beside = self._now.near(level, sharp)
+        self._changed = beside.light or beside.blurred
+        told = beside | self._captured.far(level, sharp)
+        if beside and self._tracker.rest is not self._first and not self._captured.near(level, sharp):
+            assert self._first is not None
+            self._tracker.use(self._first, offset=PictureMotion())  # all is as it was
+            self._announce(head, renewed=True)
+        return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
 
-    def _offer_renewal(self, at_ns: int, untouched: bool, unlike: int) -> None:
+    def _offer_renewal(self, at_ns: int, untouched: bool) -> None:
         """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
         like = untouched or not registration.steady
-        rested = Rested(registration.surely, registration.maybe, like, bool(unlike))
+        rested = Rested(registration.surely, registration.maybe, like, self._changed and not untouched)
         image = self._renewal.offer(straight, at_ns, rested)
         if image is not None:
             self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
@@ -252,11 +256,11 @@ class Following:
         image = self._tracker.reference
         assert image is not None
         self.trouble, self.renewed = '', renewed
-        self._likeness = PictureLikeness(image, PictureLimits.near(self._flow))
+        self._now = PictureLikeness(image, self._flow)
         if not renewed:
-            self._coming, self._captured = None, PictureLikeness(image, PictureLimits.far())
+            self._coming, self._captured, self._first = None, self._now, self._tracker.rest
         if self._renewal is not None:
-            self._renewal.taken(stamp_ns(head.stamp))
+            self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
         self._announced = conversions.image_message(image, head)
 
     def _nothing(self) -> Features:
@@ -298,9 +302,3 @@ def _age_s(acquire_s: float, waited_s: float) -> float:
     """From capture until now; NaN where the stamps are of another time base, as those of an old recording."""
     age_s = acquire_s + waited_s
     return math.nan if abs(age_s) > ANOTHER_TIME_S else age_s
-
-
-def _make_registration(params: RegistrationParams) -> Registration | None:
-    if not params.check:
-        return None
-    return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))

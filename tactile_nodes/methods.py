@@ -9,6 +9,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
+from tactile_nodes.sensing.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
 
 
@@ -66,11 +67,30 @@ class StillnessParams:
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class RegistrationParams:
+    """How the motion of the whole picture is taken out: a knocked camera is no force."""
+
+    check: bool = parameter(True, 'take out how far the whole picture moved', read_only=True)
+    most_px: float = parameter(8.0, 'motion (root mean square) that is still taken out', minimum=0.1, read_only=True)
+    most_turn_deg: float = parameter(2.5, 'turn that is still taken out', minimum=0.1, read_only=True)
+    follow_s: float = parameter(
+        5.0, 'time in which slow motion is followed while nothing touches', minimum=0.1, read_only=True
+    )
+
+
 def make_check(params: StillnessParams) -> StillnessCheck | None:
     """The check that parameters ask for; None where every frame is to be measured."""
     if not params.check:
         return None
     return StillnessCheck(StillnessOptions(params.limit, params.most_noise_grey, params.full_every))
+
+
+def make_registration(params: RegistrationParams) -> Registration | None:
+    """What takes the motion of the whole picture out; None where it is to be left in."""
+    if not params.check:
+        return None
+    return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
 
 def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:

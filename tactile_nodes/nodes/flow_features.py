@@ -116,7 +116,8 @@ class FlowFeaturesNode(Node):
         if self.params.reference != 'topic':
             self._reference.publish(message)
             self.kept.put(_KEPT, encode(message))
-        self.log.info(f'new rest image {self._following.reference_id}')
+        how = 'renewed, while nothing touched,' if self._following.renewed else 'new'
+        self.log.info(f'{how} rest image {self._following.reference_id}')
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
         self.report('rest image', Level.OK, text)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -74,47 +75,53 @@ SHARPNESS_ROWS = 4
 """Every so many rows are looked at: 0.05 ms for 440x440 pixels."""
 
 
-@dataclass(frozen=True)
-class PictureLimits:
-    """How far a picture may be from a rest image: mean grey over its mean grey, and change of `sharpness`.
+FAR_LIGHT, FAR_SHARPNESS = (0.4, 2.0), (-0.05, 0.05)
+"""Beyond these no rest image helps enough: too dark, too bright, a blur of 0.7 px, noise of three times as much."""
 
-    A blur of 0.4 px takes 0.018 of it, noise of three times as much adds 0.05.
-    """
+NEAR_SHARPNESS = (-0.018, 0.05)
+"""A blur of 0.4 px takes so much of it, noise of three times as much adds the other."""
 
-    light: tuple[float, float]
-    sharpness: tuple[float, float]
+NEAR_LIGHT = {'dis': (0.92, 1.08)}
+"""Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it."""
 
-    @classmethod
-    def near(cls, flow: str) -> PictureLimits:
-        """Within which motion is measured as well as it was.
+NEAR_LIGHT_OF_PATCHES = (0.65, 1.5)
+"""Patches know light apart."""
 
-        Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches know light apart.
-        """
-        return cls((0.92, 1.08) if flow == 'dis' else (0.65, 1.5), (-0.018, 0.05))
 
-    @classmethod
-    def far(cls) -> PictureLimits:
-        """Beyond which a renewed rest image does not help: too dark, too bright, a blur of 1.2 px."""
-        return cls((0.4, 2.0), (-0.12, 0.06))
+class Unlike(NamedTuple):
+    """In what a picture is unlike another."""
+
+    light: bool
+    blurred: bool
+    noisy: bool
+
+    def __or__(self, other: Unlike) -> Unlike:
+        return Unlike(*(a or b for a, b in zip(self, other, strict=True)))
+
+    def __bool__(self) -> bool:
+        return any(self)
 
 
 class PictureLikeness:
     """Tells by little of each picture whether its light and its sharpness are those of a rest image."""
 
-    def __init__(self, rest_image: UInt8[np.ndarray, 'h w'], limits: PictureLimits) -> None:
-        self._limits = limits
+    def __init__(self, rest_image: UInt8[np.ndarray, 'h w'], flow: str) -> None:
+        self._near_light = NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES)
         self._level = max(picture_faults(rest_image).level, 1.0)
         self._sharpness = sharpness(rest_image)
 
-    def light_changed(self, level: float) -> bool:
-        """Whether a picture of this mean grey level is too dark or too bright."""
-        least, most = self._limits.light
-        return not least <= level / self._level <= most
+    def near(self, level: float, sharp: float) -> Unlike:
+        """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
+        return self._beyond(level, sharp, self._near_light, NEAR_SHARPNESS)
 
-    def blurred(self, sharp: float) -> bool:
-        """Whether a picture of this `sharpness` is less sharp or noisier than it may be."""
-        least, most = self._limits.sharpness
-        return not least <= sharp - self._sharpness <= most
+    def far(self, level: float, sharp: float) -> Unlike:
+        """In what it is so unlike that no other rest image helps."""
+        return self._beyond(level, sharp, FAR_LIGHT, FAR_SHARPNESS)
+
+    def _beyond(self, level: float, sharp: float, light: tuple[float, float], sharpness: tuple[float, float]) -> Unlike:
+        off = sharp - self._sharpness
+        other_light = not light[0] <= level / self._level <= light[1]
+        return Unlike(other_light, not off >= sharpness[0], off > sharpness[1])
 
 
 def sharpness(image: UInt8[np.ndarray, 'h w']) -> float:

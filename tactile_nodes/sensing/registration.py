@@ -50,14 +50,21 @@ SETTLE_FRAMES = 8
 SURE_FRAMES = 3
 """Frames at rest after which a knock is settled."""
 
-LOOSE_PX, LOOSE_SHARE = 0.025, 0.05
-"""After a knock a picture is at rest when 19 of 20 patches follow it to within this, plus this share of its size."""
+LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5
+"""A picture is at rest, as far as a coarse look tells, when 19 of 20 patches follow it to within this.
+
+To it are added a share of the knock's size and of the middle patch's distance: blur and light move patches all over the
+picture, a touch those around it.
+"""
 
 QUIET_PX = 0.03
 """More than 1 of 20 patches further than this from the common motion were touched, without a closer look."""
 
-QUIET_NOISE = 4.2
-"""Motion away from any place, in units of what noise makes, up to which nothing touches."""
+QUIET_NOISE = 7.5
+"""Motion away from any place, in units of the middle patch's noise, up to which nothing touches.
+
+Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN make 10.8 to 19.
+"""
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
 NS_PER_S = 1_000_000_000
@@ -237,7 +244,8 @@ class Registration:
         return 1 - math.exp(-min(max(passed_s, 0.0), 1.0) / self.options.follow_s)
 
     def _loosely_quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:
-        limit = LOOSE_PX + LOOSE_SHARE * self.size_px
+        middle = math.sqrt(float(np.median(np.square(left[found]).sum(axis=1))))
+        limit = LOOSE_PX + LOOSE_SHARE * self.size_px + LOOSE_MEDIANS * middle
         return self._beyond(left, found, limit) <= 0.05
 
     def _quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:

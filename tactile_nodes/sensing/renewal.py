@@ -7,6 +7,7 @@ at rest. `docs/stability.md` says what it mends.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +22,13 @@ NS_PER_S = 1_000_000_000
 class RenewalOptions:
     """`frames` over at least `least_s` seconds are averaged.
 
-    After a change of the picture that is no motion a rest image is renewed at once; slow changes wait for `after_s`
-    since the last one.
+    After a change of the picture that is no motion a rest image is renewed at once, but `apart_s` after the one before;
+    slow changes wait for `after_s`.
     """
 
     frames: int = 8
     least_s: float = 0.2
+    apart_s: float = 2.0
     after_s: float = 60.0
 
 
@@ -49,12 +51,14 @@ class Renewal:
     def __init__(self, options: RenewalOptions | None = None) -> None:
         self._options = options or RenewalOptions()
         self._calm = False
-        self._taken_ns: int | None = None
+        self._taken_ns = 0
+        self._renewed_ns: int | None = None
         self._begin()
 
-    def taken(self, stamp_ns: int) -> None:
+    def taken(self, stamp_ns: int, *, renewed: bool) -> None:
         """Take that a rest image came into use, whose frames were at rest."""
         self._taken_ns, self._calm = stamp_ns, True
+        self._renewed_ns = stamp_ns if renewed else None
         self._begin()
 
     def offer(
@@ -76,10 +80,10 @@ class Renewal:
 
     def _fits(self, stamp_ns: int, rested: Rested) -> bool:
         """Whether this frame may go into a rest image."""
+        since_ns = math.inf if self._renewed_ns is None else abs(stamp_ns - self._renewed_ns)
         if rested.changed:
-            return self._calm and rested.maybe
-        since_ns = 0 if self._taken_ns is None else stamp_ns - self._taken_ns
-        return rested.surely and since_ns >= self._options.after_s * NS_PER_S
+            return self._calm and rested.maybe and since_ns >= self._options.apart_s * NS_PER_S
+        return rested.surely and min(since_ns, stamp_ns - self._taken_ns) >= self._options.after_s * NS_PER_S
 
     def _begin(self) -> None:
         self._frames = RestAccumulator()

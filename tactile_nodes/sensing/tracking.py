@@ -61,6 +61,7 @@ class FeatureTracker:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
         self.straight: np.ndarray | None = None
+        self.rest: PreparedRest | None = None
         self._check = check
         self.registration = registration
         self._still: tuple[DisplacementField, Features] | None = None
@@ -134,7 +135,7 @@ class FeatureTracker:
         `offset`: it was made of straightened images, and lies so far beside the first one. None: it is a first one.
         """
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
-        self._still, self._own = None, rest.own
+        self.rest, self._still, self._own = rest, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset)
