@@ -57,10 +57,16 @@ class Presses:
         """Some of the presses."""
         return Presses(self.contacts[chosen], self.motion[chosen], self.certainty[chosen])
 
-    def weights(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> np.ndarray:
-        """One over the standard deviation of each motion (n, regions, 2): noise, and a share of what is foretold."""
+    def weights(
+        self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], told: np.ndarray | None = None
+    ) -> np.ndarray:
+        """One over the standard deviation of each motion (n, regions, 2): noise, and a share of what is foretold.
+
+        `told` is that, where it is known already.
+        """
+        told = response.motion(self.contacts) if told is None else told
         share = np.interp(response.distances_mm(self.contacts), DOUBT_MM, doubt)
-        off = np.square(share) * np.square(response.motion(self.contacts)).sum(axis=-1)
+        off = np.square(share) * np.square(told).sum(axis=-1)
         return np.asarray(np.sqrt(self.certainty / (1 + self.certainty * off[..., None])))
 
 
@@ -69,13 +75,13 @@ class Expected:
     """Numbers that each region is expected to have (couplings, then place), and one over their covariance."""
 
     numbers: Float[np.ndarray, 'regions numbers']
-    precision: Float[np.ndarray, 'numbers numbers']
+    precision: Float[np.ndarray, 'regions numbers numbers']
 
     @classmethod
     def around(cls, response: AxisymmetricResponse, looseness: float = 1e-3) -> Expected:
         """Wherever the regions are now, and hardly held there."""
         numbers = numbers_of(response)
-        return cls(numbers, looseness * np.eye(numbers.shape[1]))
+        return cls(numbers, np.tile(looseness * np.eye(numbers.shape[1]), (len(numbers), 1, 1)))
 
 
 def numbers_of(response: AxisymmetricResponse) -> Float[np.ndarray, 'regions numbers']:
@@ -100,19 +106,21 @@ def fit_regions(
     With `shared`, softness and width, which all regions have in common, are found along with them.
     """
     here = numbers_of(response)
-    square = np.tile(expected.precision, (len(here), 1, 1))
-    down = (expected.numbers - here) @ expected.precision
+    square = expected.precision.copy()
+    down = np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
     cross, across, along = np.zeros((*here.shape, 2)), np.zeros((2, 2)), np.zeros(2)
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
-        weight = some.weights(response, doubt)
-        lever = _levers(response, some.contacts) * weight[..., None]
-        left = (some.motion - response.motion(some.contacts)) * weight
+        columns, slopes = response.columns_and_slopes(some.contacts)
+        told = response.seen(columns)
+        weight = some.weights(response, doubt, told)
+        lever = _levers(response, columns, slopes) * weight[..., None]
+        left = (some.motion - told) * weight
         by_region = lever.transpose(1, 0, 2, 3).reshape(len(here), -1, here.shape[1])
         square += by_region.transpose(0, 2, 1) @ by_region
         down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
         if shared:
-            both = (_shared_levers(response, some.contacts) * weight[..., None]).transpose(1, 0, 2, 3)
+            both = (_shared_levers(response, some.contacts, slopes) * weight[..., None]).transpose(1, 0, 2, 3)
             both = both.reshape(len(here), -1, 2)
             cross += by_region.transpose(0, 2, 1) @ both
             across += np.einsum('rni,rnj->ij', both, both)
@@ -140,20 +148,25 @@ class Shared:
     sigma: Float[np.ndarray, ' 2']
 
 
-def _shared_levers(response: AxisymmetricResponse, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2 2']:
+def _shared_levers(
+    response: AxisymmetricResponse, contacts: np.ndarray, slopes: Float[np.ndarray, '3 n regions columns']
+) -> Float[np.ndarray, 'n regions 2 2']:
     """How the motion of each region changes with the logarithms of softness and width.
 
     Softness multiplies the force, so that is F dm/dF; width divides the distance, so that is minus distance dm/d(it).
     """
-    along_x, along_y, by_force = response.motion_and_slopes(contacts)[1]
+    along_x, along_y, by_force = (response.seen(each) for each in slopes)
     away = contacts[:, None, :2] - response.places
     by_width = -(along_x * away[..., :1] + along_y * away[..., 1:])
     return np.stack([by_force * contacts[:, 2, None, None], by_width], axis=-1)
 
 
-def _levers(response: AxisymmetricResponse, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2 numbers']:
+def _levers(
+    response: AxisymmetricResponse,
+    columns: Float[np.ndarray, 'n regions columns'],
+    slopes: Float[np.ndarray, '3 n regions columns'],
+) -> Float[np.ndarray, 'n regions 2 numbers']:
     """How the motion of each region changes with each of its numbers."""
-    columns, slopes = response.columns_and_slopes(contacts)
     count = columns.shape[2]
     levers = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
     for channel in (0, 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tactile_nodes.errors import DatasetError, ModelError
@@ -10,6 +12,9 @@ from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response import ResponseReadout
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.transfer_fit import Errors
 
 LEAST_PRESSES = 5
 LEAST_SPREAD = 0.4
@@ -70,4 +75,19 @@ def require_tared(offset_n: float) -> None:
     if abs(offset_n) > MOST_OFFSET_N:
         raise DatasetError(
             f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and press again'
+        )
+
+
+def require_better(before: Errors, after: Errors) -> None:
+    """Refuse what does not pay, on balance of places and forces; by medians: of few presses one alone rules a mean.
+
+    Raises:
+        DatasetError: says by how much held-out presses are off.
+    """
+    ratio = after.force_median_n * after.place_median_mm / (before.force_median_n * before.place_median_mm)
+    if ratio >= 1:
+        raise DatasetError(
+            f'the calibration would not pay: held-out presses are read {after.force_median_n:.4f} N and '
+            f'{after.place_median_mm:.3f} mm off with it, {before.force_median_n:.4f} N and '
+            f'{before.place_median_mm:.3f} mm without (medians); keep the model, or press at more places'
         )

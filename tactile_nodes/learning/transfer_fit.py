@@ -19,7 +19,6 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_calibration import Judged, least_gain
 from tactile_nodes.learning.axisymmetric_regions import (
-    FIRST_DOUBT,
     Expected,
     Presses,
     Shared,
@@ -32,7 +31,8 @@ from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
-from tactile_nodes.learning.transfer_checks import require_presses, require_tared
+from tactile_nodes.learning.transfer_checks import require_better, require_presses, require_tared
+from tactile_nodes.learning.transfer_correction import carried_share
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -45,6 +45,8 @@ FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
 REGION_TURNS = 4
 SHARED_SIGMA = np.array([0.2, 0.03])
 """Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them."""
+LEAST_DOUBT = 0.02
+"""Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
 FOLDS = 5
 WORTH = 1.02
 """A simpler form is taken if its held-out misfit is at most this times the best."""
@@ -128,10 +130,13 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     held = [each for each in held if each.fits]
     if not held:
         raise DatasetError('no press shows enough regions to be read; check the camera and the light')
+    share = carried_share(known.correction, held)
+    readout = other.with_forces_corrected(readout, share)
+    held = [replace(each, readout=other.with_forces_corrected(each.readout, share)) for each in held]
     read = live_errors(source, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
-    _require_better(before, after)
+    require_better(before, after)
     readout = replace(readout, calibration=_calibration(readout, held, dataset, other.untouched))
     told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
     return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told)
@@ -186,11 +191,13 @@ class OtherGel:
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
-        precision, over = np.linalg.inv(self.typical.scatter), powers(self.view)
+        precision, over = self.typical.precision(self.view), powers(self.view)
         smooth = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
         shared = Shared(np.log([response.softness, response.width]), SHARED_SIGMA)
+        # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
+        doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
         for _ in range(REGION_TURNS):
-            response = fit_regions(response, presses, Expected(over @ smooth, precision), FIRST_DOUBT, shared)
+            response = fit_regions(response, presses, Expected(over @ smooth, precision), doubt, shared)
             # What all regions turn out to share follows their mean, within what the smooth start was off by.
             left = numbers_of(response) - over @ smooth
             smooth = smooth + np.linalg.solve(over.T @ over + np.eye(over.shape[1]), over.T @ left)
@@ -222,14 +229,14 @@ class OtherGel:
         return np.asarray(np.sqrt(np.mean(np.square(shares), axis=0)))
 
     def readout(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> AxisymmetricReadout:
-        """The source's readout with another response.
+        """The source's readout with another response; of its correction that of places alone, due to the lens."""
+        plain = replace(self.source, scaling=self.scaling, response=response, doubt=doubt)
+        return self.with_forces_corrected(plain, 0.0)
 
-        Of its correction that of places is kept, which the view through the lens asks for; that of forces belongs to
-        its own regions.
-        """
-        correction = self.source.correction
-        places = replace(correction, terms=correction.terms * np.array([1.0, 1.0, 0.0]))
-        return replace(self.source, scaling=self.scaling, response=response, doubt=doubt, correction=places)
+    def with_forces_corrected(self, readout: AxisymmetricReadout, share: float) -> AxisymmetricReadout:
+        """With a share of the source's correction of forces."""
+        known = self.source.correction
+        return replace(readout, correction=replace(known, terms=known.terms * np.array([1.0, 1.0, share])))
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
@@ -285,14 +292,3 @@ def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
     """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
     level = min(1.0, COVERAGE * (1 + 1 / presses))
     return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))
-
-
-def _require_better(before: Errors, after: Errors) -> None:
-    """On balance of places and forces, by medians: of few presses one alone rules a mean."""
-    ratio = after.force_median_n * after.place_median_mm / (before.force_median_n * before.place_median_mm)
-    if ratio >= 1:
-        raise DatasetError(
-            f'the calibration would not pay: held-out presses are read {after.force_median_n:.4f} N and '
-            f'{after.place_median_mm:.3f} mm off with it, {before.force_median_n:.4f} N and '
-            f'{before.place_median_mm:.3f} mm without (medians); keep the model, or press at more places'
-        )

@@ -62,24 +62,24 @@ class AxisymmetricResponse:
 
     def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
         """Motion of each region (px) under each contact (x, y in mm and force in N)."""
-        seen: np.ndarray = self._seen(self.columns(contacts))
-        return seen
+        return self.seen(self.columns(contacts))
 
     def motion_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
     ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
         """Motion as above, and its slopes along x, y and force."""
         columns, slopes = self.columns_and_slopes(contacts)
-        return self._seen(columns), np.stack([self._seen(each) for each in slopes])
+        return self.seen(columns), np.stack([self.seen(each) for each in slopes])
 
-    def _seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
+    def seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
+        """What the regions show (px) of columns, or of slopes of columns."""
         seen: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
         return seen
 
     def columns(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions columns']:
         """The profiles' values at each region: two columns (x, y) for each lateral one, one for each vertical one."""
         away, distance = self._away(contacts)
-        value = self._values(distance, contacts[:, 2])[0]
+        value = self._values_alone(distance, contacts[:, 2])
         return self._columns(value, away / distance[..., None] * np.tanh(distance / CORE_MM)[..., None])
 
     def columns_and_slopes(
@@ -120,6 +120,18 @@ class AxisymmetricResponse:
     def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
         """From each contact to each region, over the width."""
         return self._away(contacts)[1]
+
+    def _values_alone(
+        self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
+    ) -> Float[np.ndarray, 'n regions profiles']:
+        """The profiles' values without their slopes, in a third of the time."""
+        force = force_n * self.softness
+        k, weights = self.force.weights_of(force)
+        along = np.einsum('pdnf,nf->ndp', self.profiles[:, :, k[:, None] + _FOUR], weights[0] * force[:, None])
+        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
+        four = along[np.arange(len(force))[:, None, None], i[..., None] + _FOUR]
+        value: np.ndarray = np.matmul(near[0][..., None, :], four)[..., 0, :]
+        return value
 
     def _values(
         self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']

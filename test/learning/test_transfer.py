@@ -14,7 +14,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, cautious, folds_of, transfer
-from tactile_nodes.learning.transfer_whole import changed, fit_whole
+from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.readout_arrays import AnyReadout
@@ -71,6 +71,13 @@ def test_an_equal_gel_is_left_as_it_is(source: AxisymmetricReadout) -> None:
     same = changed(source.response, np.zeros(13))
     press = np.array([[1.0, 2.0, 0.6]])
     assert same.motion(press) == pytest.approx(source.response.motion(press))
+
+
+def test_regions_that_the_rim_of_the_gel_cuts_are_held_less(source: AxisymmetricReadout) -> None:
+    typical = Typical.of(source.response, np.random.default_rng(1).uniform(-0.8, 0.8, source.response.places.shape))
+    inside, rim = typical.precision(np.array([[0.85, -0.3], [0.2, -0.95]]))
+    assert inside == pytest.approx(np.linalg.inv(typical.scatter))
+    assert rim * RIM_SCATTER == pytest.approx(inside)
 
 
 def test_fresh_presses_are_read_nearly_as_well_as_the_source_reads_its_own(
