@@ -20,7 +20,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node as RclpyNode
 from rclpy.signals import SignalHandlerOptions
 
-from tactile_nodes.bus import ros2_calls
+from tactile_nodes.bus import ros2_calls, ros2_events
 from tactile_nodes.bus.inprocess import new_uid
 from tactile_nodes.bus.protocol import Graph, Qos, ServiceHandler
 from tactile_nodes.bus.ros2_ends import Ros2Publisher, Ros2Service, receiving
@@ -53,6 +53,7 @@ class Ros2Bus:
         self._lock = threading.RLock()
         self._nodes: dict[str, list[Any]] = {}
         self._clients: dict[tuple[str, str], Any] = {}
+        self._events: dict[str, Ros2Publisher] = {}
         self._ends: list[Any] = []
         self._closed = False
         self._opened_s = monotonic_s()
@@ -110,6 +111,8 @@ class Ros2Bus:
                 if isinstance(end, Ros2Service) and end.name == service and not end.shut:
                     raise BusError(f'the service {service} is already served by {end.node}')
             owner = self._node(node)
+            if type_name in ros2_events.SETTING:
+                handler = ros2_events.telling(handler, node, self.clock.now_ns, self._events_of(node).publish)
             answer = ros2_calls.answering(type_name, handler, self._executor, owner.get_logger().error)
             # Its own group: calls that wait for their answer hold up neither each other nor any topic.
             made = owner.create_service(generated, service, answer, callback_group=ReentrantCallbackGroup())
@@ -140,6 +143,8 @@ class Ros2Bus:
         with self._lock:
             made = self._nodes.get(name)
             if made:
+                if events := self._events.pop(name, None):
+                    events.close()
                 self._drop_node(made.pop())
 
     def graph(self) -> Graph:
@@ -197,6 +202,12 @@ class Ros2Bus:
 
     def _node(self, name: str) -> Any:
         return (self._nodes.get(name) or [self._looker])[-1]
+
+    def _events_of(self, node: str) -> Ros2Publisher:
+        if node not in self._events:
+            made = self.advertise(ros2_events.EVENTS, ros2_events.EVENT_TYPE, ros2_events.EVENT_QOS, node)
+            self._events[node] = made
+        return self._events[node]
 
     def _client(self, service: str, type_name: str) -> Any:
         with self._lock:

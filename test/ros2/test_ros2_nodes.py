@@ -122,6 +122,24 @@ def test_parameters_set_atomically_are_all_set_or_none(start: Start, join: Join)
     assert node.params.names == ()
 
 
+def test_parameters_that_were_set_are_told_to_the_graph(start: Start, join: Join, until: Until) -> None:
+    start()
+    bus = join()
+    events = bus.subscribe('/parameter_events', 'rcl_interfaces/msg/ParameterEvent', QUEUE)
+    client = _client(bus, '/sensor', until)
+    until(lambda: len(bus.graph().publishers('/parameter_events')) >= 2)
+    with pytest.raises(ConfigurationError):
+        client.set('rate', 500.0)
+    client.set('rate', 50.0)
+    event: Any = None
+    while event is None or event.node != '/sensor':  # rclpy's own nodes tell of theirs
+        received = events.get(10.0)
+        assert received is not None
+        event = received.message
+    (changed,) = event.changed_parameters
+    assert (changed.name, changed.value.double_value) == ('rate', 50.0)
+
+
 def test_trigger_that_fails_answers_with_its_sentence(start: Start, join: Join) -> None:
     start()
     response = join().call('/sensor/tare', services.TRIGGER, types.Trigger_Request())
