@@ -148,21 +148,25 @@ def test_a_robots_wrench_is_published_here_and_not_sent_back(other: Other, bridg
     assert 'rt/robot/wrench' not in nodes['/dds_bridge']['topics']
 
 
-def test_a_stuck_reader_keeps_nobody_waiting(other: Other, bridge: Start, bus: InProcessBus) -> None:
+def test_a_stuck_reader_keeps_nobody_waiting_and_gets_the_newest_afterwards(
+    other: Other, bridge: Start, bus: InProcessBus
+) -> None:
     publisher = offer(bus, topics.IMAGE, '/skin/camera')
     node = bridge()
     other.ask('listen', topic='rt/skin/image_raw', kind='Image')
     when_wanted(publisher)
     other.signal(signal.SIGSTOP)
-    heard = bus.subscribe('/done', topics.WRENCH.type_name, Qos('queue', 1))
+    done = bus.subscribe('/done', topics.WRENCH.type_name, Qos('queue', 1))
     end = bus.advertise('/done', topics.WRENCH.type_name, topics.WRENCH.qos)
-    for _ in range(60):
-        publisher.publish(
-            types.Image(height=440, width=440, encoding='mono8', step=440, data=np.zeros(193600, np.uint8))
-        )
+    for number in range(60):
+        pixels = np.full(193600, number, np.uint8)
+        publisher.publish(types.Image(height=440, width=440, encoding='mono8', step=440, data=pixels))
     node.post(lambda: end.publish(wrench(0.0)))  # after all that the images had it do
-    assert heard.get(20.0) is not None
+    assert done.get(20.0) is not None
     other.signal(signal.SIGCONT)
+    got = b''
+    while got[-1:] != b'\x3b':  # 59
+        got = bytes.fromhex(other.ask('take', topic='rt/skin/image_raw')['data'])
 
 
 def test_a_bridge_that_is_told_to_end_leaves_the_graph(other: Other, tmp_path: Path) -> None:

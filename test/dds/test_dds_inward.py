@@ -1,0 +1,68 @@
+"""What comes from the graph is looked at before anybody here gets it."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tactile_nodes import messages
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.dds.inward import Inward, Wish
+from tactile_nodes.dds.opening import open_participant
+from tactile_nodes.dds.settings import Discovery
+from tactile_nodes.messages import types
+
+WRENCH = 'geometry_msgs/msg/WrenchStamped'
+Work = queue.SimpleQueue[Callable[[], None]]
+
+
+@pytest.fixture
+def participant(cyclone: None, domain: int) -> Iterator[Any]:
+    made = open_participant(domain, Discovery())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def work() -> Work:
+    return queue.SimpleQueue()
+
+
+def run_until(work: Work, holds: Callable[[], bool]) -> None:
+    while not holds():
+        work.get(timeout=20.0)()
+
+
+def test_bytes_that_are_no_such_message_are_counted_and_passed_on_to_nobody(
+    participant: Any, bus: InProcessBus, work: Work
+) -> None:
+    heard = bus.subscribe('/robot/wrench', WRENCH, Qos('queue', 10))
+    tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)
+    writer = participant.writer('/robot/wrench', WRENCH, Qos('queue', 10))
+    good = messages.encode(types.WrenchStamped(header=types.Header(frame_id='wrist')))
+    writer.write(
+        good.replace(b'wrist', b'\xff\xfe\xfd\xfc\xfb')
+    )  # no UTF-8; what does not fit the type, Cyclone keeps out
+    writer.write(good)
+    run_until(work, lambda: tested.taken == 1)
+    assert tested.malformed == 1
+    received = heard.take()
+    assert received is not None
+    assert received.message.header.frame_id == 'wrist'
+    assert heard.take() is None
+
+
+def test_bytes_in_another_encoding_are_counted(participant: Any, work: Work) -> None:
+    got: list[bytes] = []
+    reader = participant.reader('/a', WRENCH, Qos('queue', 10), lambda: work.put(lambda: got.extend(reader.take())))
+    writer = participant.writer('/a', WRENCH, Qos('queue', 10))
+    plain = messages.encode(types.WrenchStamped())
+    writer.write(b'\0\7\0\0' + plain[4:])  # PLAIN_CDR2, little endian (XTypes 1.3, table 59)
+    writer.write(plain)
+    run_until(work, lambda: bool(got))
+    assert got == [plain]
+    assert reader.malformed == 1
