@@ -89,8 +89,8 @@ def page(result: dict[str, Any]) -> str:
             f'{machine_and_commit(result)};\n{named_versions(result)};\n{result["rate_hz"]:g} Hz, '
             f'{result["seconds"]:g} s each.',
             told(result),
-            'The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable) it\n'
-            'keeps the newest messages of each topic, and waits for nobody.',
+            'The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable)\n'
+            'it keeps the newest messages of each topic, and waits for nobody.',
         )
     )
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from tactile_nodes.dds.endpoints import CdrReader
     from tactile_nodes.dds.participant import Participant
 
+_KEPT = 100  # samples of a robot's sensor at 1 kHz, while the bridge waits for its turn
+
 
 @dataclass(frozen=True)
 class Wish:
@@ -79,7 +81,8 @@ class _Flow:
         wish: Wish,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        qos = Qos('queue', topics.default_qos(wish.topic).depth, reliable=False)  # which fits every writer
+        # Not reliable: so every publisher fits.
+        qos = Qos('queue', max(topics.default_qos(wish.topic).depth, _KEPT), reliable=False)
         self._whole = whole
         self._type_name = wish.type_name
         self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)

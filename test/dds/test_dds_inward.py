@@ -44,9 +44,8 @@ def test_bytes_that_are_no_such_message_are_counted_and_passed_on_to_nobody(
     tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)
     writer = participant.writer('/robot/wrench', WRENCH, Qos('queue', 10))
     good = messages.encode(types.WrenchStamped(header=types.Header(frame_id='wrist')))
-    writer.write(
-        good.replace(b'wrist', b'\xff\xfe\xfd\xfc\xfb')
-    )  # no UTF-8; what does not fit the type, Cyclone keeps out
+    # No UTF-8. Bytes that do not fit the type at all are kept out by Cyclone itself.
+    writer.write(good.replace(b'wrist', b'\xff\xfe\xfd\xfc\xfb'))
     writer.write(good)
     run_until(work, lambda: tested.taken == 1)
     assert tested.malformed == 1
