@@ -188,14 +188,14 @@ def _problems(pipeline: Pipeline) -> list[str]:
 @contextmanager
 def _pipeline() -> Iterator[Pipeline]:
     with tempfile.TemporaryDirectory(prefix='te') as folder:
-        made = Pipeline(_model(Path(folder) / 'drawn.safetensors'))
+        made = Pipeline(drawn_model(Path(folder) / 'drawn.safetensors'))
         try:
             yield made
         finally:
             made.close()
 
 
-def _model(file: Path) -> Path:
+def drawn_model(file: Path) -> Path:
     """A model for pictures of this size: 4x4 regions of mean motion, 3x3 bins, weights drawn by chance."""
     rng, layout, bins = np.random.default_rng(7), FeatureLayout('cartesian_mean', 4, 4, 2), BinGrid(3, 3, 30.0, 30.0)
     weights = (rng.normal(0, 0.2, (16, 32)).astype(np.float32), rng.normal(0, 0.1, (9, 16)).astype(np.float32))

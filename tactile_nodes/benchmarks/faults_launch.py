@@ -110,14 +110,15 @@ class Launch:
         words: its arguments.
         log: where its output is kept.
         clock: that stamps its lines.
+        file: what is launched.
     """
 
-    def __init__(self, words: Sequence[str], log: Path, clock: Clock) -> None:
+    def __init__(self, words: Sequence[str], log: Path, clock: Clock, file: str = 'collect') -> None:
         self._clock = clock
         self.lines: list[tuple[int, str]] = []
         self.pids: dict[str, int] = {}
         self._log: IO[str] = log.open('w', encoding='utf-8')
-        command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'collect', *words]
+        command = [sys.executable, '-m', 'tactile_nodes', 'launch', file, *words]
         self._process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             start_new_session=True,
@@ -159,6 +160,8 @@ class Launch:
             os.kill(pid, signal.SIGKILL)
         self._process.wait()
         self._reader.join(2.0)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         self._log.close()
 
     def _alive(self) -> list[int]:
