@@ -6,7 +6,7 @@ import re
 
 from ros2_here import ROOT
 
-from tactile_nodes.bus.topics import TOPICS
+from tactile_nodes.bus.topics import ROSOUT, TOPICS
 from tactile_nodes.messages.services import SERVICES
 
 PAGE = (ROOT / 'docs/ros2.md').read_text(encoding='utf-8')
@@ -50,3 +50,14 @@ def test_messages_use_only_packages_that_the_build_looks_for() -> None:
         for match in re.finditer(r'^([a-z_]+)/', file.read_text(encoding='utf-8'), re.MULTILINE)
     }
     assert used == set(found.group(1).split())
+
+
+def test_quality_of_service_in_the_table_is_that_of_the_topics() -> None:
+    rows = re.findall(r'^\| ((?:`[^`]+`(?:, )?)+) \| reliable \| ([^|]+) \| (\d+) \|', PAGE, re.MULTILINE)
+    assert len(rows) >= 6
+    for names, durability, depth in rows:
+        for name in re.findall(r'`([^`]+)`', names):
+            qos = TOPICS[name].qos
+            assert qos.depth == int(depth), name
+            latched = qos.latched or name == ROSOUT.name  # bus/ros2_qos.py
+            assert durability.startswith('transient local' if latched else 'volatile'), name
