@@ -76,6 +76,7 @@ setup(
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
+        'compiled': ['numba>=0.61,<0.69'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
         'foxglove': ['foxglove-sdk>=0.30.3,<0.31'],
         'dev': [
@@ -85,6 +86,7 @@ setup(
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',
+            'numba>=0.61,<0.69',
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',
             'playwright>=1.50,<2',
