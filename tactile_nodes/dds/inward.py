@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ConfigurationError, MessageError
 
 if TYPE_CHECKING:
     from tactile_nodes.dds.endpoints import CdrReader
     from tactile_nodes.dds.participant import Participant
 
+_CLOCKS_APART_S = 0.5
 _KEPT = 100  # samples of a robot's sensor at 1 kHz, while the bridge waits for its turn
 
 
@@ -57,12 +59,38 @@ class Inward:
         post: Callable[[Callable[[], None]], None],
     ) -> None:
         self.taken = self.malformed = 0
+        self._clock = bus.clock
+        self._apart_ns = 0
         self._flows = [_Flow(self, participant, bus, node, wish, post) for wish in wishes]
 
     @property
     def gids(self) -> tuple[bytes, ...]:
         """Of the readers."""
         return tuple(flow.reader.gid for flow in self._flows)
+
+    @property
+    def apart_s(self) -> float:
+        """How old the last message was by its header, on the clock of this bus; 0 where none has one."""
+        return self._apart_ns / NS_PER_S
+
+    @property
+    def complaint(self) -> str:
+        """Why what is taken should not be compared with what is measured here; empty: it can be."""
+        if abs(self.apart_s) < _CLOCKS_APART_S:
+            return ''
+        return f'what is taken is stamped {self.apart_s:+.3f} s before it came: the clocks here and there are apart'
+
+    def pass_on(self, publisher: Publisher, data: bytes, type_name: str) -> None:
+        """Publish one message, if it is one."""
+        try:
+            message = messages.decode(data, type_name)
+        except MessageError:
+            self.malformed += 1
+            return
+        if hasattr(message, 'header'):
+            self._apart_ns = self._clock.now_ns() - messages.stamp_ns(message.header.stamp)
+        publisher.publish_bytes(data)
+        self.taken += 1
 
     def close(self) -> None:
         """Take no more."""
@@ -92,13 +120,4 @@ class _Flow:
         """Hand over what has come; called in the thread that `post` leads to."""
         while found := self.reader.take():
             for data in found:
-                self._hand_over(data)
-
-    def _hand_over(self, data: bytes) -> None:
-        try:
-            messages.decode(data, self._type_name)
-        except MessageError:
-            self._whole.malformed += 1
-            return
-        self.publisher.publish_bytes(data)
-        self._whole.taken += 1
+                self._whole.pass_on(self.publisher, data, self._type_name)

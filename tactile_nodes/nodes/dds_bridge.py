@@ -86,10 +86,11 @@ class DdsBridgeNode(Node):
 
     def _report(self) -> None:
         out, came = self._out, self._in
-        level, text = (Level.WARN, f'{out.failed} messages could not be sent') if out.failed else (Level.OK, '')
+        trouble = f'{out.failed} messages could not be sent' if out.failed else came.complaint
         self.report(
-            'graph', level, text, readers=out.readers, sent=out.forwarded, dropped=out.dropped, failed=out.failed,
-            taken=came.taken, malformed=came.malformed,
+            'graph', Level.WARN if trouble else Level.OK, trouble, readers=out.readers, sent=out.forwarded,
+            dropped=out.dropped, failed=out.failed, taken=came.taken, malformed=came.malformed,
+            taken_age_s=came.apart_s,
         )  # fmt: skip
 
 

@@ -55,6 +55,19 @@ def test_bytes_that_are_no_such_message_are_counted_and_passed_on_to_nobody(
     assert heard.take() is None
 
 
+@pytest.mark.parametrize(('age_s', 'complains'), [(0.1, False), (-3.0, True)])
+def test_clocks_that_are_apart_are_told(
+    participant: Any, bus: InProcessBus, work: Work, age_s: float, complains: bool
+) -> None:
+    tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)
+    writer = participant.writer('/robot/wrench', WRENCH, Qos('queue', 10))
+    stamp = messages.time_from_ns(bus.clock.now_ns() - round(age_s * 1e9))
+    writer.write(messages.encode(types.WrenchStamped(header=types.Header(stamp=stamp))))
+    run_until(work, lambda: tested.taken == 1)
+    assert tested.apart_s >= age_s  # and the way here comes on top
+    assert ('the clocks here and there are apart' in tested.complaint) is complains
+
+
 def test_bytes_in_another_encoding_are_counted(participant: Any, work: Work) -> None:
     got: list[bytes] = []
     reader = participant.reader('/a', WRENCH, Qos('queue', 10), lambda: work.put(lambda: got.extend(reader.take())))
