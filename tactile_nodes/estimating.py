@@ -169,6 +169,8 @@ class Estimating:
         if features.reasons & UNMEASURED:
             return unknown_forces(self.now.loaded.model.bins)
         estimator, seen = self.now.estimator, conversions.features_array(features)
+        if not np.isfinite(seen.values).all():
+            return unknown_forces(self.now.loaded.model.bins)
         return estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
 
     def _replaced(self) -> Ready:

@@ -218,7 +218,7 @@ class Registration:
         if not (self.maybe if early else self.surely):
             return
         self._rested += 1
-        share = 1 / (self._rested + 1) if early else self._share(stamp_ns)
+        share = 1 / self._rested if early else self._share(stamp_ns)
         if early:
             self._take_offset(left, PictureMotion.of(terms), field)
         self._last_ns = stamp_ns

@@ -1,0 +1,120 @@
+"""Frames in, features and forces out: what is said when the picture is no longer that of the rest image."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tactile_nodes import conversions
+from tactile_nodes.estimating import Estimating, told_sigma_n
+from tactile_nodes.following import Following, FollowingParams
+from tactile_nodes.messages import types
+from tactile_nodes.sensing.model import ForceMap
+
+sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
+from dots import picture, press
+
+FORCE = types.ForceDistribution
+S = 1_000_000_000
+
+
+class Stream:
+    """Frames of dots at 30 a second through the features of `fast`."""
+
+    def __init__(self) -> None:
+        params = FollowingParams(rows=10, cols=10, reference_frames=4)
+        self.following, self.number = Following(params), 0
+        self.following.begin_capture()
+        self.announced: list[str] = []
+
+    def feed(self, frames: int, *motions: object, light: float = 1.0, age_s: float = 0.001) -> types.FlowFeatures:
+        for _ in range(frames):
+            self.number += 1
+            image = picture(*motions, number=self.number, light=light)  # type: ignore[arg-type]
+            head = conversions.header(S + self.number * S // 30, 'camera')
+            told = self.following.answer(image, head, acquire_s=0.0, waited_s=age_s)
+            if self.following.announced() is not None:
+                self.announced.append(self.following.reference_id)
+        return told
+
+
+def test_nothing_is_said_of_frames_as_they_were_and_the_rest_image_stays() -> None:
+    stream = Stream()
+    stream.feed(4)
+    assert {stream.feed(1).reasons for _ in range(12)} == {0}
+    assert len(stream.announced) == 1
+
+
+def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_ends() -> None:
+    stream = Stream()
+    stream.feed(8)
+    assert stream.feed(1, light=0.5).reasons & FORCE.REASON_LIGHT_CHANGED
+    assert stream.feed(20, light=0.5).reasons == 0
+    assert len(stream.announced) == 2
+    stream.feed(1)
+    assert stream.feed(1).reasons == 0
+    assert stream.announced[2] == stream.announced[0]
+
+
+def test_the_rest_image_is_not_renewed_while_something_presses() -> None:
+    stream = Stream()
+    stream.feed(8)
+    stream.feed(30, press(200, 230, 0.5), light=0.5)
+    assert len(stream.announced) == 1
+
+
+def test_an_old_frame_is_told() -> None:
+    stream = Stream()
+    stream.feed(8)
+    assert stream.feed(1, age_s=0.3).reasons == FORCE.REASON_STALE
+
+
+@pytest.mark.parametrize(('grey', 'reason'), [(0, FORCE.REASON_DARK_IMAGE), (255, FORCE.REASON_SATURATED_IMAGE)])
+def test_black_and_white_are_told_in_the_first_frame_and_forgotten_in_the_next(grey: int, reason: int) -> None:
+    stream = Stream()
+    stream.feed(8)
+    nothing = np.full((440, 440), grey, np.uint8)
+    assert stream.following.answer(nothing, conversions.header(2 * S, '')).reasons == reason
+    stream.number = 60
+    assert stream.feed(1).reasons == 0
+
+
+@pytest.fixture(scope='module')
+def fast() -> Estimating:
+    return Estimating('fast')
+
+
+NONE = st.sampled_from([np.nan, np.inf, -np.inf])
+
+
+@given(st.dictionaries(st.integers(0, 199), NONE, min_size=1, max_size=4))
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_status_is_never_ok_of_features_that_are_none(fast: Estimating, none: dict[int, float]) -> None:
+    values = np.zeros(200, np.float32)
+    values[list(none)] = list(none.values())
+    message = types.FlowFeatures(
+        header=conversions.header(S, ''), rows=10, cols=10, channels=2, encoding='cartesian_mean', values=values,
+        confidence=np.ones(100, np.float32), image_width=440, image_height=440,
+    )  # fmt: skip
+    force = fast.answer(message, '', 0.85, 0.0)
+    assert force.status == FORCE.STATUS_INVALID
+    assert not force.in_contact
+    wrench = conversions.wrench_message(force).wrench
+    assert np.isnan([wrench.force.z, wrench.torque.x, wrench.torque.y]).all()
+
+
+def test_the_uncertainty_grows_with_unlikeness_lost_regions_and_reasons() -> None:
+    def sigma_n(confidence: float = 1.0, unlikeness: float = 0.5, reasons: int = 0) -> float:
+        found = ForceMap(np.zeros((1, 1), np.float32), 0.45, 0.1, (0.0, 0.0), confidence, (), 0.004, 0.1, unlikeness)
+        return told_sigma_n(found, reasons)
+
+    assert sigma_n() == pytest.approx(0.004)
+    assert sigma_n(unlikeness=3.0) == pytest.approx(0.012)
+    # A tenth of the regions beyond the hundredth that presses hide: 0.1 of 0.45 + 0.05 N, and 0.004 N beside it.
+    assert sigma_n(confidence=0.89) == pytest.approx(np.hypot(0.05, 0.004))
+    assert sigma_n(reasons=FORCE.REASON_BLURRED) == pytest.approx(np.hypot(0.15, 0.004))
