@@ -22,7 +22,7 @@ from tactile_nodes.messages import stamp_ns, types
 
 INVALID = types.ForceDistribution.STATUS_INVALID
 TOUCHED_N = 0.1
-WATCH_S = 12.0
+WATCH_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Kill:
         back_s: until the node was on the bus again; NaN: not while it was watched.
         before_n, after_n: greatest error of the force against the truth while touched, of the last second before the
             kill and of the rest of the same touch after it; NaN where there was no touch left.
-        same_rest, same_model: whether rest image and model were those from before.
+        same_rest, same_model: whether rest image and model were those from before; None: no force came.
         found: what else was looked at.
         load: of the machine.
     """
@@ -66,8 +66,8 @@ class Kill:
     back_s: float = float('nan')
     before_n: float = float('nan')
     after_n: float = float('nan')
-    same_rest: bool = False
-    same_model: bool = False
+    same_rest: bool | None = None
+    same_model: bool | None = None
     found: str = ''
     load: float = 0.0
 

@@ -22,7 +22,7 @@ KILLS = """\
 The tip holds the gel down when the process is killed, and for seconds after; the model in use is one that was set while
 it ran. *Stream back*: until the end of the longest gap between forces that are not invalid. *After*: error against the
 truth in the same touch, once the stream is back; a rest image taken of the touched gel would show there as the whole
-force. –: no touch was left, or nothing came in 12 s."""
+force. –: no touch was left, or nothing came in 20 s."""
 GARBAGE = """\
 {frames} frames of random bytes to the {sockets} sockets of a live launch, and {messages} messages with a header in
 order and random bytes behind it on {topics} topics, from a forged participant: {died} died, {bugs} lines of a
@@ -70,8 +70,8 @@ def kills_page(part: Mapping[str, Any]) -> list[str]:
     rows = [
         [
             each['process'], _seconds(each['blind_s']), str(each['missed']), _seconds(each['back_s']),
-            _mn(each['before_n']), _mn(each['after_n']), 'the same' if each['same_rest'] else 'another',
-            'the same' if each['same_model'] else 'another', f'{each["load"]:.0f}',
+            _mn(each['before_n']), _mn(each['after_n']), _same(each['same_rest']),
+            _same(each['same_model']), f'{each["load"]:.0f}',
         ]
         for each in part['kills']
     ]  # fmt: skip
@@ -147,19 +147,18 @@ def _kills(part: Mapping[str, Any]) -> list[str]:
     for each in part['kills']:
         if not each['blind_s'] <= RECOVERS_S:
             found.append(f'{each["process"]}: the stream was back after {_seconds(each["blind_s"])}, not within 2 s')
-        if not (each['same_rest'] and each['same_model']):
-            found.append(f'{each["process"]}: rest image or model were others afterwards, or no force came')
+        if False in {each['same_rest'], each['same_model']}:
+            found.append(f'{each["process"]}: rest image or model were others afterwards')
     return found
 
 
 def _bus(part: Mapping[str, Any]) -> list[str]:
     found = [*(f'garbage: {name} died' for name in part['garbage']['died']), *part['garbage']['bugs'][:3]]
-    for each in part['spoilt']:
-        if each['died'] or not each['forces'] or math.isnan(each['newcomer_s']):
-            found.append(
-                f'{each["what"]}: {each["forces"]} forces, newcomer {_seconds(each["newcomer_s"])}, {each["died"]}'
-            )
-    return found
+    bad = (each for each in part['spoilt'] if each['died'] or not each['forces'] or math.isnan(each['newcomer_s']))
+    return [
+        *found,
+        *(f'{each["what"]}: {each["forces"]} forces, newcomer {_seconds(each["newcomer_s"])}' for each in bad),
+    ]
 
 
 def _crowd(part: Mapping[str, Any]) -> list[str]:
@@ -176,6 +175,10 @@ def _files(part: Mapping[str, Any]) -> list[str]:
 
 def _seconds(value: float) -> str:
     return '–' if math.isnan(value) else f'{value:.2f} s'
+
+
+def _same(same: bool | None) -> str:
+    return {True: 'the same', False: 'another', None: '–'}[same]
 
 
 def _mn(value: float) -> str:
