@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.splines import SplineAxis
 
 BEND_MM = 1.0
@@ -68,8 +70,26 @@ class AxisymmetricResponse:
         self, contacts: Float[np.ndarray, 'n 3']
     ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
         """Motion as above, and its slopes along x, y and force."""
+        if (loops := compiled_loops()) is not None:
+            return self._compiled(loops, contacts)
         columns, slopes = self.columns_and_slopes(contacts)
         return self.seen(columns), np.stack([self.seen(each) for each in slopes])
+
+    def _compiled(
+        self, loops: ModuleType, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
+        made = np.empty((len(contacts), len(self.places), 2))
+        slopes = np.empty((3, *made.shape))
+        loops.motion_and_slopes(np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes)
+        return made, slopes
+
+    @cached_property
+    def _for_loops(self) -> tuple[np.ndarray, ...]:
+        """Places, couplings and profiles, further numbers, and the axes of distance and force, as loops want them."""
+        numbers = self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM
+        axes = [[each.low, each.high, each.intervals] for each in (DISTANCES, self.force)]
+        arrays = self.places, self.couplings, self.profiles, np.array(numbers), np.array(axes)
+        return tuple(np.ascontiguousarray(each, float) for each in arrays)
 
     def seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
         """What the regions show (px) of columns, or of slopes of columns."""

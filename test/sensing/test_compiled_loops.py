@@ -12,6 +12,7 @@ import pytest
 from responding import COMPONENTS, components, features, readout, response
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.compiling import compiled_loops, use_compiled
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.response import Fit, locate
@@ -85,6 +86,21 @@ def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float]
     sure = plain.confidence > 0.5
     np.testing.assert_allclose(compiled.displacement_px[sure], plain.displacement_px[sure], atol=2e-3)
     np.testing.assert_allclose(compiled.confidence, plain.confidence, atol=2e-2)
+
+
+@needs_numba
+@pytest.mark.parametrize('lateral', [1, 2])
+def test_the_same_motion_is_expected_around_a_press(lateral: int):
+    random = np.random.default_rng(2)
+    profiles = random.normal(size=(3, DISTANCES.count, 9))
+    columns = 2 * lateral + len(profiles) - lateral
+    gel = AxisymmetricResponse(
+        profiles, lateral, 1.2, random.uniform(-14, 14, (50, 2)), random.normal(size=(50, 2, columns)), 1.1, 0.8
+    )
+    contacts = np.array([(0.0, 0.0, 0.0), (3.0, -11.0, 0.7), (*gel.places[4], 1.4), (-9.0, 2.0, 1.5)])
+    plain, compiled = both(lambda: gel.motion_and_slopes(contacts))
+    for one, other in zip(plain, compiled, strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
 
 
 def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
