@@ -79,7 +79,7 @@ def measure(
         for case in cases:
             points = []
             for level in levels[case]:
-                scores = follow(world, case.change(level), profiles, plan)
+                scores = follow(world, case.at(level), profiles, plan)
                 points.append({'level': level, 'scores': {name: asdict(each) for name, each in scores.items()}})
                 bar.advance(1, f'{case.name} {level:g} {case.unit}')
             about = {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at}
@@ -95,7 +95,7 @@ def measure(
 def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, Score]:
     """One stream, read by every profile."""
     answers = read(world, change, profiles, plan)
-    return {name: score(each, contact_only=change.contact, endless=change.endless) for name, each in answers.items()}
+    return {name: score(each, change) for name, each in answers.items()}
 
 
 def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:

@@ -16,6 +16,7 @@ from tactile_nodes.benchmarks.stability_stream import (
     Moment,
     Presses,
     always,
+    from_the_third_press,
     in_the_rest_image,
 )
 from tactile_nodes.benchmarks.stability_times import TIMES
@@ -42,6 +43,10 @@ class Case:
     levels: tuple[float, ...]
     change: Callable[[float], Change]
     held_at: tuple[float, ...] = ()
+
+    def at(self, level: float) -> Change:
+        """What it does at a level."""
+        return self.change(float(level))
 
 
 def _gel(name: str, unit: str, levels: tuple[float, ...], gel: Callable[..., Gel], *held: float) -> Case:
@@ -99,6 +104,8 @@ OPTICS = (
 
 GEOMETRY = (
     _gel('camera shifted', 'px', (0.3, 1, 3, 5), disturb.knocked, 0.3, 1, 3),
+    Case('geometry', 'camera shifted as a tip comes down', 'px', (0.3, 3),
+         lambda level: Change(gel=lambda gel: disturb.knocked(gel, level), acts=from_the_third_press)),
     _gel('camera turned', 'degrees', (0.1, 1, 2), disturb.rolled, 0.1, 1),
     _gel('magnified', '%', (0.2, 1), disturb.magnified),
     _gel('gel swollen', 'mm', (0.1, 0.3), lambda gel, mm: disturb.shrunk(gel, -100 * mm / gel.soft_mm)),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.benchmarks.stability_stream import AFTER, CAPTURE, DURING, HELD, REST, ForceTables, Moment, force_n
+from tactile_nodes.benchmarks.stability_stream import AFTER, CAPTURE, HELD, REST, Change, ForceTables, Moment, force_n
 from tactile_nodes.messages import types
 
 FORCE = types.ForceDistribution
@@ -89,14 +89,15 @@ class Score:
     reasons: dict[str, float]
 
 
-def score(answers: Sequence[Answer], *, contact_only: bool = False, endless: bool = False) -> Score:
-    """Sum a stream up; `contact_only` if the disturbance is there only while something touches, `endless` if from the
-    rest image on."""
-    during = [each for each in answers if each.moment.part == DURING or (endless and each.moment.kind != CAPTURE)]
+def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
+    """Sum a stream up, over the frames on which a change acts; over all of them if it does not end."""
+    change = change or Change()
+    endless = change.endless
+    during = [each for each in answers if (each.moment.kind != CAPTURE if endless else change.acts(each.moment))]
     held = [each for each in during if each.moment.kind == HELD]
     rest = [each for each in during if each.moment.kind == REST]
     held_ok, rest_ok = ([each for each in some if each.status == OK] for some in (held, rest))
-    caused = next((n for n, each in enumerate(during) if not contact_only or each.moment.touching), 0)
+    caused = next((n for n, each in enumerate(during) if not change.contact or each.moment.touching), 0)
     since, after = during[caused:], [each for each in answers if each.moment.part == AFTER]
     return Score(
         rmse_n=_rms(held),

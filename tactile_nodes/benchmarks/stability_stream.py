@@ -52,12 +52,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame to be: what presses, where in the course it is, when it was taken and how long ago that is."""
+    """One frame to be: what presses, where in the course it is (`press` numbers the presses, from 0), when it was taken
+    and how long ago that is."""
 
     number: int
     part: str
     kind: str
     presses: Presses = ()
+    press: int = -1
     stamp_ns: int = 0
     age_s: float = 0.002
 
@@ -69,16 +71,16 @@ class Moment:
 
 def course(plan: Plan, presses: Sequence[Presses]) -> list[Moment]:
     """All frames of a stream under some presses, one after another."""
-    parts: list[tuple[str, str, Presses]] = [(BEFORE, CAPTURE, ())] * plan.capture
-    parts += [(BEFORE, REST, ())] * plan.before
-    parts += [(DURING, REST, ())] * plan.coming
-    for each in presses:
+    parts: list[tuple[str, str, Presses, int]] = [(BEFORE, CAPTURE, (), -1)] * plan.capture
+    parts += [(BEFORE, REST, (), -1)] * plan.before
+    parts += [(DURING, REST, (), -1)] * plan.coming
+    for count, each in enumerate(presses):
         way = [_at_share(each, (number + 1) / (plan.approach + 1)) for number in range(plan.approach)]
-        parts += [(DURING, MOVING, here) for here in way]
-        parts += [(DURING, HELD, each)] * plan.hold
-        parts += [(DURING, MOVING, here) for here in reversed(way)]
-        parts += [(DURING, REST, ())] * plan.rest
-    parts += [(AFTER, REST, ())] * plan.after
+        parts += [(DURING, MOVING, here, count) for here in way]
+        parts += [(DURING, HELD, each, count)] * plan.hold
+        parts += [(DURING, MOVING, here, count) for here in reversed(way)]
+        parts += [(DURING, REST, (), count)] * plan.rest
+    parts += [(AFTER, REST, (), -1)] * plan.after
     period_ns = round(NS_PER_S / plan.fps)
     return [Moment(number, *each, FIRST_NS + number * period_ns) for number, each in enumerate(parts)]
 
@@ -110,6 +112,21 @@ def while_it_lasts(moment: Moment) -> bool:
     return moment.part == DURING
 
 
+def in_the_rest_image(moment: Moment) -> bool:
+    """For disturbances that end when the rest image has been taken."""
+    return moment.kind == CAPTURE
+
+
+def always(_: Moment) -> bool:
+    """For disturbances that are in the rest image, too, and stay."""
+    return True
+
+
+def from_the_third_press(moment: Moment) -> bool:
+    """For what happens while a tip comes down."""
+    return moment.part == DURING and moment.press >= 2
+
+
 @dataclass(frozen=True)
 class Change:
     """What a disturbance does. All of it acts on the frames that `acts` names: the part of the course, or the capture.
@@ -136,17 +153,7 @@ class Change:
     @property
     def endless(self) -> bool:
         """Whether what it does is in the rest image, and so in all that follows."""
-        return self.acts is not while_it_lasts
-
-
-def in_the_rest_image(moment: Moment) -> bool:
-    """For disturbances that end when the rest image has been taken."""
-    return moment.kind == CAPTURE
-
-
-def always(_: Moment) -> bool:
-    """For disturbances that are in the rest image, too, and stay."""
-    return True
+        return self.acts in (in_the_rest_image, always)
 
 
 ForceTables = dict[str, ContactTable]

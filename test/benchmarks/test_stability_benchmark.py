@@ -17,7 +17,7 @@ from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
 from tactile_nodes.benchmarks.stability_page import page, picture_of
 from tactile_nodes.benchmarks.stability_plots import draw as draw_plots
 from tactile_nodes.benchmarks.stability_scores import OK
-from tactile_nodes.benchmarks.stability_stream import DURING, HELD, Change, Plan, World
+from tactile_nodes.benchmarks.stability_stream import DURING, HELD, REST, Change, Plan, World
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
 
@@ -31,7 +31,7 @@ def world() -> World:
 def test_every_disturbance_grows_and_says_at_which_levels_it_shall_hold(case: Case) -> None:
     assert len(set(case.levels)) == len(case.levels)
     assert set(case.held_at) <= set(case.levels)
-    assert isinstance(case.change(case.levels[0]), Change)
+    assert isinstance(case.at(case.levels[0]), Change)
 
 
 def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: Path) -> None:
@@ -47,39 +47,61 @@ def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: 
 
 
 def test_the_same_stream_is_read_alike_again(world: World) -> None:
-    change = named('brightness')[0].change(0.9)
+    change = named('brightness')[0].at(0.9)
     assert follow(world, change, ['fast'], QUICK) == follow(world, change, ['fast'], QUICK)
 
 
-USUAL = Plan(presses=2, before=1, coming=8, rest=1, after=1)
+FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
+ONE = Plan(presses=1, before=1, coming=4, rest=1, after=1)
+FLOOR_N = 0.003
+"""What noise makes of a force, however little presses."""
+
+GUARDED = (
+    ('brightness', 0.7), ('brightness', 1.3), ('flicker', 30), ('blur', 1), ('noise', 4), ('JPEG', 30),
+    ('camera shifted', 3), ('camera turned', 1), ('another gel put in', 1), ('markers gone', 20), ('vibration', 0.3),
+    ('frames dropped', 90), ('stamps jump', -60), ('saturated', 3), ('all black', 0), ('motion exactly zero', 0),
+)  # fmt: skip
+"""Disturbances under which `fast` is right or says that it is not."""
+
+WINNING = (('deeper than trained', 2.5), ('flat punch', 1), ('two contacts', 4))
+"""Some of those that win: `fast` is wrong there and says ok, as docs/results/stability.md tells."""
 
 
 @pytest.fixture(scope='module')
 def usual_n(world: World) -> float:
-    """The largest error of `fast` under presses when nothing is wrong."""
-    return max(
-        abs(each.error_n) for each in read(world, Change(), ['fast'], Plan())['fast'] if each.moment.kind == HELD
-    )
+    """The error of `fast` under presses when nothing is wrong."""
+    found = follow(world, Change(), ['fast'], FEW)['fast'].rmse_n
+    assert found is not None
+    return found
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize(('name', 'level'), GUARDED)
+def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
+    world: World, usual_n: float, name: str, level: float
+) -> None:
+    found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
+    assert found.rmse_ok_n is None or found.rmse_ok_n <= 2 * usual_n + FLOOR_N
+    assert found.false_ok_n <= 0.020
+
+
+@pytest.mark.parametrize(('name', 'level'), WINNING)
+def test_what_wins_on_the_page_still_wins(world: World, usual_n: float, name: str, level: float) -> None:
+    found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
+    assert found.rmse_ok_n is not None, 'it says so now: take it off this list, and off the page by a new run'
+    assert found.rmse_ok_n > 2 * usual_n + FLOOR_N, 'it holds now: take it off this list, and off the page by a new run'
+
+
+@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    shift_px=draw.floats(0, 6),
-    light=draw.floats(0.3, 1.9),
-    blur_px=draw.floats(0, 2),
-    noise=draw.floats(1, 6),
-    dirt_share=draw.floats(0, 0.2),
+    shift_px=draw.just(0.0) | draw.floats(0, 6),
+    light=draw.just(1.0) | draw.floats(0.3, 1.9),
+    blur_px=draw.just(0.0) | draw.floats(0, 2),
+    noise=draw.just(1.0) | draw.floats(1, 6),
+    dirt_share=draw.just(0.0) | draw.floats(0, 0.2),
     seed=draw.integers(0, 10_000),
 )
 def test_whatever_comes_together_a_force_that_is_ok_is_right(
-    world: World,
-    usual_n: float,
-    shift_px: float,
-    light: float,
-    blur_px: float,
-    noise: float,
-    dirt_share: float,
-    seed: int,
+    world: World, shift_px: float, light: float, blur_px: float, noise: float, dirt_share: float, seed: int
 ) -> None:
     through = np.float32(light) * disturb.dirt((480, 640), dirt_share, seed)
     change = Change(
@@ -87,8 +109,8 @@ def test_whatever_comes_together_a_force_that_is_ok_is_right(
         light=lambda radiance, _: disturb.blurred(radiance * through, blur_px),
         noise=noise,
     )
-    answers = read(world, change, ['fast'], dataclasses.replace(USUAL, seed=seed))['fast']
+    answers = read(world, change, ['fast'], dataclasses.replace(ONE, seed=seed))['fast']
     during = [each for each in answers if each.moment.part == DURING and each.status == OK]
-    assert all(abs(each.error_n) <= 2 * usual_n + 3 * each.sigma_n for each in during if each.moment.kind == HELD)
-    assert all(each.total_n <= 0.020 for each in during if each.moment.kind == 'rest')
+    assert all(abs(each.error_n) <= 0.010 + 3 * each.sigma_n for each in during if each.moment.kind == HELD)
+    assert all(each.total_n <= 0.020 for each in during if each.moment.kind == REST)
     assert all(math.isfinite(each.total_n) for each in during)

@@ -17,8 +17,10 @@ from tactile_nodes.benchmarks.stability_stream import (
     DURING,
     HELD,
     REST,
+    Change,
     Moment,
     Plan,
+    always,
     course,
     random_presses,
 )
@@ -82,13 +84,13 @@ def test_frames_are_counted_from_the_cause_and_from_its_end() -> None:
 
 
 def test_what_is_there_only_in_contact_is_caused_by_the_first_contact() -> None:
-    found = score([rest(0.0), rest(0.0), held(0.5), held(0.5, DEGRADED)], contact_only=True)
+    found = score([rest(0.0), rest(0.0), held(0.5), held(0.5, DEGRADED)], Change(contact=True))
     assert found.until_said == 2
 
 
 def test_what_is_in_the_rest_image_counts_to_the_end_and_is_never_left() -> None:
     first = answer(BEFORE, CAPTURE, status=INVALID)
-    found = score([first, answer(BEFORE, REST, status=DEGRADED), held(0.5), answer(AFTER, REST)], endless=True)
+    found = score([first, answer(BEFORE, REST, status=DEGRADED), held(0.5), answer(AFTER, REST)], Change(acts=always))
     assert (found.until_said, found.until_left) == (1, None)
     assert found.invalid == 0
 
