@@ -43,7 +43,7 @@ class Participant:
         except DDSException as error:
             raise BusError(
                 f'cannot join DDS domain {domain_id} ({error}); '
-                'do 33 participants run on this machine already, or is another one in this process?'
+                'what Cyclone says stands above. Do 33 participants run on this machine, or another in this process?'
             ) from error
         self.confined = confine(before) if discovery.is_local else 0
         self._topics: dict[tuple[str, str], Topic[Any]] = {}

@@ -6,6 +6,7 @@ Source: ROS 2 documentation, "Improved Dynamic Discovery" (Iron and later), and 
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
@@ -46,13 +47,17 @@ class Discovery:
     def config(self) -> str | None:
         """Cyclone's configuration; None leaves it to CYCLONEDDS_URI and Cyclone's own choice of a network.
 
-        For this machine it is what rmw_cyclonedds has for LOCALHOST. It names no interface: one side that speaks from
-        127.0.0.1 alone and one that speaks from the machine's address do not find each other in either order.
+        For this machine it is what rmw_cyclonedds has for LOCALHOST. It names no interface: a side that speaks
+        from 127.0.0.1 alone is not found by one that was there before and speaks from the machine's own address.
         `confining` sees to it that nothing but this machine is reached.
+
+        Raises:
+            ConfigurationError: a peer's name leads nowhere.
         """
         if not self.is_local and not self.peers:
             return None
-        peers = ''.join(f'<Peer address={quoteattr(address)}/>' for address in ('localhost', *self.peers))
+        addresses = ('localhost', *map(_address, self.peers))
+        peers = ''.join(f'<Peer address={quoteattr(address)}/>' for address in addresses)
         return (
             '<CycloneDDS><Domain>'
             f'<General><AllowMulticast>{"false" if self.is_local else "default"}</AllowMulticast></General><Discovery>'
@@ -60,3 +65,10 @@ class Discovery:
             f'<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex><Peers>{peers}</Peers></Discovery>'
             '</Domain></CycloneDDS>'
         )
+
+
+def _address(peer: str) -> str:
+    try:
+        return str(socket.getaddrinfo(peer, None, socket.AF_INET)[0][4][0])
+    except OSError as error:  # Cyclone would abort the process
+        raise ConfigurationError(f'the peer {peer!r} leads nowhere ({error}); give a name or an address') from error

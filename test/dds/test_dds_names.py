@@ -40,8 +40,13 @@ def test_on_a_network_the_configuration_of_cyclone_is_left_to_its_user() -> None
 
 
 def test_machines_that_are_named_are_asked() -> None:
-    config = ET.fromstring(Discovery.chosen('SUBNET', ('robot.local',), {}).config() or '')
-    assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost', 'robot.local']
+    config = ET.fromstring(Discovery.chosen('SUBNET', ('192.0.2.9',), {}).config() or '')
+    assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost', '192.0.2.9']
+
+
+def test_a_machine_that_nobody_knows_is_refused_before_cyclone_sees_it() -> None:
+    with pytest.raises(ConfigurationError, match=r"the peer 'robot\.invalid' leads nowhere"):  # RFC 2606
+        Discovery.chosen('SUBNET', ('robot.invalid',), {}).config()
 
 
 @pytest.mark.parametrize(('wish', 'peers'), [('LOCALHOST', ('robot.local',)), ('MOON', ())])
