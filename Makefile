@@ -39,5 +39,8 @@ $(VENV)/.dev: setup.py constraints.txt $(VENV)/.live
 	@$(PIP) --constraint constraints.txt --editable '.[train,dev]'
 	@touch $@
 
+docs: $(VENV)/.live
+	$(BIN)/tactile reference
+
 clean:
 	rm -rf $(VENV) build *.egg-info
