@@ -86,10 +86,14 @@ class Straightening:
         self._maps = cv2.convertMaps(field, None, cv2.CV_16SC2)  # type: ignore[call-overload]
 
     def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image with its content where it was; what the camera no longer sees is taken from `beyond`."""
+        """The image with its content where it was; what the camera no longer sees is taken from `beyond`.
+
+        By Lanczos' kernel of 8x8 pixels: bicubic interpolation takes a third of the time and blurs, which models at
+        full size read as less force.
+        """
         whole, part = self._maps
         straight: np.ndarray = cv2.remap(
-            image, whole, part, cv2.INTER_CUBIC, dst=beyond.copy(), borderMode=cv2.BORDER_TRANSPARENT
+            image, whole, part, cv2.INTER_LANCZOS4, dst=beyond.copy(), borderMode=cv2.BORDER_TRANSPARENT
         )
         return straight
 
