@@ -123,6 +123,7 @@ class MotionFit:
         self._along_y = np.stack([zero, one, y, x, -x * y, x * x, x * y, y * y], axis=-1)
         squares = [np.einsum('ni,nj->nij', each, each) for each in (self._along_x, self._along_y)]
         self._products = sum(squares).reshape(rows * cols, -1)
+        self._mean_product = self._products.mean(axis=0).reshape(TERMS, TERMS)
 
     def carried(self, terms: Float[np.ndarray, ' terms']) -> Float[np.ndarray, 'patches 2']:
         """How each patch moves with the picture (px)."""
@@ -130,7 +131,7 @@ class MotionFit:
 
     def size_px(self, terms: Float[np.ndarray, ' terms']) -> float:
         """Root mean square over the patches."""
-        return math.sqrt(float(terms @ (self._products.mean(axis=0).reshape(TERMS, TERMS) @ terms)))
+        return math.sqrt(float(terms @ (self._mean_product @ terms)))
 
     def common(
         self,
@@ -148,13 +149,20 @@ class MotionFit:
         terms = np.zeros(TERMS)
         if not about_none:
             terms[:2] = np.median(motion[weight > 0], axis=0)
-        away = np.square(motion - self.carried(terms)).sum(axis=1)
+        away = np.square(motion).sum(axis=1) if about_none else self._away(motion, terms)
         scale = FAR_PX**2 if about_none else max(FAR_PX**2, float(np.median(away[weight > 0])))
-        for _ in range(rounds):
+        for number in range(rounds):
             terms = self._weighted(motion, weight / np.square(1 + away / scale))
-            away = np.square(motion - self.carried(terms)).sum(axis=1)
-            scale = max(FAR_PX**2, scale / 4)
+            if number < rounds - 1:
+                away = self._away(motion, terms)
+                scale = max(FAR_PX**2, scale / 4)
         return terms
+
+    def _away(self, motion: Float[np.ndarray, 'patches 2'], terms: Float[np.ndarray, ' terms']) -> np.ndarray:
+        """Squared distance of each patch from where the terms carry it."""
+        away: np.ndarray = np.square(motion[:, 0] - self._along_x @ terms)
+        away += np.square(motion[:, 1] - self._along_y @ terms)
+        return away
 
     def _weighted(
         self, motion: Float[np.ndarray, 'patches 2'], weight: Float[np.ndarray, ' patches']

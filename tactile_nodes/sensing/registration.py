@@ -92,6 +92,7 @@ class Registration:
         self.motion = self._base = PictureMotion()
         self.settled, self.lost, self.found = True, False, 1.0
         self.surely, self.maybe = False, False
+        self._moved_px = 0.0
         self._reference: np.ndarray | None = None
         self._rest: Registered
         self._fit: MotionFit
@@ -109,7 +110,7 @@ class Registration:
     @property
     def size_px(self) -> float:
         """Of the motion that is taken out: root mean square over the picture."""
-        return self._size_px(self.since_rest) if self._reference is not None else 0.0
+        return self._moved_px
 
     @property
     def steady(self) -> bool:
@@ -174,8 +175,8 @@ class Registration:
         if self.lost:
             return False
         weight = found.astype(float)
-        terms = self._fit.common(motion, weight, rounds=1, about_none=True)
-        if self._fit.size_px(terms) > KNOCK_PX / 2:
+        terms = self._fit.common(motion, weight, rounds=2, about_none=True)
+        if self._fit.size_px(terms) > 0.7 * KNOCK_PX:
             terms = self._fit.common(motion, weight)
             if self._knocked(motion[found], terms, found):
                 return self._jump(terms)
@@ -265,6 +266,7 @@ class Registration:
         self.motion, self.settled = motion, settled
         if self._straightening is None or self._apart_px(self._straightening) > NEGLIGIBLE_PX:
             self._straightening = self._straightening_for(motion)
+        self._moved_px = self._size_px(self.since_rest)
         left = self.beside_frame - self._base
         self._remainder = left if self._size_px(left) > NEGLIGIBLE_PX else None
 
