@@ -22,7 +22,7 @@ from tactile_nodes.messages import stamp_ns, types
 
 INVALID = types.ForceDistribution.STATUS_INVALID
 TOUCHED_N = 0.1
-WATCH_S = 20.0
+WATCH_S, LEAST_GAP_S = 20.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -132,13 +132,15 @@ def blindness(killed_ns: int, good: Sequence[Seen]) -> tuple[float, int]:
     """Seconds from the kill to the end of the longest gap between forces, and how many images that gap holds.
 
     Forces published 0.1, 0.2 and 1.5 s after the kill make 1.5 s, and a gap of 1.3 s holds 77 images between its ends.
+    A gap of less than a quarter of a second is none: 0 s.
     """
     if not good:
         return float('nan'), 0
     at_ns = np.array([killed_ns, *(each.published_ns for each in good)])
     longest = int(np.argmax(np.diff(at_ns)))
     gap_s = float(at_ns[longest + 1] - at_ns[longest]) / NS_PER_S
-    return float(at_ns[longest + 1] - killed_ns) / NS_PER_S, max(0, round(gap_s * 60) - 1)
+    back_s = float(at_ns[longest + 1] - killed_ns) / NS_PER_S if gap_s >= LEAST_GAP_S else 0.0
+    return back_s, max(0, round(gap_s * 60) - 1)
 
 
 def _worst(running: Sensor, seen: Sequence[Seen]) -> float:

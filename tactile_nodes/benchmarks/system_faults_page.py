@@ -20,7 +20,8 @@ Hours of sensing: `endurance.md`. All of it is simulation, on the machine named 
 
 KILLS = """\
 The tip holds the gel down when the process is killed, and for seconds after; the model in use is one that was set while
-it ran. *Stream back*: until the end of the longest gap between forces that are not invalid. *After*: error against the
+it ran. *Stream back*: until the end of the longest gap between forces that are not invalid, 0 if it is
+below 0.25 s. *After*: error against the
 truth in the same touch, once the stream is back; a rest image taken of the touched gel would show there as the whole
 force. –: no touch was left, or nothing came in 20 s."""
 GARBAGE = """\

@@ -74,3 +74,10 @@ def test_a_file_left_open_is_a_complaint() -> None:
 )
 def test_what_is_wrong_is_told(change: dict[str, Any], told: str) -> None:
     assert any(told in text for text in endurance.complaints('stepped', part(**change)))
+
+
+def test_a_step_is_no_steady_growth_and_a_slope_is() -> None:
+    hour = [Look(36.0 * at, 100.0 + 4.0 * (at > 50), 7, 3, 0.0) for at in range(100)]
+    assert growth(hour)['steady_mb_per_hour'] == pytest.approx(0.0)
+    leaking = [Look(36.0 * at, 100.0 + 0.05 * at, 7, 3, 0.0) for at in range(100)]
+    assert growth(leaking)['steady_mb_per_hour'] == pytest.approx(5.0)  # 0.05 MiB in 36 s
