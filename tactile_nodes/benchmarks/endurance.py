@@ -130,8 +130,8 @@ def _verdict(name: str, part: Mapping[str, Any]) -> str:
     if wrong := complaints(name, part):
         return f'Wrong: {"; ".join(wrong)}.'
     return (
-        f'Nothing leaks, by these limits: less than {MOST_MB_PER_HOUR:g} MiB an hour steadily (the median of ten parts of '
-        'the time), no file and no thread more at the end than after a fifth.'
+        f'Nothing leaks, by these limits: less than {MOST_MB_PER_HOUR:g} MiB an hour steadily (the median of ten parts '
+        'of the time), no file and no thread more at the end than after a fifth.'
     )
 
 
