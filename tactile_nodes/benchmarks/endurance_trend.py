@@ -30,8 +30,8 @@ def growth(looks: Sequence[Look]) -> dict[str, Any]:
 
     `mb_per_hour` is that of the line through the memory of all looks after the first fifth (least squares), NaN for
     less than three of them; 100 MiB at 0 s and 101 MiB at 1800 s make 2. `steady_mb_per_hour` is the median of the
-    slopes in ten parts of that time: what grows with each frame grows in each part, while a heap that is enlarged once, for
-    a moment of much work, steps once.
+    slopes in ten parts of that time: what grows with each frame grows in each part, while a heap that is enlarged
+    once, for a moment of much work, steps once.
     """
     settled = looks[round(SETTLED * len(looks)) :]
     first, last = settled[0], settled[-1]
