@@ -31,7 +31,7 @@ from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.freshness import Freshness
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.quality import PictureLikeness, picture_faults, sharpness
-from tactile_nodes.sensing.registration import FEW_FOUND
+from tactile_nodes.sensing.registration import FEW_FOUND, KNOCK_PX
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
 from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest, overlay
 
@@ -202,7 +202,8 @@ class Following:
             return 0
         told = {
             FORCE.REASON_PICTURE_LOST: registration.lost,
-            FORCE.REASON_FOREIGN_MOTION: not registration.settled,
+            FORCE.REASON_FOREIGN_MOTION: not registration.settled
+            or (self._flow == 'dis' and registration.size_px > KNOCK_PX),  # what it is off by depends on motion
             FORCE.REASON_LOW_CONFIDENCE: registration.found < FEW_FOUND,
         }
         return sum(reason for reason, present in told.items() if present)
