@@ -20,8 +20,10 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
+from tactile_nodes.sensing.response import Response
+from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
+from tactile_nodes.sensing.uncertainty import Calibration
 
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},

@@ -74,7 +74,7 @@ def _profiles(result: Mapping[str, Any]) -> str:
     for name, each in sorted(shipped.items(), key=lambda one: one[1]['cpu_ms']['median']):
         cpu = each['cpu_ms']['median']
         errors = [
-            f'{each[error]:.4f} ({each[error] / paper[error]:.2f})' if error in each else '–'
+            f'{each[error]:.4f} ({_share(each[error], paper[error])})' if error in each else '–'
             for error in ('armse_n', 'rmse_mc_n', 'd_loc_mm')
         ]
         times = [f'1/{whole["cpu_ms"]["median"] / cpu:.1f}' for whole in (paper, medium)]
@@ -82,6 +82,10 @@ def _profiles(result: Mapping[str, Any]) -> str:
     heads = ['model', 'CPU [ms]', 'of paper', f'of {MEDIUM}', 'aRMSE [N] (of paper)', 'RMSE_mc [N] (of paper)',
              'd_loc [mm] (of paper)']  # fmt: skip
     return table(heads, rows)
+
+
+def _share(part: float, whole: float) -> str:
+    return f'{part / whole:.2f}' if whole else '–'
 
 
 def _stages(result: Mapping[str, Any]) -> str:

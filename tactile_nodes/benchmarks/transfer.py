@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tactile_nodes.model_file import LoadedModel
     from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
     from tactile_nodes.sensing.readout_arrays import AnyReadout
-    from tactile_nodes.sensing.response import ResponseReadout
+    from tactile_nodes.sensing.response_readout import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
 GELS_SEED, PRESSES_SEED = 77, 5001

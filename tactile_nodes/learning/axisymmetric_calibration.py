@@ -11,7 +11,8 @@ from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.response_calibration import LEAST_JUDGES, spread_of
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
-from tactile_nodes.sensing.response import Calibration, Fit
+from tactile_nodes.sensing.response import Fit
+from tactile_nodes.sensing.uncertainty import Calibration
 
 TYPICAL = np.array([0.1, 0.1, 0.02])
 """Errors of x and y (mm) and of the force (share) that a correction is expected to remove."""

@@ -14,7 +14,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import ForceEstimator, ForceMap, ForceModel
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.response_readout import ResponseReadout
 
 SEED = 1001
 """Of the presses that `tactile evaluate` scores."""

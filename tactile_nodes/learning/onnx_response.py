@@ -16,17 +16,9 @@ from tactile_nodes.learning.onnx_splines import value_and_slopes
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.reading import UNKNOWN
-from tactile_nodes.sensing.response import (
-    CONVERGED_MM,
-    DAMPING,
-    LARGEST_STEP_MM,
-    MOST_STEPS,
-    NOWHERE_MM,
-    SURE_OF_DIRECTIONS,
-    WORTHWHILE_GAIN,
-    Response,
-    ResponseReadout,
-)
+from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, LARGEST_STEP_MM, MOST_STEPS, WORTHWHILE_GAIN, Response
+from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
+from tactile_nodes.sensing.uncertainty import NOWHERE_MM
 
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 

@@ -11,7 +11,9 @@ from jaxtyping import Float
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90, ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.response import Calibration, Fit, ResponseReadout, Seen, factor_at
+from tactile_nodes.sensing.response import Fit
+from tactile_nodes.sensing.response_readout import ResponseReadout, Seen
+from tactile_nodes.sensing.uncertainty import Calibration, factor_at
 
 FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000

@@ -22,7 +22,8 @@ from tactile_nodes.learning.response_calibration import calibrated, rescaled
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.response import Response, ResponseReadout, project
+from tactile_nodes.sensing.response import Response
+from tactile_nodes.sensing.response_readout import ResponseReadout, project
 from tactile_nodes.sensing.splines import SplineAxis
 
 LEAST_UNTOUCHED = 12

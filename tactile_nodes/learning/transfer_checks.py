@@ -11,7 +11,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import NetworkReadout
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.response_readout import ResponseReadout
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.transfer_fit import Errors

@@ -39,7 +39,7 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.readout_arrays import AnyReadout
-from tactile_nodes.sensing.response import Calibration
+from tactile_nodes.sensing.uncertainty import Calibration
 
 FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
 REGION_TURNS = 4

@@ -30,7 +30,7 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.outline import OutlineMap
 from tactile_nodes.sensing.readout_arrays import AnyReadout
-from tactile_nodes.sensing.response import Calibration
+from tactile_nodes.sensing.uncertainty import Calibration
 
 LEAST_PLACES, REGIONS_FROM = 3, 8
 """Places that fix a linear map and a shift; presses from which the regions are tried one by one."""

@@ -12,7 +12,7 @@ from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, LEAST_NOISE
 from tactile_nodes.learning.config import AxisymmetricConfig
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.readout_arrays import AnyReadout
-from tactile_nodes.sensing.response import ResponseReadout
+from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import cubes
 
 SAMPLED = 1200

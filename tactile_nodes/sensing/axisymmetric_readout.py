@@ -19,8 +19,9 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.reading import Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.response import DAMPING, NOWHERE_MM, Calibration, Fit, factor_at
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
+from tactile_nodes.sensing.response import DAMPING, Fit
+from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
 """Distances from the press at which the share of motion that a region may be off by is stated."""
@@ -220,12 +221,18 @@ class AxisymmetricReadout:
         if not seen.enough:
             return nothing_read(self.bins)
         fit = self.fit(seen)
-        contacts = self.contacts(fit)
+        contacts, unlike = self.contacts(fit), math.sqrt(fit.misfit) / self.calibration.misfit_limit
         if self.gain(seen, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        elif self._beyond(fit.contacts):
+            unlike = max(unlike, BEYOND_UNLIKENESS)
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
-        unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether a contact is harder, or further from the middle, than any that was measured."""
+        reach_mm = self.correction.reach_mm * self.response.width
+        return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.response.highest_n).any())
 
     def gain(self, seen: Seen, fit: Fit) -> float:
         """How much more probable the fitted contacts are than none: half the fall of the squared misfit, in noise."""

@@ -12,6 +12,8 @@ from jaxtyping import Float32
 from tactile_nodes.sensing.geometry import BinGrid
 
 UNKNOWN = float('nan')
+BEYOND_UNLIKENESS = 2.0
+"""At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,8 @@ from tactile_nodes.learning.response_calibration import (
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.response import ResponseReadout, factor_at
+from tactile_nodes.sensing.response_readout import ResponseReadout
+from tactile_nodes.sensing.uncertainty import factor_at
 
 LIKENESS = Likeness(np.zeros(4, np.float32), np.eye(2, 4, dtype=np.float32), 1.0, 1.0)
 

@@ -9,8 +9,10 @@ import numpy as np
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.response import Calibration, Response, ResponseReadout
+from tactile_nodes.sensing.response import Response
+from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
+from tactile_nodes.sensing.uncertainty import Calibration
 
 BINS = BinGrid()
 GRID = 6

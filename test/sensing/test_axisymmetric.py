@@ -13,8 +13,8 @@ from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM, AxisymmetricRea
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.response import Calibration
 from tactile_nodes.sensing.splines import SplineAxis
+from tactile_nodes.sensing.uncertainty import Calibration
 
 HARDEST_N = 1.0
 NOISE_PX = 0.003

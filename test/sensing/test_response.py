@@ -16,7 +16,9 @@ from tactile_nodes.sensing import response as response_module
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.response import Calibration, factor_at, gained, locate, project
+from tactile_nodes.sensing.response import gained, locate
+from tactile_nodes.sensing.response_readout import project
+from tactile_nodes.sensing.uncertainty import Calibration, factor_at
 
 GEL = response()
 READER = readout()
@@ -42,6 +44,15 @@ def test_what_ends_the_search_for_nothing_does_not_touch_contacts(place: tuple[f
     found = locate(GEL, seen, GEL.start(seen)[None], least_gain=12.0)
     np.testing.assert_array_equal(found.contacts, plain.contacts)
     assert found.misfit == plain.misfit
+
+
+@pytest.mark.parametrize(
+    ('place', 'known'), [((0.0, 3.0, 0.9), True), ((0.0, 3.0, 1.05), False), ((11.9, 0.0, 0.5), True)]
+)
+def test_a_contact_at_the_end_of_the_training_is_unlike_it(place: tuple[float, float, float], known: bool) -> None:
+    inside = (*place[:2], min(place[2], GEL.s.high))
+    seen = components(READER.response, inside) * np.float32(place[2] / inside[2])  # its motion is linear in s
+    assert (READER.read(features(READER, seen), SURE).unlikeness <= 1) == known
 
 
 def test_noise_is_given_up_after_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,152 @@
+"""A measured response as a readout: features to scores, scores to contacts, contacts to bins, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.likeness import Likeness
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN, Contact, Reading, nothing_read, spread_over_bins
+from tactile_nodes.sensing.response import CONVERGED_MM, Fit, Response, damping, gained, locate
+from tactile_nodes.sensing.splines import value_and_slopes
+from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
+
+SURE_OF_DIRECTIONS = 1e-3
+"""Keeps directions that only missing regions could tell apart at zero."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame's scores along the principal directions, what they leave over, and the whole: root mean squares."""
+
+    scores: Float32[np.ndarray, ' components']
+    left_over: float
+    size: float
+
+
+def project(
+    directions: Float32[np.ndarray, 'components inputs'],
+    inputs: Float32[np.ndarray, ' inputs'],
+    missing: Bool[np.ndarray, ' inputs'],
+) -> Seen:
+    """Least squares scores of inputs along orthonormal directions, where some inputs are missing (and zero)."""
+    along = directions @ inputs
+    scores = along
+    if missing.any():
+        lost = directions[:, missing]
+        square = np.eye(len(directions), dtype=np.float32) * (1 + SURE_OF_DIRECTIONS) - lost @ lost.T
+        scores = np.linalg.solve(square, along)
+    count = max(len(inputs) - int(missing.sum()), 1)
+    whole = float(inputs @ inputs)
+    left = max(whole - float(scores @ along), 0.0)
+    return Seen(scores, math.sqrt(left / count), math.sqrt(whole / count))
+
+
+@dataclass(frozen=True)
+class ResponseReadout:
+    """Features to components (`directions`, `whitening`), components to contacts, contacts to bins."""
+
+    scaling: InputScaling
+    likeness: Likeness
+    whitening: Float32[np.ndarray, 'components components']
+    response: Response
+    bins: BinGrid
+    calibration: Calibration = field(default_factory=Calibration)
+    most_contacts: int = 1
+
+    kind = 'response'
+
+    @property
+    def parameter_count(self) -> int:
+        """Coefficients of the splines, principal directions, and the scaling of the components."""
+        numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
+        return sum(each.size for each in numbers)
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        if self.likeness.directions.shape[1] != features or bins != self.bins:
+            raise ModelError(
+                f'a response to {self.likeness.directions.shape[1]} features on {self.bins} does not fit {features} '
+                f'features and {bins}; train it again or use another model file'
+            )
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        return self.reading(self.seen(values, confidence))
+
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Seen:
+        """Features as scores along the principal directions; regions that cannot be followed now have no say.
+
+        Scores are NaN where fewer inputs are left than there are directions to tell apart.
+        """
+        inputs = self.scaling(values, confidence).reshape(-1)
+        missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
+        seen = project(self.likeness.directions, inputs, missing)
+        known = values.shape[-1] * int((self.scaling.trusted > 0).sum())
+        enough = known - int(missing.sum()) >= len(self.likeness.directions)
+        return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
+
+    def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
+        """As few contacts as explain the components, `most_contacts` at most."""
+        begin, calibration = self.response.start(components)[None], self.calibration
+        fit = locate(self.response, components, begin, calibration.least_gain)
+        limit = calibration.misfit_limit**2
+        while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
+            more = locate(self.response, components, self._one_more(components, fit.contacts))
+            if more.misfit > 0.5 * fit.misfit:
+                break
+            fit = more
+        return fit
+
+    def _one_more(self, components: np.ndarray, contacts: np.ndarray) -> Float[np.ndarray, 'contacts 3']:
+        made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
+        return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
+
+    def reading(self, seen: Seen) -> Reading:
+        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+        if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
+            return nothing_read(self.bins)
+        components = self.whitening @ seen.scores
+        fit = self.fit(components)
+        contacts, limits = self.contacts(fit), self.likeness
+        left_over = seen.left_over / (limits.floor + limits.share * seen.size)
+        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
+        if self.gain(components, fit) < self.calibration.least_gain:
+            contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        elif self._at_an_end(fit.contacts):
+            unlike = max(unlike, BEYOND_UNLIKENESS)
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def _at_an_end(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether a contact lies where the splines end: it may as well lie beyond, or be harder."""
+        _, _, low, high = self.response.limits_array
+        ends = (contacts >= high - CONVERGED_MM) | (contacts <= [low[0] + CONVERGED_MM, low[1] + CONVERGED_MM, -1.0])
+        return bool(ends.any())
+
+    def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+        """See `gained`."""
+        return gained(self.response, components, fit)
+
+    def contacts(self, fit: Fit) -> tuple[Contact, ...]:
+        """The contacts of a fit with their uncertainties, strongest first."""
+        variances = np.linalg.inv(fit.information + damping(len(fit.contacts))).diagonal().reshape(-1, 3)
+        found = [self._contact(*each) for each in zip(fit.contacts.tolist(), variances.tolist(), strict=True)]
+        return tuple(sorted(found, key=lambda contact: -contact.force_n))
+
+    def _contact(self, place: list[float], variance: list[float]) -> Contact:
+        (x, y, s), c = place, self.calibration
+        height = s / self.response.s.high
+        fitted_mm = math.sqrt((variance[0] + variance[1]) / 2)
+        fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
+        sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
