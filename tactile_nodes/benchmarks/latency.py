@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
+from tactile_nodes.benchmarks.latency_pictures import recorded_camera
 from tactile_nodes.benchmarks.latency_rates import highest
 from tactile_nodes.benchmarks.page_launch import Sensing, sensing
 from tactile_nodes.benchmarks.report import keep, machine_and_commit, named_versions, surroundings, table
@@ -34,14 +36,15 @@ ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
     'a process each': ('separate:=true',),
 }
 ABOUT = """\
-Two parts, of simulated frames. First `tactile launch live` as people start it, for {minutes:g} minutes each way; the
-times are between the stamp of an image's capture and the arrival of its force in this, another process. *skipped*
-images were overtaken by newer ones and never answered, *lost* forces were published and did not arrive. The camera
-renders its pictures, which a real one does not; its process is counted apart. Second the highest of {tried_hz}
-frames a second at which every image is answered for {seconds:g} s: images lie in memory, their publisher, flow
-features, force estimator and a subscriber share one process and one core; a rate is held if one of three tries loses
-nothing. *in contact*: a press in every frame, so that each is measured; *mixed*: nothing touches in half of them.
-Processor time is of all cores; other work on the machine makes everything slower."""
+Two parts, of simulated frames. First `tactile launch live` as people start it, its page included, for {minutes:g}
+minutes each way; the times are between the stamp of an image's capture and the arrival of its force in this, another
+process. *skipped* images were overtaken by newer ones and never answered, *lost* forces were published and did not
+arrive. The camera reads its pictures from files in turn, four presses and rests; rendering them would cost more than
+sensing. Second the highest of {tried_hz} frames a second at which every image is answered for {seconds:g} s: images
+lie in memory, their publisher, flow features, force estimator and a subscriber share one process and one core; a
+rate is held if one of three tries loses nothing. *in contact*: a press in every frame, so that each is measured;
+*mixed*: nothing touches in half of them. Processor time is of all cores; other work on the machine makes everything
+slower."""
 
 
 @dataclass
@@ -89,12 +92,13 @@ def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]
     """
     about = surroundings(_command(arguments))
     extra = ('compiled:=true',) if arguments.compiled else ()
-    runs = []
-    if arguments.minutes:
-        for model in arguments.models:
-            for name, words in ARRANGEMENTS.items():
-                told = _live(60 * arguments.minutes, (f'model:={model}', *words, *extra), progress)
-                runs.append({'model': model, 'arrangement': name, **told})
+    with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
+        camera = recorded_camera(Path(folder)) if arguments.minutes else ()
+        runs = [
+            {'model': model, 'arrangement': name,
+             **_live(60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), progress)}
+            for model in arguments.models for name, words in ARRANGEMENTS.items() if camera
+        ]  # fmt: skip
     rates = [
         {'model': model, 'compiled': compiled, 'frames': kind, **held}
         for model in arguments.models
@@ -111,7 +115,7 @@ def _rates(model: str, compiled: bool, arguments: argparse.Namespace, progress: 
 
 
 def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
-    with sensing(*words, 'page:=true') as running, progress.bar(' '.join(words), round(seconds)) as bar:
+    with sensing(*words) as running, progress.bar(' '.join(words[:-2]), round(seconds)) as bar:
         running.watch_for(SETTLES_S)
         processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
         before = {name: _cpu_s(each) for name, each in processes.items()}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactile_nodes import conversions
+from tactile_nodes.benchmarks.latency_pictures import pressed_pictures
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -20,13 +21,10 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.runtime import run_until
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, SystemClock
-from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
-from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.simulation.optics import Optics, Press
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Publisher
@@ -62,7 +60,7 @@ def highest(model: str, compiled: bool, rates: Sequence[int], seconds: float, pr
 
 def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every: int) -> Held:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    pictures = _pictures(load_model(find_model(model)).image_size[0], every)
+    pictures = pressed_pictures(load_model(find_model(model)).image_size[0], IMAGES, every)
     bus, done = InProcessBus(), threading.Event()
     words = [f'model:={model}', f'compiled:={str(compiled).lower()}']
     given = parse_arguments(['--ros-args', *(word for each in words for word in ('-p', each)),
@@ -111,15 +109,3 @@ def _feed(camera: Publisher, pictures: Sequence[np.ndarray], rate: int) -> None:
         due_ns = begun_ns + number * NS_PER_S // rate
         clock.sleep_until(due_ns)
         camera.publish(conversions.image_message(picture, conversions.header(clock.now_ns(), 'camera')))
-
-
-def _pictures(side: int, every: int) -> list[np.ndarray]:
-    """The gel at rest, then presses anywhere and, of `every` frames all but one, more of the gel at rest."""
-    gel = load_gel('paper')
-    optics, random = Optics(gel, contact_table(gel)), np.random.default_rng(3)
-    made = [optics.render((), 1)]
-    for number in range(IMAGES):
-        x_mm, y_mm, depth_mm = random.uniform((-12.0, -12.0, 0.3), (12.0, 12.0, 1.8)).tolist()
-        presses = (Press(x_mm, y_mm, depth_mm),) if number % every == 0 else ()
-        made.append(optics.render(presses, 2 + number))
-    return [np.ascontiguousarray(centre_crop(image, side, side)) for image in made]

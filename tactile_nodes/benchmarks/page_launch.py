@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +17,11 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.zeromq import ZmqBus
-from tactile_nodes.clock import monotonic_s
+from tactile_nodes.clock import NS_PER_S, SystemClock, monotonic_s
 from tactile_nodes.errors import ConfigurationError
 
 PATIENCE_S, STOP_WITHIN_S = 60.0, 15.0
+LOOK_NS = NS_PER_S // 10
 _STARTED = re.compile(r'\[(\w+)-\d+\]: process started with pid \[(\d+)\]')
 _SERVED = re.compile(r'the live view is at (http://\S+)')
 
@@ -71,10 +72,18 @@ def sensing(*words: str) -> Iterator[Sensing]:
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
                 raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {log.read_text()}')
+            _await(lambda: _SERVED.search(log.read_text()) is not None)
             yield _described(log.read_text(), forces)
         finally:
             bus.close()
             _end(process)
+
+
+def _await(ready: Callable[[], bool]) -> None:
+    """The page may come up later than the first force."""
+    clock, end_s = SystemClock(), monotonic_s() + PATIENCE_S
+    while not ready() and monotonic_s() < end_s:
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
 
 
 def _described(said: str, forces: Subscription) -> Sensing:

@@ -29,6 +29,7 @@ def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(latency, '_live', lambda *_: LIVE)
     held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'next': 400}
     monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
+    monkeypatch.setattr(latency, 'recorded_camera', lambda _: ('source:=somewhere', 'config:=else'))
     asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
     text = latency.page(latency.measure(asked, Progress()))
     assert '$ tactile bench latency --minutes 0.1 --models fast --compiled' in text

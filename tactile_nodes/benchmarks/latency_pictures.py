@@ -1,0 +1,59 @@
+"""Pictures of a pressed gel that are there before anything is timed: in memory, or in a folder that a camera reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.simulation.optics import Optics, Press
+
+REST_FRAMES, PRESSES = 40, 4
+DOWN, HELD, BETWEEN = 10, 10, 12
+"""Frames in which the tip comes, stays and is away; it leaves as it came."""
+CONFIG = """\
+/**/camera: {ros__parameters: {fps: 60.0, crop: 440, wait_s: 2.0, loop: true}}
+/**/flow_features: {ros__parameters: {reference_frames: 16}}
+/**/force_estimator: {ros__parameters: {least_confidence: 0.85}}
+"""
+
+
+def pressed_pictures(side: int, count: int, every: int) -> list[np.ndarray]:
+    """The gel at rest, then `count` more: presses anywhere and, of `every` all but one, the gel at rest again."""
+    optics, random = _optics(), np.random.default_rng(3)
+    made = [optics.render((), 1)]
+    for number in range(count):
+        x_mm, y_mm, depth_mm = random.uniform((-12.0, -12.0, 0.3), (12.0, 12.0, 1.8)).tolist()
+        presses = (Press(x_mm, y_mm, depth_mm),) if number % every == 0 else ()
+        made.append(optics.render(presses, 2 + number))
+    return [np.ascontiguousarray(centre_crop(image, side, side)) for image in made]
+
+
+def recorded_camera(folder: Path) -> tuple[str, str]:
+    """Launch arguments of a camera that reads pictures of presses, over and over, from `folder`, which gets them.
+
+    Raises:
+        ConfigurationError: a picture cannot be written.
+    """
+    pictures, config = folder / 'pictures', folder / 'live.yaml'
+    pictures.mkdir()
+    config.write_text(CONFIG, encoding='ascii')
+    optics, random = _optics(), np.random.default_rng(4)
+    shown: list[tuple[Press, ...]] = [()] * REST_FRAMES
+    for _ in range(PRESSES):
+        x_mm, y_mm, depth_mm = random.uniform((-12.0, -12.0, 0.5), (12.0, 12.0, 1.8)).tolist()
+        coming = [(Press(x_mm, y_mm, depth_mm * (step + 1) / DOWN),) for step in range(DOWN)]
+        shown += [*coming, *coming[-1:] * HELD, *coming[::-1], *[()] * BETWEEN]
+    for number, presses in enumerate(shown):
+        if not cv2.imwrite(str(pictures / f'{number:04d}.pgm'), optics.render(presses, number)):
+            raise ConfigurationError(f'cannot write pictures to {pictures}; is the disk full?')
+    return f'source:={pictures}', f'config:={config}'
+
+
+def _optics() -> Optics:
+    gel = load_gel('paper')
+    return Optics(gel, contact_table(gel))
