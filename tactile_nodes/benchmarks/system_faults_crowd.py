@@ -106,6 +106,16 @@ def _answered(ends: Sequence[Any], images: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _place() -> dict[str, str]:
+    """Where this process meets others; the server that makes the children may have begun elsewhere."""
+    return {name: os.environ[name] for name in ('TACTILE_RUN_DIR', 'ROS_DOMAIN_ID') if name in os.environ}
+
+
+def _there(place: dict[str, str], target: Any, *arguments: Any) -> None:
+    os.environ.update(place)
+    target(*arguments)
+
+
 def _be_light(said: Connection, number: int) -> None:
     words = ['--ros-args', '-r', f'__node:=n{number:03d}', '-r', '__ns:=/crowd', '--log-level', 'ERROR']
     node = LightNode(ZmqBus(), parse_arguments(words))
@@ -149,7 +159,8 @@ def _children(tasks: Sequence[tuple[Any, tuple[Any, ...]]]) -> Iterator[list[Bas
     told = []
     for target, arguments in tasks:
         ours, theirs = _CONTEXT.Pipe()
-        children.append(_CONTEXT.Process(target=target, args=(theirs, *arguments), daemon=True))
+        told_them = (_place(), target, theirs, *arguments)
+        children.append(_CONTEXT.Process(target=_there, args=told_them, daemon=True))
         children[-1].start()
         told.append(ours)
     try:

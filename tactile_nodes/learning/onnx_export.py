@@ -11,8 +11,8 @@ from tactile_nodes.learning.onnx_network import write_network
 from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
 from tactile_nodes.learning.onnx_response import write_response
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import NetworkReadout
+from tactile_nodes.sensing.response_readout import ResponseReadout
 
 _MEANING = (
     'Normal force on each bin of a soft gel, from the motion of its markers. Made with tactile_nodes; the property '
@@ -27,10 +27,10 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
 
     Raises:
         ConfigurationError: the package onnx is not installed.
-        ModelError: the model is axisymmetric, for which there is no graph yet.
+        ModelError: there is no graph of its kind of readout yet.
     """
     writer, readout = Writer(), loaded.model.readout
-    if isinstance(readout, AxisymmetricReadout):
+    if not isinstance(readout, NetworkReadout | ResponseReadout):
         raise ModelError(
             f'model {loaded.model_id} is {readout.kind}, which cannot be exported; export a network or a measured '
             'response, such as fast, or use tactile_nodes itself, which needs no torch'
