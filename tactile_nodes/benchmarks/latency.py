@@ -162,6 +162,7 @@ def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
 def _command(arguments: argparse.Namespace) -> str:
     words = ['tactile bench latency', f'--minutes {arguments.minutes:g}', f'--models {" ".join(arguments.models)}']
     words += ['--compiled'] if arguments.compiled else []
+    words += [f'--seconds {arguments.seconds:g}', f'--rates {" ".join(map(str, arguments.rates))}']
     return ' '.join([*words, *([f'-o {arguments.output}'] if arguments.output else [])])
 
 

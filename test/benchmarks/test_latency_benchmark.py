@@ -32,6 +32,6 @@ def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(latency, 'recorded_camera', lambda _: ('source:=somewhere', 'config:=else'))
     asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
     text = latency.page(latency.measure(asked, Progress()))
-    assert '$ tactile bench latency --minutes 0.1 --models fast --compiled' in text
+    assert '$ tactile bench latency --minutes 0.1 --models fast --compiled --seconds 1 --rates 300 400' in text
     assert '600 |       2 |    1 |' in text
     assert 'compiled |  mixed |       300 |     2.50 |               400 |' in text
