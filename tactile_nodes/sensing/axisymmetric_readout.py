@@ -20,7 +20,7 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.response import DAMPING, Fit
+from tactile_nodes.sensing.response import Fit, damping
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
@@ -181,12 +181,12 @@ class AxisymmetricReadout:
         high = np.array([*half, MARGIN * self.response.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.response.highest_n / 4])
-        damping = np.diag(np.tile(DAMPING, len(begin)))
+        granted = damping(len(begin))
         here, found = begin.copy(), []
         for _ in range(MOST_STEPS):
             fit, down, cost = self._compare(seen, here)
             found.append((cost, fit))
-            step = np.linalg.solve(fit.information + damping, down).reshape(-1, 3)
+            step = np.linalg.solve(fit.information + granted, down).reshape(-1, 3)
             moved = np.clip(here + np.clip(step, -largest, largest), low, high)
             if (np.abs(moved - here) < CONVERGED).all() or not moved[:, 2].any():
                 break
@@ -241,10 +241,8 @@ class AxisymmetricReadout:
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit, corrected, with their uncertainties, strongest first."""
-        certain = np.diag(np.tile(DAMPING, len(fit.contacts)))
-        variances = np.diag(np.linalg.inv(fit.information + certain)).reshape(-1, 3)
         corrected = self.corrected(fit.contacts)
-        found = [self._contact(*each) for each in zip(corrected.tolist(), variances.tolist(), strict=True)]
+        found = [self._contact(*each) for each in zip(corrected.tolist(), fit.variances.tolist(), strict=True)]
         return tuple(sorted(found, key=lambda contact: -contact.force_n))
 
     def corrected(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:

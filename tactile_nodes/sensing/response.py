@@ -119,6 +119,12 @@ class Fit:
     information: Float[np.ndarray, 'n n']
     misfit: float
 
+    @property
+    def variances(self) -> Float[np.ndarray, 'contacts 3']:
+        """Of each contact's numbers, with the information that every step is granted."""
+        spread: np.ndarray = np.linalg.inv(self.information + damping(len(self.contacts))).diagonal()
+        return spread.reshape(-1, 3)
+
 
 def locate(
     response: Response,

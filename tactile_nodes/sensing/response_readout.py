@@ -13,7 +13,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN, Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.response import CONVERGED_MM, Fit, Response, damping, gained, locate
+from tactile_nodes.sensing.response import CONVERGED_MM, Fit, Response, gained, locate
 from tactile_nodes.sensing.splines import value_and_slopes
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
 
@@ -138,8 +138,7 @@ class ResponseReadout:
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first."""
-        variances = np.linalg.inv(fit.information + damping(len(fit.contacts))).diagonal().reshape(-1, 3)
-        found = [self._contact(*each) for each in zip(fit.contacts.tolist(), variances.tolist(), strict=True)]
+        found = [self._contact(*each) for each in zip(fit.contacts.tolist(), fit.variances.tolist(), strict=True)]
         return tuple(sorted(found, key=lambda contact: -contact.force_n))
 
     def _contact(self, place: list[float], variance: list[float]) -> Contact:
