@@ -11,32 +11,25 @@ import numpy as np
 import psutil
 
 from tactile_nodes.benchmarks.endurance_trend import MB, Look, growth
+from tactile_nodes.benchmarks.gaps import Gaps
 from tactile_nodes.benchmarks.page_launch import Sensing, sensing
 from tactile_nodes.benchmarks.report import spread
-from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.clock import monotonic_s
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.messages import stamp_ns, types
-
-FRAME_NS = NS_PER_S / 60
+from tactile_nodes.messages import types
 
 
 @dataclass
-class Frames:
+class Frames(Gaps):
     """What the stream of forces was like.
 
     Attributes:
         received: forces.
-        skipped: images of the camera that no force answers, by the stamps.
-        lost: forces that were published and did not come, by their numbers.
-        longest_ms: the longest time between two images that were answered.
         late_ms: from image to force, the 99th percentile of each look.
         status: how many were ok, degraded and invalid.
     """
 
     received: int = 0
-    skipped: int = 0
-    lost: int = 0
-    longest_ms: float = 0.0
     late_ms: list[float] = field(default_factory=list)
     status: dict[str, int] = field(default_factory=lambda: dict.fromkeys(('ok', 'degraded', 'invalid'), 0))
 
@@ -53,11 +46,11 @@ def live(seconds: float, every_s: float, progress: Progress) -> dict[str, Any]:
     with sensing() as running:
         processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
         looks = {name: [] for name in processes}
-        start_s, last = monotonic_s(), (0, 0)
+        start_s = monotonic_s()
         with progress.bar('real time', round(seconds / every_s)) as bar:
             for number in range(round(seconds / every_s)):
                 until_s = start_s + (number + 1) * every_s
-                last = _listen(running, max(0.0, until_s - monotonic_s()), frames, last)
+                _listen(running, max(0.0, until_s - monotonic_s()), frames)
                 for name, process in processes.items():
                     looks[name].append(look(process, monotonic_s() - start_s))
                 loads.append(os.getloadavg()[0])
@@ -81,18 +74,15 @@ def summed_up(looks: Mapping[str, list[Look]]) -> dict[str, Any]:
     return {name: {'looks': [asdict(each) for each in seen], **growth(seen)} for name, seen in looks.items() if seen}
 
 
-def _listen(running: Sensing, seconds: float, frames: Frames, last: tuple[int, int]) -> tuple[int, int]:
+def _listen(running: Sensing, seconds: float, frames: Frames) -> None:
     late_ms = []
     names = {value: name for name, value in zip(frames.status, _STATUS, strict=True)}
-    for received in running.forces(seconds, fresh=not last[0]):
-        at_ns = stamp_ns(received.message.header.stamp)
-        late_ms.append((received.source_ns - at_ns) / 1e6)
+    for received in running.forces(seconds, fresh=not frames.begun):
+        late_ms.append((received.source_ns - frames.take(received)) / 1e6)
         frames.received += 1
         frames.status[names[received.message.status]] += 1
-        last = _gap(at_ns, received.sequence, frames, last)
     if late_ms:
         frames.late_ms.append(round(float(np.percentile(late_ms, 99)), 2))
-    return last
 
 
 _STATUS = (
@@ -100,12 +90,3 @@ _STATUS = (
     types.ForceDistribution.STATUS_DEGRADED,
     types.ForceDistribution.STATUS_INVALID,
 )
-
-
-def _gap(at_ns: int, number: int, frames: Frames, last: tuple[int, int]) -> tuple[int, int]:
-    last_ns, last_number = last
-    if last_ns:
-        frames.skipped += max(0, round((at_ns - last_ns) / FRAME_NS) - 1)
-        frames.longest_ms = max(frames.longest_ms, (at_ns - last_ns) / 1e6)
-        frames.lost += max(0, number - last_number - 1)
-    return at_ns, number

@@ -16,18 +16,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
+from tactile_nodes.benchmarks.gaps import Gaps
 from tactile_nodes.benchmarks.latency_pictures import recorded_camera
 from tactile_nodes.benchmarks.latency_rates import highest
 from tactile_nodes.benchmarks.page_launch import Sensing, sensing
 from tactile_nodes.benchmarks.report import keep, machine_and_commit, named_versions, surroundings, table
-from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.messages import stamp_ns
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
-FRAME_NS = NS_PER_S / 60
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport')
 SETTLES_S = 3.0
 """The first frames wait for everything that a process does once."""
@@ -48,14 +47,11 @@ slower."""
 
 
 @dataclass
-class Stream:
+class Stream(Gaps):
     """Forces that came: from capture to arrival (ms), by stage, and what did not come."""
 
     late_ms: list[float] = field(default_factory=list)
     stages_ms: list[tuple[float, ...]] = field(default_factory=list)
-    skipped: int = 0
-    lost: int = 0
-    longest_ms: float = 0.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,9 +116,8 @@ def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str,
         processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
         before = {name: _cpu_s(each) for name, each in processes.items()}
         begun_s, stream = monotonic_s(), Stream()
-        last = (0, 0)
         for second in range(1, round(seconds) + 1):
-            last = _listen(running, max(0.0, begun_s + second - monotonic_s()), stream, last)
+            _listen(running, max(0.0, begun_s + second - monotonic_s()), stream)
             bar.advance(1, f'{len(stream.late_ms)} forces, {stream.skipped} images without one')
         took_s = monotonic_s() - begun_s
         cpu = {name: (_cpu_s(each) - before[name]) / took_s for name, each in processes.items()}
@@ -134,18 +129,10 @@ def _cpu_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-def _listen(running: Sensing, seconds: float, stream: Stream, last: tuple[int, int]) -> tuple[int, int]:
-    for received in running.forces(seconds, fresh=not last[0]):
-        message = received.message
-        at_ns, number = stamp_ns(message.header.stamp), received.sequence
-        stream.late_ms.append((received.received_ns - at_ns) / 1e6)
-        stream.stages_ms.append(tuple(1e3 * getattr(message.stages, stage) for stage in STAGES))
-        if last[0]:
-            stream.skipped += max(0, round((at_ns - last[0]) / FRAME_NS) - 1)
-            stream.lost += max(0, number - last[1] - 1)
-            stream.longest_ms = max(stream.longest_ms, (at_ns - last[0]) / 1e6)
-        last = at_ns, number
-    return last
+def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
+    for received in running.forces(seconds, fresh=not stream.begun):
+        stream.late_ms.append((received.received_ns - stream.take(received)) / 1e6)
+        stream.stages_ms.append(tuple(1e3 * getattr(received.message.stages, stage) for stage in STAGES))
 
 
 def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
