@@ -16,13 +16,14 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
 
 PATIENCE_S = 30.0
 HURRY = 5
+TICK_S = 0.002
 SMALL = """
 rig:
   ros__parameters:
@@ -57,25 +58,37 @@ def arguments(folder: Path, more: str = '') -> NodeArguments:
     return NodeArguments(parameters=params.parse_parameters(SMALL.format(folder=folder, more=more), 'the test'))
 
 
-class HurriedClock:
-    """Time passes five times as fast as outside; all of it, so nothing is late."""
+class HurriedClock(SteppedClock):
+    """Time passes five times as fast as outside, but stands still while this process gets no processor.
+
+    With a clock that ran on, a busy machine's pause of one second would look to the rig like a sensor that was silent
+    for five.
+    """
 
     def __init__(self) -> None:
-        self._outside = SystemClock()
-        self._begin_ns = self._outside.now_ns()
+        super().__init__(SystemClock().now_ns())
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._tick)
+        self._thread.start()
 
-    def now_ns(self) -> int:
-        return self._begin_ns + HURRY * (self._outside.now_ns() - self._begin_ns)
+    def _tick(self) -> None:
+        last_s = monotonic_s()
+        while not self._over.wait(TICK_S):
+            now_s = monotonic_s()
+            self.advance(HURRY * min(now_s - last_s, 3 * TICK_S))
+            last_s = now_s
 
-    def sleep_until(self, ns: int) -> None:
-        self._outside.sleep_until(self._begin_ns + (ns - self._begin_ns) // HURRY)
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
 
 
 class Rig:
     """The node in a thread, and a camera beside it."""
 
     def __init__(self, bus: InProcessBus, folder: Path) -> None:
-        self.node = RigNode(bus, arguments(folder), HurriedClock())
+        self._clock = HurriedClock()
+        self.node = RigNode(bus, arguments(folder), self._clock)
         self._bus = bus
         self._over = threading.Event()
         self._threads = [threading.Thread(target=self.node.spin), threading.Thread(target=self._film)]
@@ -95,6 +108,7 @@ class Rig:
         for thread in self._threads:
             thread.join()
         self.node.close()
+        self._clock.close()
 
 
 @pytest.fixture
