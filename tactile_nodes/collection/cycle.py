@@ -20,7 +20,7 @@ from tactile_nodes.errors import DeviceFaultError
 
 LOOK_S = 0.02
 UNLOADED_S = 0.1
-FREE_PATIENCE_S = 2.0
+FREE_LOOKS = 20  # not seconds: a computer that pauses is no sensor that is silent
 SHOWN = 1.5  # times the change by noise alone
 WINDOW_PATIENCE_S = 2.0
 SLOWEST_FPS = 5.0
@@ -99,7 +99,9 @@ def check_free(tare: Tare, settings: CollectionSettings) -> Procedure[None]:
     """
     seen = yield Look(UNLOADED_S)
     start_ns = seen.since_ns  # how long a sensor may pause is for the safety to say, which ends this
-    while not seen.samples and seen.now_ns - start_ns < FREE_PATIENCE_S * NS_PER_S:
+    for _ in range(FREE_LOOKS):
+        if seen.samples:
+            break
         seen = yield Look(UNLOADED_S, start_ns)
     if not seen.samples:
         raise DeviceFaultError('no force sample came above the gel, so nobody knows whether the tip is free')

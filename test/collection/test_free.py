@@ -28,11 +28,20 @@ def test_sensor_that_pauses_is_waited_for() -> None:
         procedure.send(Seen(S // 5, 0, PLACE, samples()))
 
 
+def test_computer_that_pauses_is_no_sensor_that_is_silent() -> None:
+    procedure = check_free(tare_of(samples()), CollectionSettings())
+    next(procedure)
+    procedure.send(Seen(3 * S, 0, PLACE))  # all stood still for three seconds; samples are read after that
+    with pytest.raises(StopIteration):
+        procedure.send(Seen(3 * S + S // 10, 0, PLACE, samples()))
+
+
 def test_tip_about_which_no_sample_tells_is_not_free() -> None:
     procedure = check_free(tare_of(samples()), CollectionSettings())
     next(procedure)
     with pytest.raises(DeviceFaultError, match='nobody knows'):
-        procedure.send(Seen(3 * S, 0, PLACE))
+        for look in range(1, 31):
+            procedure.send(Seen(look * S // 10, 0, PLACE))
 
 
 def test_tip_on_which_a_force_is_left_is_not_free() -> None:
