@@ -62,6 +62,13 @@ class Response:
         largest = LARGEST_STEP_MM, LARGEST_STEP_MM, self.s.high / 4
         return np.array([DAMPING, largest, (self.x.low, self.y.low, 0.0), [axis.high for axis in self.axes]])
 
+    @cached_property
+    def for_loops(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """For loops: axes, coefficients, growth and limits; contacts to begin with, their components and norms."""
+        coefficients, growth = (np.ascontiguousarray(each, np.float32) for each in (self.coefficients, self.growth))
+        table = self.starts, np.ascontiguousarray(self.start_components.T), self._start_norms
+        return (self.axes_array, coefficients, growth, self.limits_array), table
+
     def force_n(self, s: float) -> float:
         """The force that s stands for."""
         return float(max(s, 0.0) ** (1 / self.power))
@@ -163,12 +170,13 @@ def _located(
     """The same, compiled."""
     count = begin.size
     contacts, information = np.empty_like(begin), np.empty((count, count))
-    ends = np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
-    misfit = loops.locate(
-        components, begin, response.axes_array, response.coefficients, response.growth, response.limits_array, ends,
-        contacts, information,
-    )  # fmt: skip
+    misfit = loops.locate(components, begin, *response.for_loops[0], ends(least_gain), contacts, information)
     return Fit(contacts, information, misfit)
+
+
+def ends(least_gain: float) -> Float[np.ndarray, ' 4']:
+    """When steps end, as loops want it: see `loops_response.locate`."""
+    return np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
 
 
 def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit, least_gain: float) -> bool:

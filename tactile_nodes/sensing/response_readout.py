@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import ModuleType
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN, Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.response import CONVERGED_MM, Fit, Response, gained, locate
+from tactile_nodes.sensing.response import CONVERGED_MM, START_LEVELS, Fit, Response, ends, gained, locate
 from tactile_nodes.sensing.splines import value_and_slopes
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
 
@@ -78,7 +81,37 @@ class ResponseReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
+        if (loops := compiled_loops()) is not None:
+            return self._read(loops, values, confidence)
         return self.reading(self.seen(values, confidence))
+
+    def _read(self, loops: ModuleType, values: np.ndarray, confidence: np.ndarray) -> Reading:
+        """The same, compiled."""
+        contacts = np.empty((self.most_contacts, 5))
+        forces = np.empty((self.bins.rows, self.bins.cols), np.float32)
+        count, sigma_n, unlikeness = loops.read_response(
+            values.reshape(-1), confidence.reshape(-1), *self._for_loops, contacts, forces
+        )
+        if not count:
+            return nothing_read(self.bins)
+        return Reading(forces, tuple(Contact(*row) for row in contacts[:count].tolist()), sigma_n, unlikeness)
+
+    @cached_property
+    def _for_loops(self) -> tuple[object, ...]:
+        """What is read by, as loops want it: see `loops_response.read`."""
+        scaling, response, limits, told = self.scaling, self.response, self.likeness, self.calibration
+        single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
+        mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)
+        numbers = (
+            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
+            limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
+            self.bins.width_mm, self.bins.height_mm,
+        )  # fmt: skip
+        return (
+            (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
+            (np.array(told.place_factors, float), np.array(told.force_factors, float)), ends(told.least_gain),
+            tuple(float(each) for each in numbers),
+        )  # fmt: skip
 
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']

@@ -1,0 +1,101 @@
+"""What a press does around it, and how regions see it, compiled: see `axisymmetric.AxisymmetricResponse`."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_nodes.sensing.loops_common import compiled, spline_weights
+
+
+@compiled()
+def _along(force, k, weights, profiles, result):
+    """Profiles over distance at a force: fills in (2, profiles, distances), values and slopes along the force."""
+    for p in range(profiles.shape[0]):
+        for d in range(profiles.shape[1]):
+            value, slope = 0.0, 0.0
+            for f in range(4):
+                value += profiles[p, d, k + f] * weights[0, f]
+                slope += profiles[p, d, k + f] * weights[1, f]
+            result[0, p, d] = value * force
+            result[1, p, d] = value + slope * force
+
+
+@compiled()
+def _seen_along(couplings, columns, slopes, made, made_slopes):
+    """What one region shows of its columns and of their three slopes."""
+    for channel in range(2):
+        total, by_x, by_y, by_force = 0.0, 0.0, 0.0, 0.0
+        for c in range(columns.shape[0]):
+            share = couplings[channel, c]
+            total += share * columns[c]
+            by_x += share * slopes[0, c]
+            by_y += share * slopes[1, c]
+            by_force += share * slopes[2, c]
+        made[channel] = total
+        made_slopes[0, channel], made_slopes[1, channel], made_slopes[2, channel] = by_x, by_y, by_force
+
+
+@compiled()
+def _columns(value, outward, by_force, toward, core, distance, numbers, columns, slopes):
+    """Columns of one region and their slopes; as `AxisymmetricResponse.columns_and_slopes`."""
+    lateral, width = int(numbers[0]), numbers[2]
+    inner = (1 - core * core) / numbers[5]
+    for p in range(value.shape[0]):
+        if p < lateral:
+            along, across = outward[p] * core + value[p] * inner, value[p] * core / distance
+            for channel in range(2):
+                c = 2 * p + channel
+                columns[c] = value[p] * toward[channel] * core
+                slopes[2, c] = by_force[p] * toward[channel] * core
+                for axis in range(2):
+                    product = toward[axis] * toward[channel]
+                    same = 1.0 if axis == channel else 0.0
+                    slopes[axis, c] = (along * product + across * (same - product)) / width
+        else:
+            c = lateral + p
+            columns[c] = value[p]
+            slopes[2, c] = by_force[p]
+            slopes[0, c], slopes[1, c] = outward[p] * toward[0] / width, outward[p] * toward[1] / width
+
+
+@compiled(
+    'void(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1])'
+)
+def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes):
+    """As `AxisymmetricResponse.motion_and_slopes`: fills in (n, regions, 2) and (3, n, regions, 2).
+
+    `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance;
+    `axes` low, high and intervals of the splines over distance and force.
+    """
+    hardest, width, softness, bend, least = numbers[1], numbers[2], numbers[3], numbers[4], numbers[6]
+    count = profiles.shape[0]
+    along = np.empty((2, count, profiles.shape[1]))
+    weights, near, toward = np.empty((2, 4)), np.empty((2, 4)), np.empty(2)
+    value, outward, by_force = np.empty(count), np.empty(count), np.empty(count)
+    columns, column_slopes = np.empty(couplings.shape[2]), np.empty((3, couplings.shape[2]))
+    region_slopes = np.empty((3, 2))
+    for n in range(contacts.shape[0]):
+        force = contacts[n, 2] * softness
+        k = spline_weights(force, axes[1], weights)
+        if force >= hardest:
+            weights[1, :] = 0.0
+        _along(force, k, weights, profiles, along)
+        for r in range(places.shape[0]):
+            x, y = (contacts[n, 0] - places[r, 0]) / width, (contacts[n, 1] - places[r, 1]) / width
+            distance = np.sqrt(x * x + y * y + least * least)
+            toward[0], toward[1] = x / distance, y / distance
+            i = spline_weights(np.arcsinh(distance / bend), axes[0], near)
+            per_mm = 1 / np.sqrt(distance * distance + bend * bend)
+            for p in range(count):
+                here, out, more = 0.0, 0.0, 0.0
+                for j in range(4):
+                    here += along[0, p, i + j] * near[0, j]
+                    out += along[0, p, i + j] * near[1, j]
+                    more += along[1, p, i + j] * near[0, j]
+                value[p], outward[p], by_force[p] = here, out * per_mm, more * softness
+            core = np.tanh(distance / numbers[5])
+            _columns(value, outward, by_force, toward, core, distance, numbers, columns, column_slopes)
+            _seen_along(couplings[r], columns, column_slopes, made[n, r], region_slopes)
+            for axis in range(3):
+                slopes[axis, n, r, 0], slopes[axis, n, r, 1] = region_slopes[axis, 0], region_slopes[axis, 1]

@@ -1,0 +1,119 @@
+"""What compiled loops have in common: how they are compiled, splines at a value, and small systems of equations.
+
+numba keeps what it compiled by the file that a loop with a signature stands in. So after a change here touch the files
+that use it, or delete `__pycache__`.
+"""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
+from __future__ import annotations
+
+import inspect
+import math
+
+import numpy as np
+from numba import njit
+
+_MATH = {'reassoc', 'contract', 'nsz', 'arcp'}
+"""Sums may be reordered; NaN and infinity keep their meaning."""
+
+
+def compiled(signature: str | None = None):
+    """With a signature compiled here, or loaded; the parts without one are compiled into these.
+
+    Tests wrap every function of this package to check its arguments, which numba cannot read: it gets the inner one.
+    """
+    compiler = njit(signature, cache=signature is not None, fastmath=_MATH, error_model='numpy', nogil=True)
+    return lambda function: compiler(inspect.unwrap(function))
+
+
+@compiled()
+def spline_weights(value, axis, both):
+    """Number of the first of four cubic splines at a value, and their values and slopes; see `SplineAxis.weights`."""
+    low, high, intervals = axis[0], axis[1], axis[2]
+    per_unit = intervals / (high - low)
+    along = (min(max(value, low), high) - low) * per_unit
+    first = min(int(along), int(intervals) - 1)
+    t = along - first
+    u = 1 - t
+    both[0, 0], both[0, 3] = u * u * u / 6, t * t * t / 6
+    both[0, 1], both[0, 2] = (4 - 6 * t * t + 3 * t * t * t) / 6, (4 - 6 * u * u + 3 * u * u * u) / 6
+    both[1, 0], both[1, 3] = -u * u / 2 * per_unit, t * t / 2 * per_unit
+    both[1, 1], both[1, 2] = (-4 * t + 3 * t * t) / 2 * per_unit, (4 * u - 3 * u * u) / 2 * per_unit
+    return first
+
+
+@compiled()
+def factorise(matrix):
+    """A small positive definite matrix, in place: Cholesky without the roots."""
+    n = matrix.shape[0]
+    for j in range(n):
+        for k in range(j):
+            share = matrix[j, k] * matrix[k, k]
+            for i in range(j, n):
+                matrix[i, j] -= matrix[i, k] * share
+        for i in range(j + 1, n):
+            matrix[i, j] /= matrix[j, j]
+
+
+@compiled()
+def substitute(matrix, right):
+    """Solve for `right`, in place, by what `factorise` left of a matrix."""
+    n = right.shape[0]
+    for j in range(n):
+        for k in range(j):
+            right[j] -= matrix[j, k] * right[k]
+    for j in range(n - 1, -1, -1):
+        right[j] /= matrix[j, j]
+        for k in range(j + 1, n):
+            right[j] -= matrix[k, j] * right[k]
+
+
+@compiled()
+def variances(information, damping, spread):
+    """As `response.Fit.variances`: the diagonal of the inverse of damped information, as (contacts, 3)."""
+    n = information.shape[0]
+    matrix, column = information.copy(), np.empty(n)
+    for i in range(n):
+        matrix[i, i] += damping[i % 3]
+    factorise(matrix)
+    for i in range(n):
+        column[:] = 0.0
+        column[i] = 1.0
+        substitute(matrix, column)
+        spread[i // 3, i % 3] = column[i]
+
+
+@compiled()
+def factor_at(factors, height):
+    """As `uncertainty.factor_at`."""
+    last = factors.shape[0] - 1
+    along = min(max(height, 0.0), 1.0) * last
+    below = min(int(along), max(last - 1, 0))
+    above = min(below + 1, last)
+    return factors[below] + (along - below) * (factors[above] - factors[below])
+
+
+@compiled()
+def _shares(at, sigma, count, size, shares):
+    """As `reading._shares`."""
+    scale = max(sigma if np.isfinite(sigma) else 0.0, 1e-6) * math.sqrt(2)
+    before = 0.0
+    for i in range(count):
+        below = 1.0 if i == count - 1 else 0.5 * (1 + math.erf((size * ((i + 1) / count - 0.5) - at) / scale))
+        shares[i] = below - before
+        before = below
+
+
+@compiled()
+def spread_over_bins(contacts, count, size_mm, forces):
+    """As `reading.spread_over_bins`, of `count` rows of contacts: x, y, force, sigma of place and force."""
+    rows, cols = forces.shape
+    along_x, along_y = np.empty(cols), np.empty(rows)
+    total = np.zeros((rows, cols))
+    for n in range(count):
+        _shares(contacts[n, 0], contacts[n, 3], cols, size_mm[0], along_x)
+        _shares(contacts[n, 1], contacts[n, 3], rows, size_mm[1], along_y)
+        for row in range(rows):
+            for col in range(cols):
+                total[row, col] += contacts[n, 2] * along_y[row] * along_x[col]
+    forces[:] = total

@@ -1,0 +1,327 @@
+"""A frame's features to contacts and forces by a measured response, in one compiled call.
+
+The arithmetic of `response_readout.ResponseReadout.read` and of what it uses, which says why; here is how, in loops.
+"""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_nodes.sensing.loops_common import (
+    compiled,
+    factor_at,
+    factorise,
+    spline_weights,
+    spread_over_bins,
+    substitute,
+    variances,
+)
+
+
+@compiled()
+def _value_and_slopes(at, axes, coefficients, result):
+    """As `splines.value_and_slopes`: fills in (4, outputs)."""
+    x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
+    i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
+    result[:] = 0
+    outputs = coefficients.shape[3]
+    for m in range(4):
+        for n in range(4):
+            for o in range(4):
+                row = coefficients[i + m, j + n, k + o]
+                value, by_x = np.float32(x[0, m] * y[0, n] * s[0, o]), np.float32(x[1, m] * y[0, n] * s[0, o])
+                by_y, by_s = np.float32(x[0, m] * y[1, n] * s[0, o]), np.float32(x[0, m] * y[0, n] * s[1, o])
+                for c in range(outputs):
+                    result[0, c] += value * row[c]
+                    result[1, c] += by_x * row[c]
+                    result[2, c] += by_y * row[c]
+                    result[3, c] += by_s * row[c]
+
+
+@compiled()
+def _compare(components, contacts, axes, coefficients, growth, information, down):
+    """How well contacts explain the components (mean squared misfit); fills in information and the way down."""
+    count, outputs = contacts.shape[0], components.shape[0]
+    made = np.empty((count, 4, outputs), np.float32)
+    left = components.astype(np.float64)
+    strongest = 0.0
+    for n in range(count):
+        _value_and_slopes(contacts[n], axes, coefficients, made[n])
+        strongest = max(strongest, contacts[n, 2])
+        for c in range(outputs):
+            left[c] -= made[n, 0, c]
+    certainty = np.empty(outputs)
+    height = strongest / axes[2, 1]
+    misfit = 0.0
+    for c in range(outputs):
+        certainty[c] = 1 / (1 + growth[c] * height * height)
+        misfit += left[c] * left[c] * certainty[c]
+    for i in range(3 * count):
+        one = made[i // 3, 1 + i % 3]
+        along = 0.0
+        for c in range(outputs):
+            along += one[c] * certainty[c] * left[c]
+        down[i] = along
+        for j in range(i + 1):
+            other = made[j // 3, 1 + j % 3]
+            both = 0.0
+            for c in range(outputs):
+                both += np.float64(one[c]) * other[c] * certainty[c]
+            information[i, j] = both
+            information[j, i] = both
+    return misfit / outputs
+
+
+@compiled()
+def _gained(components, growth, contacts, misfit, highest):
+    """As `response.gained`."""
+    height = contacts[:, 2].max() / highest
+    nothing = 0.0
+    for c in range(components.shape[0]):
+        nothing += components[c] * components[c] / (1 + growth[c] * height * height)
+    return (nothing - misfit * components.shape[0]) / 2
+
+
+@compiled('f8(f4[::1], f8[:, ::1], f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1])')
+def locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information):
+    """As `response.locate`: fills in contacts (n, 3) and information (3 n, 3 n), and returns the misfit.
+
+    `axes` are low, high and intervals of x, y and s; `limits` the damping, largest step, lowest and highest value along
+    each; `ends` the step at which steps end, how many they may be, the gain that is worth a step, and the least gain.
+    """
+    n, outputs = begin.shape[0], components.shape[0]
+    here, down = begin.copy(), np.empty(3 * n)
+    now, system = np.empty((3 * n, 3 * n)), np.empty((3 * n, 3 * n))
+    best = np.inf
+    for step in range(int(ends[1])):
+        misfit = _compare(components, here, axes, coefficients, growth, now, down)
+        before = best
+        if step == 0 or misfit < best:
+            best = misfit
+            contacts[:] = here
+            information[:] = now
+        hardly = step > 0 and before - best < 2 * ends[2] / outputs
+        if hardly and _gained(components, growth, contacts, best, axes[2, 1]) < ends[3]:
+            break
+        system[:] = now
+        for i in range(3 * n):
+            system[i, i] += limits[0, i % 3]
+        factorise(system)
+        substitute(system, down)
+        furthest = 0.0
+        for i in range(3 * n):
+            axis = i % 3
+            moved = here[i // 3, axis] + min(max(down[i], -limits[1, axis]), limits[1, axis])
+            moved = min(max(moved, limits[2, axis]), limits[3, axis])
+            furthest = max(furthest, abs(moved - here[i // 3, axis]))
+            here[i // 3, axis] = moved
+        if furthest < ends[0]:
+            break
+    return best
+
+
+@compiled()
+def _start(components, starts, fields, norms, levels, power, begin):
+    """As `Response.start`: fills in the entry of the table that comes closest. `fields` are (components, starts)."""
+    along = np.zeros(norms.shape[0], np.float32)
+    for c in range(components.shape[0]):
+        value, row = components[c], fields[c]
+        for i in range(along.shape[0]):
+            along[i] += value * row[i]
+    best, least, best_share = 0, np.float32(np.inf), np.float32(1)
+    for i in range(along.shape[0]):
+        share = np.float32(1)
+        if i % levels == 0:
+            share = min(max(along[i] / max(norms[i], np.float32(1e-9)), np.float32(0)), np.float32(1))
+        away = share * (share * norms[i] - 2 * along[i])
+        if away < least:
+            best, least, best_share = i, away, share
+    begin[:] = starts[best]
+    begin[2] *= best_share**power
+
+
+@compiled()
+def _inputs(values, confidence, scaling, floor, inputs, missing):
+    """As `InputScaling`: fills in inputs and which of them are missing; returns how many are, and how many are left."""
+    mean, gain, trusted = scaling
+    lost, left = 0, 0
+    channels = values.shape[0] // confidence.shape[0]
+    for region in range(confidence.shape[0]):
+        used = trusted[region] if confidence[region] >= floor else np.float32(0)
+        known, gone = trusted[region] > 0, confidence[region] < floor
+        for i in range(channels * region, channels * (region + 1)):
+            inputs[i] = (values[i] - mean[i]) * gain[i] * used
+            if known and gone:
+                missing[lost] = i
+                lost += 1
+            elif known:
+                left += 1
+    return lost, left
+
+
+@compiled()
+def _fill_missing(directions, missing, sure, scores):
+    """Least squares scores from those of inputs in which some are missing: (1 + sure) I - L L' solved in place.
+
+    L are the directions' columns of the missing inputs. By Woodbury's identity it takes a system of the size of the
+    fewer of the two.
+    """
+    n, k = directions.shape[0], missing.shape[0]
+    lost = np.empty((n, k))
+    for i in range(n):
+        for j in range(k):
+            lost[i, j] = directions[i, missing[j]]
+    wide = k > n
+    size = n if wide else k
+    square, right = np.zeros((size, size)), np.zeros(size)
+    for i in range(size):
+        for j in range(i + 1):
+            both = 0.0
+            for m in range(k if wide else n):
+                both += lost[i, m] * lost[j, m] if wide else lost[m, i] * lost[m, j]
+            square[i, j] = -both
+        square[i, i] += 1 + sure
+    factorise(square)
+    if wide:
+        right[:] = scores
+        substitute(square, right)
+        scores[:] = right
+        return
+    for j in range(k):
+        for i in range(n):
+            right[j] += lost[i, j] * scores[i]
+    substitute(square, right)
+    for i in range(n):
+        added = 0.0
+        for j in range(k):
+            added += lost[i, j] * right[j]
+        scores[i] = (scores[i] + added) / (1 + sure)
+
+
+@compiled()
+def _seen(values, confidence, scaling, directions, floor, sure, scores):
+    """As `ResponseReadout.seen`: fills in scores; returns what they leave over and the whole, NaN of too few."""
+    inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
+    lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)
+    along = np.empty(scores.shape[0], np.float32)
+    whole = np.float32(0)
+    for i in range(inputs.shape[0]):
+        whole += inputs[i] * inputs[i]
+    for n in range(along.shape[0]):
+        total = np.float32(0)
+        for i in range(inputs.shape[0]):
+            total += directions[n, i] * inputs[i]
+        along[n] = total
+    scores[:] = along
+    if left < scores.shape[0]:
+        return math.nan, math.nan
+    if lost:
+        _fill_missing(directions, missing[:lost], sure, scores)
+    known = 0.0
+    for n in range(along.shape[0]):
+        known += scores[n] * along[n]
+    count = max(inputs.shape[0] - lost, 1)
+    return math.sqrt(max(whole - known, 0.0) / count), math.sqrt(whole / count)
+
+
+@compiled()
+def _whitened(whitening, scores, components):
+    for n in range(components.shape[0]):
+        total = np.float32(0)
+        for i in range(scores.shape[0]):
+            total += whitening[n, i] * scores[i]
+        components[n] = total
+
+
+@compiled()
+def _fit(components, response, table, ends, levels, power, limit, most):
+    """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
+    axes, coefficients, growth, limits = response
+    starts, fields, norms = table
+    contacts, information, begin = np.empty((1, 3)), np.empty((3, 3)), np.empty((1, 3))
+    _start(components, starts, fields, norms, levels, power, begin[0])
+    misfit = locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information)
+    left, always = components.copy(), ends.copy()
+    always[3] = 0.0
+    while misfit > limit and contacts.shape[0] < most:
+        count = contacts.shape[0]
+        made, begin = np.empty((4, components.shape[0]), np.float32), np.empty((count + 1, 3))
+        left[:] = components
+        for n in range(count):
+            begin[n] = contacts[n]
+            _value_and_slopes(contacts[n], axes, coefficients, made)
+            left -= made[0]
+        _start(left, starts, fields, norms, levels, power, begin[count])
+        more, told = np.empty_like(begin), np.empty((3 * count + 3, 3 * count + 3))
+        found = locate(components, begin, axes, coefficients, growth, limits, always, more, told)
+        if found > 0.5 * misfit:
+            break
+        contacts, information, misfit = more, told, found
+    return contacts, information, misfit
+
+
+@compiled()
+def _at_an_end(contacts, limits, converged):
+    """As `ResponseReadout._at_an_end`."""
+    for n in range(contacts.shape[0]):
+        for axis in range(3):
+            beyond = contacts[n, axis] >= limits[3, axis] - converged
+            if beyond or (axis < 2 and contacts[n, axis] <= limits[2, axis] + converged):
+                return True
+    return False
+
+
+@compiled()
+def _tell(contacts, information, limits, highest, power, nowhere, floors, factors, told):
+    """As `ResponseReadout.contacts`: fills in rows of x, y, force, sigma of place and of force, strongest first."""
+    count = contacts.shape[0]
+    spread = np.empty((count, 3))
+    variances(information, limits[0], spread)
+    order = np.argsort(-contacts[:, 2], kind='mergesort')
+    for row in range(count):
+        x, y, s = contacts[order[row]]
+        of_x, of_y, of_s = spread[order[row]]
+        slope = max(s, 1e-9) ** (1 / power - 1) / power
+        told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0) ** (1 / power)
+        fitted = math.sqrt((of_x + of_y) / 2)
+        told[row, 3] = min(factor_at(factors[0], s / highest) * math.hypot(floors[0], fitted), nowhere)
+        told[row, 4] = factor_at(factors[1], s / highest) * math.hypot(floors[1], slope * math.sqrt(of_s))
+
+
+@compiled(
+    "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
+    'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), Tuple((f8[:, ::1], f4[:, ::1], f4[::1])), '
+    'UniTuple(f8[::1], 2), f8[::1], UniTuple(f8, 13), f8[:, ::1], f4[:, ::1])'
+)
+def read(values, confidence, scaling, directions, whitening, response, table, factors, ends, numbers, contacts, forces):
+    """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
+
+    Returns how many contacts, the standard deviation of the total, and the unlikeness; no contact where too little was
+    seen. A contact is a row of x, y, force, and the standard deviations of place and force.
+    """
+    floor, sure, levels, power, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:11]
+    axes, growth, limits = response[0], response[2], response[3]
+    scores, components = np.empty(directions.shape[0], np.float32), np.empty(directions.shape[0], np.float32)
+    left_over, size = _seen(values, confidence, scaling, directions, floor, sure, scores)
+    if not (np.isfinite(size) and np.isfinite(scores).all()):
+        return 0, math.nan, math.nan
+    _whitened(whitening, scores, components)
+    found, information, misfit = _fit(
+        components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
+    )
+    count = found.shape[0]
+    _tell(found, information, limits, axes[2, 1], power, nowhere, (place_floor, force_floor), factors, contacts)
+    unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
+    if _gained(components, growth, found, misfit, axes[2, 1]) < ends[3]:
+        count = 1
+        contacts[0, 2], contacts[0, 3] = 0.0, nowhere
+    elif _at_an_end(found, limits, ends[0]):
+        unlike = max(unlike, beyond)
+    total = 0.0
+    for n in range(count):
+        total += contacts[n, 4] * contacts[n, 4]
+    spread_over_bins(contacts, count, numbers[11:13], forces)
+    return count, math.sqrt(total), unlike
