@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import jaxtyping
@@ -14,8 +14,16 @@ import pytest
 # Whoever starts the tests in the background may have them ignore SIGINT, and their children with them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Shapes and types of arrays are checked wherever tests call a function of these packages.
-jaxtyping.install_import_hook(['tactile_nodes.sensing', 'tactile_nodes.simulation'], 'beartype.beartype')
+# Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
+CHECKED = ('sensing', 'simulation')
+jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED], 'beartype.beartype')
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Switch the checks on or off, fixtures included."""
+    jaxtyping.config.update('jaxtyping_disable', item.path.parent.name not in CHECKED)
+    return (yield)
 
 
 @pytest.fixture(scope='session', autouse=True)
