@@ -122,7 +122,10 @@ class CartesianMean(RegionMeans):
     channels = ('dx_px', 'dy_px')
 
     def encode(self, field: DisplacementField) -> Features:
-        return Features(self.name, self._means(*cv2.split(field.displacement_px)), self._confidence(field))
+        motion = field.displacement_px
+        if motion.shape[:2] == (self._options.rows, self._options.cols):  # one patch a region: its mean is itself
+            return Features(self.name, motion, self._confidence(field))
+        return Features(self.name, self._means(*cv2.split(motion)), self._confidence(field))
 
 
 def block_means(values: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Float32[np.ndarray, 'rows cols']:
@@ -132,6 +135,8 @@ def block_means(values: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Flo
         ImageError: the blocks do not divide the array.
     """
     height, width = values.shape
+    if (height, width) == (rows, cols):
+        return values
     if height % rows or width % cols:
         raise ImageError(
             f'{rows}x{cols} regions do not divide an image of {width}x{height} pixels; '

@@ -9,12 +9,14 @@ fails too, a dense search helps out.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from types import ModuleType
 
 import cv2
 import numpy as np
 from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.fixed_reference_patches import Match, PatchGrid, Templates, moved_image, shrunk
 from tactile_nodes.sensing.flow import DisFlow, DisOptions, DisplacementField, require_grey, require_like
 
@@ -41,6 +43,11 @@ STRETCH_WORTH = 0.05
 
 OWN_WORTH = 0.05
 """The confidence at which a patch's own measurement counts as much as its neighbours' mean."""
+
+LEAST_AROUND = 1e-3
+"""Added to the neighbours' confidence: where there is none, motion is 0."""
+
+_BLUR = cv2.getGaussianKernel(5, 1.0, cv2.CV_32F).reshape(-1)
 
 
 @dataclass(frozen=True)
@@ -103,15 +110,38 @@ class InverseCompositionalFlow:
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
         picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
-        found = self._settled(picture)
-        if self._lost(found).size:
-            self._follow(found, picture)
-            for options in SEARCHES:
-                if self._lost(found).size <= self._options.search_share * len(found.explained):
-                    break
-                self._search(found, picture, (reference, image), options)
+        if (loops := compiled_loops()) is not None:
+            found, lost = self._templates.settled(
+                loops, picture, self._known, again_px=AGAIN_PX, lost=LOST, readings=self._options.iterations
+            )
+        else:
+            found = self._settled(picture)
+            lost = self._lost(found).size
+        if lost:
+            self._recover(found, picture, (reference, image))
+        return self._field(found) if loops is None else self._filled(loops, found)
+
+    def _field(self, found: Match) -> DisplacementField:
         motion, confidence = self._by_row(found)
         return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
+
+    def _filled(self, loops: ModuleType, found: Match) -> DisplacementField:
+        """The same, compiled."""
+        shape = self._templates.grid.rows, self._templates.grid.cols
+        field, confidence = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
+        numbers = OWN_WORTH, LEAST_AROUND, 2.0**self._options.finest_scale
+        loops.fill(found.motion_px, found.explained, self._known, _BLUR, numbers, field, confidence)
+        return DisplacementField(field, confidence)
+
+    def _recover(
+        self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]
+    ) -> None:
+        """Look for lost patches where their neighbours went, and by dense searches of rest image and image."""
+        self._follow(found, picture)
+        for options in SEARCHES:
+            if self._lost(found).size <= self._options.search_share * len(found.explained):
+                return
+            self._search(found, picture, pair, options)
 
     def _settled(self, picture: np.ndarray, start: np.ndarray | None = None, which: np.ndarray | None = None) -> Match:
         """Patches (all, or those numbered) found from `start`, and read again where they turned out to lie."""
@@ -183,8 +213,8 @@ def filled(
     known = np.empty((*confidence.shape, 3), np.float32)
     known[:, :, 2] = confidence
     np.multiply(motion, known[:, :, 2:], out=known[:, :, :2])
-    around = cv2.GaussianBlur(known, (5, 5), 1.0, borderType=cv2.BORDER_REFLECT_101)
-    around[:, :, :2] *= np.float32(OWN_WORTH) / (around[:, :, 2:] + np.float32(1e-3))
+    around = cv2.sepFilter2D(known, -1, _BLUR, _BLUR, borderType=cv2.BORDER_REFLECT_101)
+    around[:, :, :2] *= np.float32(OWN_WORTH) / (around[:, :, 2:] + np.float32(LEAST_AROUND))
     blend: np.ndarray = (known[:, :, :2] + around[:, :, :2]) / (known[:, :, 2:] + np.float32(OWN_WORTH))
     return blend
 

@@ -16,7 +16,7 @@ from types import ModuleType
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int, Int32
+from jaxtyping import Float32, Int, Int32, UInt8
 
 from tactile_nodes.sensing.compiling import compiled_loops
 
@@ -34,8 +34,6 @@ MARKER_FREE_GREY = 0.05
 """Root mean square gradient (grey levels per pixel) below which a patch counts as if it had this one."""
 
 SINC_REACH_PX = 8
-
-_LIMITS = np.array([LEAST_GAIN, LARGEST_ANSWER_PX], np.float32)
 
 Moved = Callable[[float, float], Float32[np.ndarray, 'h w']]
 
@@ -157,11 +155,30 @@ class Templates:
     ) -> tuple[Float32[np.ndarray, '2 some'], Float32[np.ndarray, ' some']]:
         """The same, compiled."""
         motion, explained = np.empty((2, len(numbers)), np.float32), np.empty(len(numbers), np.float32)
-        loops.match(
-            image, np.ascontiguousarray(corner), numbers, self.grid.window_px, self._basis, self._unmix, self._mend,
-            _LIMITS, motion, explained,
-        )  # fmt: skip
+        corner, limits = np.ascontiguousarray(corner), (LEAST_GAIN, LARGEST_ANSWER_PX, 0.0, 0.0)
+        loops.match(image, corner, numbers, self.grid.window_px, self._for_loops, limits, motion, explained)
         return motion, explained
+
+    def settled(
+        self, loops: ModuleType, image: UInt8[np.ndarray, 'h w'], known: Float32[np.ndarray, ' patches'],
+        *, again_px: float, lost: float, readings: int,
+    ) -> tuple[Match, int]:  # fmt: skip
+        """All patches, compiled: each read again, `readings` times at most, while it lies `again_px` from where it was.
+
+        Beside them how many are lost: `known`, and explained by less than `lost`.
+        """
+        found = Match(np.empty((2, len(known)), np.float32), np.empty(len(known), np.float32))
+        limits = LEAST_GAIN, LARGEST_ANSWER_PX, again_px, lost
+        count = loops.settle(
+            image, self.grid.corner, self.grid.window_px, self._for_loops, limits, readings, known, found.motion_px,
+            found.explained,
+        )  # fmt: skip
+        return found, count
+
+    @property
+    def _for_loops(self) -> tuple[np.ndarray, ...]:
+        """Templates, and how motion follows from their dot products: see `loops_patches`."""
+        return self._basis, self._unmix, self._mend
 
 
 def _inverse(triangle: np.ndarray, least: float) -> Float32[np.ndarray, '3 3 patches']:

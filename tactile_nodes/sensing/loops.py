@@ -5,8 +5,8 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 """
 
 from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes
-from tactile_nodes.sensing.loops_patches import match
+from tactile_nodes.sensing.loops_patches import fill, match, settle
 from tactile_nodes.sensing.loops_response import locate
 from tactile_nodes.sensing.loops_response import read as read_response
 
-__all__ = ['locate', 'match', 'motion_and_slopes', 'read_response']
+__all__ = ['fill', 'locate', 'match', 'motion_and_slopes', 'read_response', 'settle']

@@ -1,4 +1,4 @@
-"""Patches of a rest image found in a frame, compiled: see `fixed_reference_patches.Templates`."""
+"""Patches of a rest image found in a frame, compiled: see `fixed_reference_patches` and `fixed_reference`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -7,50 +7,148 @@ import numpy as np
 
 from tactile_nodes.sensing.loops_common import compiled
 
+_GREY = np.float32(128)
+"""Taken from each pixel, so that sums stay small: templates have no mean, and what they see does not change."""
+
 
 @compiled()
-def _sums(image, left, top, side, basis):
+def _read(image, left, top, side, pixels):
+    """A window's pixels in a row, which are summed up in half the time that the window itself would take."""
+    rows, first_row, first_column = pixels.reshape(side, side), np.uintp(top), np.uintp(left)
+    for row in range(np.uintp(side)):
+        for column in range(np.uintp(side)):
+            rows[row, column] = np.float32(image[first_row + row, first_column + column]) - _GREY
+
+
+@compiled()
+def _parts(pixels, one, two, three):
     """Dot products of a window with its three templates, and its contrast: the sum of squares about the mean."""
-    total, square = np.int64(0), np.int64(0)
-    a, b, c = np.float32(0), np.float32(0), np.float32(0)
-    for row in range(side):
-        line, begin = image[top + row, left : left + side], row * side
-        one, two, three = basis[0, begin : begin + side], basis[1, begin : begin + side], basis[2, begin : begin + side]
-        grey, squared = np.int32(0), np.int32(0)
-        for column in range(side):
-            whole, value = np.int32(line[column]), np.float32(line[column])
-            grey += whole
-            squared += whole * whole
-            a += one[column] * value
-            b += two[column] * value
-            c += three[column] * value
-        total += grey
-        square += squared
-    return a, b, c, np.float32(square - total * total / (side * side))
+    a, b, c, total, square = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+    for i in range(pixels.shape[0]):
+        value = pixels[i]
+        a += one[i] * value
+        b += two[i] * value
+        c += three[i] * value
+        total += value
+        square += value * value
+    return a, b, c, square - total * total / np.float32(pixels.shape[0])
+
+
+@compiled()
+def _find(image, left, top, side, templates, p, limits, pixels):
+    """Motion of patch `p` beside the window that is read, and the share of the window that is explained."""
+    basis, unmix, mend = templates
+    least_gain, largest = np.float32(limits[0]), np.float32(limits[1])
+    _read(image, left, top, side, pixels)
+    a, b, c, contrast = _parts(pixels, basis[p, 0], basis[p, 1], basis[p, 2])
+    gain = max(unmix[0, 0, p] * a + unmix[0, 1, p] * b + unmix[0, 2, p] * c, least_gain)
+    x = (unmix[1, 0, p] * a + unmix[1, 1, p] * b + unmix[1, 2, p] * c) / gain
+    y = (unmix[2, 0, p] * a + unmix[2, 1, p] * b + unmix[2, 2, p] * c) / gain
+    x, y = min(max(x, -largest), largest), min(max(y, -largest), largest)
+    terms = (x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y)
+    for k in range(9):
+        x += mend[0, k, p] * terms[k]
+        y += mend[1, k, p] * terms[k]
+    return x, y, (a * a + b * b + c * c) / max(contrast, np.float32(1))
+
+
+_TEMPLATES = 'UniTuple(f4[:, :, ::1], 3)'
+
+
+@compiled(f"void(Array(u1, 2, 'C', True), i4[:, ::1], i8[::1], i8, {_TEMPLATES}, UniTuple(f8, 4), f4[:, ::1], f4[::1])")
+def match(image, corner, numbers, side, templates, limits, motion, explained):
+    """Patches `numbers` read at `corner`: fills in their motion (2, some) and the share of them that is explained.
+
+    As `Templates.find`, whose templates these are.
+    """
+    pixels = np.empty(side * side, np.float32)
+    for i in range(numbers.shape[0]):
+        found = _find(image, corner[0, i], corner[1, i], side, templates, numbers[i], limits, pixels)
+        motion[0, i], motion[1, i], explained[i] = found
+
+
+@compiled()
+def _settle(image, home, p, side, templates, limits, readings, pixels):
+    """A patch found at home, and read again where it turned out to lie."""
+    height, width = image.shape
+    again = np.float32(limits[2])
+    x, y, explained = _find(image, home[0, p], home[1, p], side, templates, p, limits, pixels)
+    at_x, at_y = np.float32(0), np.float32(0)
+    for _ in range(readings - 1):
+        if max(abs(x - at_x), abs(y - at_y)) <= again:
+            break
+        at_x, at_y = np.rint(x), np.rint(y)
+        left = min(max(home[0, p] + int(at_x), 0), width - side)
+        top = min(max(home[1, p] + int(at_y), 0), height - side)
+        x, y, explained = _find(image, left, top, side, templates, p, limits, pixels)
+        x += np.float32(left - home[0, p])
+        y += np.float32(top - home[1, p])
+    return x, y, explained
 
 
 @compiled(
-    'void(u1[:, ::1], i4[:, ::1], i8[::1], i8, f4[:, :, ::1], f4[:, :, ::1], f4[:, :, ::1], f4[::1], f4[:, ::1], '
-    'f4[::1])'
+    f"i8(Array(u1, 2, 'C', True), i4[:, ::1], i8, {_TEMPLATES}, UniTuple(f8, 4), i8, f4[::1], f4[:, ::1], f4[::1])"
 )
-def match(image, corner, numbers, side, basis, unmix, mend, limits, motion, explained):
-    """Patches `numbers` read at `corner`: fills in their motion (2, some) and the share of them that is explained.
+def settle(image, home, side, templates, limits, readings, known, motion, explained):
+    """All patches found: fills in their motion (2, patches) and the share of them that is explained.
 
-    As `Templates.find`, whose `basis`, `unmix` and `mend` these are; `limits`: least gain and largest answer.
+    `limits` are the least gain, the largest answer, how far off a patch is read again, and the share explained below
+    which it is lost; it is read `readings` times at most. Returns how many patches that are known were lost.
     """
-    least_gain, largest, one = limits[0], limits[1], np.float32(1)
-    terms = np.empty(9, np.float32)
-    for i in range(numbers.shape[0]):
-        p = numbers[i]
-        a, b, c, contrast = _sums(image, corner[0, i], corner[1, i], side, basis[p])
-        explained[i] = (a * a + b * b + c * c) / max(contrast, one)
-        gain = max(unmix[0, 0, p] * a + unmix[0, 1, p] * b + unmix[0, 2, p] * c, least_gain)
-        x = (unmix[1, 0, p] * a + unmix[1, 1, p] * b + unmix[1, 2, p] * c) / gain
-        y = (unmix[2, 0, p] * a + unmix[2, 1, p] * b + unmix[2, 2, p] * c) / gain
-        x, y = min(max(x, -largest), largest), min(max(y, -largest), largest)
-        terms[0], terms[1], terms[2], terms[3], terms[4] = x, y, x * x, x * y, y * y
-        terms[5], terms[6], terms[7], terms[8] = x * x * x, x * x * y, x * y * y, y * y * y
-        for k in range(9):
-            x += mend[0, k, p] * terms[k]
-            y += mend[1, k, p] * terms[k]
-        motion[0, i], motion[1, i] = x, y
+    pixels = np.empty(side * side, np.float32)
+    lost = 0
+    for p in range(home.shape[1]):
+        found = _settle(image, home, p, side, templates, limits, readings, pixels)
+        motion[0, p], motion[1, p], explained[p] = found
+        if explained[p] < limits[3] and known[p] > 0.5:
+            lost += 1
+    return lost
+
+
+@compiled()
+def _mirrored(place, count):
+    """A place beyond the rim, mirrored at the outermost patch, which is not doubled."""
+    while place < 0 or place >= count:
+        place = 0 if count == 1 else (-place if place < 0 else 2 * (count - 1) - place)
+    return place
+
+
+@compiled()
+def _blurred(known, weights, along_rows, blurred):
+    """Sums of five neighbours along one axis of (rows, cols, 3)."""
+    rows, cols = known.shape[:2]
+    blurred[:] = 0
+    for row in range(rows):
+        for col in range(cols):
+            for step in range(5):
+                from_row = row if along_rows else _mirrored(row + step - 2, rows)
+                from_col = _mirrored(col + step - 2, cols) if along_rows else col
+                for part in range(3):
+                    blurred[row, col, part] += weights[step] * known[from_row, from_col, part]
+
+
+@compiled('void(f4[:, ::1], f4[::1], f4[::1], f4[::1], UniTuple(f8, 3), f4[:, :, ::1], f4[:, ::1])')
+def fill(motion, explained, known, weights, numbers, field, confidence):
+    """As `fixed_reference.filled`, of a flow's own patches: fills in field (rows, cols, 2) and confidence (rows, cols).
+
+    `weights` are the blur's; `numbers` what a patch's own measurement counts, the least confidence about it, and how
+    many pixels one at the patches' resolution is.
+    """
+    rows, cols = confidence.shape
+    own, least, by = np.float32(numbers[0]), np.float32(numbers[1]), np.float32(numbers[2])
+    measured, across, around = np.empty((3, rows, cols, 3), np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            p = row * cols + col
+            share = min(max(explained[p], np.float32(0)), np.float32(1))
+            sure = known[p] * share * share
+            confidence[row, col] = measured[row, col, 2] = sure
+            measured[row, col, 0], measured[row, col, 1] = sure * motion[0, p], sure * motion[1, p]
+    _blurred(measured, weights, True, across)
+    _blurred(across, weights, False, around)
+    for row in range(rows):
+        for col in range(cols):
+            share, total = own / (around[row, col, 2] + least), measured[row, col, 2] + own
+            for axis in range(2):
+                blend = (measured[row, col, axis] + share * around[row, col, axis]) / total
+                field[row, col, axis] = by * blend
