@@ -16,6 +16,7 @@ from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.likeness import alike
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.quality import ContactDetector
 from tactile_nodes.sensing.reading import Contact
@@ -193,11 +194,11 @@ class Estimating:
         return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
     def _reasons(self, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
-        size = features.image_width, features.image_height
+        size, kind = (features.image_width, features.image_height), self.now.loaded.model.readout.kind
         faults = {
             FORCE.REASON_NOT_FINITE: not (features.reasons & UNMEASURED or math.isfinite(found.total_n)),
             FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-            FORCE.REASON_UNLIKE_TRAINING: found.unlikeness > 1,
+            FORCE.REASON_UNLIKE_TRAINING: not alike(kind, found.unlikeness, found.contacts),
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
         }
         return sum(bit for bit, present in faults.items() if present)

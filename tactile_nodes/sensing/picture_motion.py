@@ -98,19 +98,41 @@ class Straightening:
         return straight
 
 
-class WholeShift:
-    """Undoes a shift by whole pixels, which costs nothing and blurs nothing."""
+class Shift:
+    """Undoes a shift: whole pixels by copying, the rest by Lanczos' kernel along rows and columns.
 
-    def __init__(self, right_px: int, down_px: int) -> None:
-        self.motion = PictureMotion((float(right_px), float(down_px), *((0.0,) * (TERMS - 2))))
-        self._to = tuple(slice(max(-by, 0), -by if by > 0 else None) for by in (down_px, right_px))
-        self._from = tuple(slice(max(by, 0), by if by < 0 else None) for by in (down_px, right_px))
+    Copying blurs nothing and costs next to nothing; the kernel takes an eighth of what `Straightening` takes.
+    """
+
+    def __init__(self, right_px: float, down_px: float) -> None:
+        self.motion = PictureMotion((right_px, down_px, *((0.0,) * (TERMS - 2))))
+        whole_right, whole_down = round(right_px), round(down_px)
+        self._to = tuple(slice(max(-by, 0), -by if by > 0 else None) for by in (whole_down, whole_right))
+        self._from = tuple(slice(max(by, 0), by if by < 0 else None) for by in (whole_down, whole_right))
+        self._kernels = _lanczos(right_px - whole_right), _lanczos(down_px - whole_down)
 
     def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """As `Straightening`."""
         straight: np.ndarray = beyond.copy()
+        along_x, along_y = self._kernels
+        if along_x.size + along_y.size > 2:
+            image = cv2.sepFilter2D(image, -1, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
         straight[self._to] = image[self._from]
         return straight
+
+
+LANCZOS = 4
+"""Pixels to either side that interpolation takes into account."""
+
+
+def _lanczos(part: float) -> Float32[np.ndarray, ' taps']:
+    """What to weigh pixels from -4 to 4 with to see the image `part` of a pixel further on; one if it is none."""
+    if abs(part) < 1e-9:
+        return np.ones(1, np.float32)
+    away = np.arange(-LANCZOS, LANCZOS + 1) - part
+    weights = np.where(np.abs(away) < LANCZOS, np.sinc(away) * np.sinc(away / LANCZOS), 0.0)
+    taps: np.ndarray = (weights / weights.sum()).astype(np.float32)
+    return taps
 
 
 class MotionFit:

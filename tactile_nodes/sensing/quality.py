@@ -75,8 +75,8 @@ SHARPNESS_ROWS = 4
 """Every so many rows are looked at: 0.05 ms for 440x440 pixels."""
 
 
-FAR_LIGHT, FAR_SHARPNESS = (0.4, 2.0), (-0.05, 0.05)
-"""Beyond these no rest image helps enough: too dark, too bright, a blur of 0.7 px, noise of three times as much."""
+FAR_LIGHT, FAR_SHARPNESS = (0.4, 1.4), (-0.018, 0.05)
+"""Beyond these no rest image helps enough: too dark, too bright, a blur of 0.4 px, noise of three times as much."""
 
 NEAR_SHARPNESS = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other."""
@@ -84,8 +84,8 @@ NEAR_SHARPNESS = (-0.018, 0.05)
 NEAR_LIGHT = {'dis': (0.92, 1.08)}
 """Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it."""
 
-NEAR_LIGHT_OF_PATCHES = (0.65, 1.5)
-"""Patches know light apart."""
+NEAR_LIGHT_OF_PATCHES = (0.8, 1.2)
+"""Patches know light apart, but not that markers are brighter than the camera can tell."""
 
 
 class Unlike(NamedTuple):

@@ -32,7 +32,8 @@ class Registered:
         if own.confidence is None or min(own.confidence.shape) < PATCHES:
             self.watch = _watch(image)
             own = self.watch.displacement(image) if self.watch else own
-        self.known = (coarse(own)[1] >= FOUND) if own.confidence is not None else np.zeros(PATCHES**2, bool)
+        self.confidence = coarse(own)[1] if own.confidence is not None else np.zeros(PATCHES**2)
+        self.known = self.confidence >= FOUND
 
 
 def _watch(image: UInt8[np.ndarray, 'h w']) -> InverseCompositionalFlow | None:

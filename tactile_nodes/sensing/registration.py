@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.flow import DisplacementField
-from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Straightening, WholeShift
+from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
+from tactile_nodes.sensing.quietness import loosely_quiet, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
-from tactile_nodes.sensing.stillness import away_from_places
 
 FEW_FOUND = 0.95
 """Share of the patches known at rest below which a part of the picture is lost: presses to 2 mm leave 0.98."""
@@ -37,35 +37,19 @@ EASED = 0.6
 NEGLIGIBLE_PX = 0.004
 """Smaller motion is not taken out: it is the noise of the rest image."""
 
-SUBTRACTED_PX = 0.5
-"""Motion up to which it is subtracted from what the flow finds.
+SUBTRACTED_PX, SHIFTED_PX = 0.03, 0.1
+"""Motion up to which it is subtracted from what the flow finds, alone and beside a shift of the image.
 
-Of larger motion whole pixels are undone in the image before, and where that leaves more than this, all of it. Then
-pixels are interpolated, which takes 8 ms for an image of 440x440.
+Models know their regions to a fraction of a pixel: what other pixels of a region show of the same motion differs by up
+to a hundredth. So a shift is undone in the image before, which takes 1 ms for an image of 440x440, and where that
+leaves more, as of a turn, all of the motion, which takes 8 ms.
 """
 
 SETTLE_FRAMES = 8
 """Frames at rest that a knock's motion is averaged over before it is only followed slowly."""
 
 SURE_FRAMES = 3
-"""Frames at rest after which a knock is settled."""
-
-LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5
-"""A picture is at rest, as far as a coarse look tells, when 19 of 20 patches follow it to within this.
-
-To it are added a share of the knock's size and of the middle patch's distance: blur and light move patches all over the
-picture, a touch those around it.
-"""
-
-QUIET_PX = 0.03
-"""More than 1 of 20 patches further than this from the common motion were touched, without a closer look."""
-
-QUIET_NOISE = 7.5
-"""Motion away from any place, in units of the middle patch's noise, up to which nothing touches.
-
-Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN make 10.8 to 19.
-"""
-MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
+"""Frames at rest, as far as a coarse look tells, after which a knock is settled; from then on a close look is asked."""
 
 NS_PER_S = 1_000_000_000
 
@@ -83,24 +67,24 @@ class Registration:
     """Keeps the motion of the whole picture since the rest image, and takes it out of images and of motion found.
 
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
-    again, or moved too far. `found` is the share of the known patches that were found again. `surely`: nothing touched
-    in the last frame; `maybe`: not much did. All follows from the images and their stamps since the rest image.
+    again, or moved too far. `found` is the share of the known patches that were found again, `explained` how well the
+    middle one is, beside the rest image itself. `surely`: nothing touched in the last frame; `maybe`: not much did. All
+    follows from the images and their stamps since the rest image.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:
         self.options = options or RegistrationOptions()
-        self.motion = self._base = PictureMotion()
+        self.motion = self._base = self._resting = PictureMotion()
         self.settled, self.lost, self.found = True, False, 1.0
         self.surely, self.maybe = False, False
-        self._moved_px = 0.0
+        self._moved_px, self.explained = 0.0, 1.0
         self._reference: np.ndarray | None = None
         self._rest: Registered
         self._fit: MotionFit
-        self._straightening: Straightening | WholeShift | None = None
+        self._straightening: Straightening | Shift | None = None
         self._remainder: PictureMotion | None = None
         self._offset: np.ndarray | None = None
         self._still = np.zeros((PATCHES * PATCHES, 2))
-        self._away = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
     @property
     def since_rest(self) -> PictureMotion:
@@ -113,25 +97,36 @@ class Registration:
         return self._moved_px
 
     @property
-    def steady(self) -> bool:
-        """Whether a knock, if there was one, has been averaged over."""
-        return self._rested >= SETTLE_FRAMES
+    def apart_px(self) -> float:
+        """How far the picture has moved since the rest image was taken."""
+        return self._size_px(self.motion - self._resting)
+
+    @property
+    def straightening(self) -> Straightening | Shift | None:
+        """What straightens images; another one falls on other pixels."""
+        return self._straightening
 
     @property
     def beside_frame(self) -> PictureMotion:
         """Where straightened images lie beside the first rest image."""
         return self.motion - self._straightening.motion if self._straightening else self.motion
 
-    def set_reference(self, rest: Registered, offset: PictureMotion | None = None) -> None:
+    def set_reference(
+        self, rest: Registered, offset: PictureMotion | None = None, motion: PictureMotion | None = None
+    ) -> None:
         """Take a gel at rest; of straightened images `offset` says where it lies beside the first rest image.
 
         So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
+        `motion` is that of the picture when it was taken: what was learned of it since is noise, up to a knock.
         """
         self._rest, self._reference, self._fit = rest, rest.image, rest.fit
         self.lost, self.found = False, 1.0
         self._base = offset or PictureMotion()
         if offset is None:
             self.motion, self._straightening = PictureMotion(), None
+        elif motion is not None and self._size_px(self.motion - motion) < KNOCK_PX:
+            self.motion = motion
+        self._resting = motion or self.motion
         self._take(self.motion, settled=True)
         self._rested = SETTLE_FRAMES
         self._forget_offset()
@@ -214,9 +209,9 @@ class Registration:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
-        self.maybe = self._loosely_quiet(left - self._still, found)
-        self.surely = self.maybe and self._quiet(left - self._still, found)
-        if not (self.maybe if early else self.surely):
+        self.maybe = loosely_quiet(left - self._still, found, self.size_px, self.explained)
+        self.surely = self.maybe and quiet(left - self._still, found)
+        if not (self.maybe if self._rested < SURE_FRAMES else self.surely):
             return
         self._rested += 1
         share = 1 / self._rested if early else self._share(stamp_ns)
@@ -244,37 +239,21 @@ class Registration:
         passed_s = 0.0 if self._last_ns is None else (stamp_ns - self._last_ns) / NS_PER_S
         return 1 - math.exp(-min(max(passed_s, 0.0), 1.0) / self.options.follow_s)
 
-    def _loosely_quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:
-        middle = math.sqrt(float(np.median(np.square(left[found]).sum(axis=1))))
-        limit = LOOSE_PX + LOOSE_SHARE * self.size_px + LOOSE_MEDIANS * middle
-        return self._beyond(left, found, limit) <= 0.05
-
-    def _quiet(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray) -> bool:
-        """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
-        if self._beyond(left, found, QUIET_PX) > 0.05:
-            return False
-        noise_px = max(float(np.median(np.abs(left[found]))) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
-        away = np.abs(self._away @ np.where(found[:, None], left, 0.0).astype(np.float32).reshape(-1))
-        return float(away.max()) <= QUIET_NOISE * noise_px
-
-    def _beyond(self, left: Float[np.ndarray, 'n 2'], found: np.ndarray, limit_px: float) -> float:
-        return float((np.square(left[found]).sum(axis=1) > limit_px**2).mean())
-
     def _take(self, motion: PictureMotion, *, settled: bool) -> None:
         """From now on with this motion; images are straightened by it, or by one near enough."""
         assert self._reference is not None
         self.motion, self.settled = motion, settled
-        if self._straightening is None or self._apart_px(self._straightening) > NEGLIGIBLE_PX:
+        if self._straightening is None or self._off_px(self._straightening) > NEGLIGIBLE_PX:
             self._straightening = self._straightening_for(motion)
         self._moved_px = self._size_px(self.since_rest)
         left = self.beside_frame - self._base
         self._remainder = left if self._size_px(left) > NEGLIGIBLE_PX else None
 
-    def _straightening_for(self, motion: PictureMotion) -> Straightening | WholeShift | None:
+    def _straightening_for(self, motion: PictureMotion) -> Straightening | Shift | None:
         if self._size_px(motion) <= SUBTRACTED_PX:
             return None
-        shift = WholeShift(*(round(each) for each in motion.shift_px))
-        if self._size_px(motion - shift.motion) <= SUBTRACTED_PX:
+        shift = Shift(*motion.shift_px)
+        if self._size_px(motion - shift.motion) <= SHIFTED_PX:
             return shift
         assert self._reference is not None
         return Straightening(motion, self._reference.shape)
@@ -282,9 +261,9 @@ class Registration:
     def _size_px(self, motion: PictureMotion) -> float:
         return self._fit.size_px(np.array(motion.terms))
 
-    def _apart_px(self, straightening: Straightening | WholeShift) -> float:
-        """How far a straightening is from what it should be; whole shifts are near enough up to a limit."""
-        near_px = SUBTRACTED_PX if isinstance(straightening, WholeShift) else 0.0
+    def _off_px(self, straightening: Straightening | Shift) -> float:
+        """How far a straightening is from what it should be; shifts are near enough up to a limit."""
+        near_px = SHIFTED_PX if isinstance(straightening, Shift) else 0.0
         return max(0.0, self._size_px(self.motion - straightening.motion) - near_px)
 
     def _patches(
@@ -294,4 +273,6 @@ class Registration:
         if self._rest.watch is not None:
             field = self.without(self._rest.watch.displacement(straight))
         motion, confidence = coarse(field)
-        return motion, (confidence >= FOUND) & self._rest.known
+        found = (confidence >= FOUND) & self._rest.known
+        self.explained = float(np.median(confidence[found] / self._rest.confidence[found])) if found.any() else 0.0
+        return motion, found

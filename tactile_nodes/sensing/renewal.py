@@ -1,8 +1,8 @@
 """When a rest image is taken anew by itself: while nothing touches, once the picture is no longer that of the old one.
 
-Light that changed and a lens out of focus alter how far motion is read; a rest image that shows the same mends that. A
-touch is never taken for rest: motion tells, and slow touches are told by an unbroken chain from a frame that was surely
-at rest. `docs/stability.md` says what it mends.
+Light that changed, a lens out of focus, markers that are gone and pixels that fall elsewhere since a knock alter how
+far motion is read; a rest image that shows the same mends that. A touch is never taken for rest: motion tells, and slow
+touches are told by an unbroken chain from a frame that was surely at rest. `docs/stability.md` says what it mends.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ NS_PER_S = 1_000_000_000
 class RenewalOptions:
     """`frames` over at least `least_s` seconds are averaged.
 
-    After a change of the picture that is no motion a rest image is renewed at once, but `apart_s` after the one before;
-    slow changes wait for `after_s`.
+    After a change of the picture that is no touch a rest image is renewed at once, but `apart_s` after the one before,
+    and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
+    for `after_s`.
     """
 
-    frames: int = 8
-    least_s: float = 0.2
+    frames: int = 4
+    least_s: float = 0.15
     apart_s: float = 2.0
     after_s: float = 60.0
 
@@ -36,7 +37,8 @@ class RenewalOptions:
 class Rested:
     """What is known of one frame: `surely` (strictly) at rest, or at rest as far as a coarse look tells (`maybe`).
 
-    `like`: it is the picture of the rest image in all respects. `changed`: its light or sharpness is another.
+    `like`: it is the picture of the rest image in all respects. `changed`: it is another picture, in a way that no
+    touch makes it.
     """
 
     surely: bool
@@ -53,22 +55,31 @@ class Renewal:
         self._calm = False
         self._taken_ns = 0
         self._renewed_ns: int | None = None
+        self._apart_s = 0.0
+        self._straightening: object = None
         self._begin()
 
     def taken(self, stamp_ns: int, *, renewed: bool) -> None:
         """Take that a rest image came into use, whose frames were at rest."""
+        self._apart_s = self._next_apart_s(stamp_ns) if renewed else 0.0
         self._taken_ns, self._calm = stamp_ns, True
         self._renewed_ns = stamp_ns if renewed else None
         self._begin()
 
     def offer(
-        self, straight: UInt8[np.ndarray, 'h w'], stamp_ns: int, rested: Rested
+        self, straight: UInt8[np.ndarray, 'h w'], stamp_ns: int, rested: Rested, straightening: object = None
     ) -> UInt8[np.ndarray, 'h w'] | None:
-        """Take a frame; the mean of some when it is time for them to be the rest image."""
+        """Take a frame; the mean of some when it is time for them to be the rest image.
+
+        `straightening` is what straightened it: frames that were straightened by different ones are not averaged.
+        """
         self._calm = rested.surely or (self._calm and rested.maybe)
         if rested.like or not self._fits(stamp_ns, rested):
             self._begin()
             return None
+        if straightening is not self._straightening:
+            self._begin()
+            self._straightening = straightening
         if not self._frames.count:
             self._first_ns = stamp_ns
         self._frames.add(straight)
@@ -82,8 +93,16 @@ class Renewal:
         """Whether this frame may go into a rest image."""
         since_ns = math.inf if self._renewed_ns is None else abs(stamp_ns - self._renewed_ns)
         if rested.changed:
-            return self._calm and rested.maybe and since_ns >= self._options.apart_s * NS_PER_S
+            return self._calm and rested.maybe and since_ns >= self._apart_s * NS_PER_S
         return rested.surely and min(since_ns, stamp_ns - self._taken_ns) >= self._options.after_s * NS_PER_S
+
+    def _next_apart_s(self, stamp_ns: int) -> float:
+        """How long until the next renewal but one: twice as long as before, unless all was well for long."""
+        options = self._options
+        quiet_s = math.inf if self._renewed_ns is None else (stamp_ns - self._renewed_ns) / NS_PER_S
+        if not 0 <= quiet_s < options.after_s:
+            return options.apart_s
+        return min(max(2 * self._apart_s, options.apart_s), options.after_s)
 
     def _begin(self) -> None:
         self._frames = RestAccumulator()

@@ -28,6 +28,12 @@ LARGEST_LIGHT_SHARE = 0.03
 LARGEST_UNEVENNESS = 2.0
 """Left over in one block, at most so many times the variance left over in the middle one."""
 
+TOUCH_UNEVENNESS = 1.3, 64.0
+"""A touch that moves by m times what noise makes leaves an unevenness of 1.3 + (m / 64)²: 4 of 74 mN, 95 of 0.4 N."""
+
+UNEXPLAINED = 4.0
+"""Times what a touch leaves from which a part of the picture is another: dirt leaves 500, a hot spot 13 to 2500."""
+
 PLAIN_UNEVENNESS = 2.4
 """The same of all that changed, motion and light included: what is beyond needs no closer look."""
 
@@ -85,6 +91,12 @@ class Stillness:
             and self.unevenness <= LARGEST_UNEVENNESS
         )
 
+    @property
+    def unexplained(self) -> bool:
+        """Whether a part of the picture changed as no touch changes it."""
+        least, scale = TOUCH_UNEVENNESS
+        return not self.unevenness <= UNEXPLAINED * (least + (self.motion / scale) ** 2)
+
 
 class StillnessCheck:
     """Compares images with one rest image, about which all is computed beforehand."""
@@ -137,6 +149,11 @@ class StillnessCheck:
             return False
         # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
         return int(cv2.sumElems(small)[0]) % self.options.full_every > 0
+
+    @property
+    def able(self) -> bool:
+        """Whether the rest image is large enough for the blocks."""
+        return self._able
 
     def look(self, image: UInt8[np.ndarray, 'h w']) -> Stillness:
         """How still a frame is; the rest image must not be too small.

@@ -17,7 +17,7 @@ from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
-from tactile_nodes.sensing.stillness import StillnessCheck
+from tactile_nodes.sensing.stillness import Stillness, StillnessCheck
 
 
 @dataclass(frozen=True)
@@ -129,16 +129,19 @@ class FeatureTracker:
         registering = None if self.registration is None else Registered(image, own)
         return PreparedRest(image, flow, encoding, check, own, registering)
 
-    def use(self, rest: PreparedRest, *, offset: PictureMotion | None = None) -> None:
+    def use(
+        self, rest: PreparedRest, *, offset: PictureMotion | None = None, motion: PictureMotion | None = None
+    ) -> None:
         """Measure against a prepared rest image from now on.
 
         `offset`: it was made of straightened images, and lies so far beside the first one. None: it is a first one.
+        `motion` is that of the whole picture when they were taken.
         """
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
         self.rest, self._still, self._own = rest, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         if self.registration and rest.registering:
-            self.registration.set_reference(rest.registering, offset)
+            self.registration.set_reference(rest.registering, offset, motion)
 
     def field(self, image: UInt8[np.ndarray, 'h w'], stamp_ns: int = 0) -> DisplacementField:
         """The displacement of `image`, taken at `stamp_ns`, against the rest image.
@@ -157,6 +160,12 @@ class FeatureTracker:
         if self.registration is None:
             return self._flow.displacement(image)
         return self._registered(self.registration, image, straight, stamp_ns)
+
+    def stillness(self) -> Stillness | None:
+        """How still the last frame is, beside motion that is taken out; None where nothing is there to tell."""
+        if self._check is None or not self._check.able or self.straight is None:
+            return None
+        return self._check.look(self.straight)
 
     def _registered(
         self,
@@ -200,7 +209,9 @@ class Coming:
 
     def __init__(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], due_ns: int) -> None:
         self.due_ns = due_ns
-        self.offset = tracker.registration.beside_frame if tracker.registration else None
+        registration = tracker.registration
+        self.offset = registration.beside_frame if registration else None
+        self.motion = registration.motion if registration else None
         self._found: PreparedRest | ImageError | None = None
         self._thread = threading.Thread(target=self._prepare, args=(tracker, image), name='rest image', daemon=True)
         self._thread.start()

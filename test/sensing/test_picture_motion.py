@@ -7,11 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Straightening, WholeShift
+from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
 
 SHAPE = (440, 440)
 FIT = MotionFit(SHAPE, 10, 10)
 NUMBERS = st.floats(-4, 4)
+
+
+def waves(right: np.ndarray, down: np.ndarray) -> np.ndarray:
+    return np.rint(128 + 60 * np.sin(right / 4) * np.cos(down / 5)).astype(np.uint8)
 
 
 def test_turn_and_growth_move_the_rim_as_by_hand() -> None:
@@ -46,10 +50,6 @@ def test_the_common_motion_is_found_whatever_a_fifth_of_the_patches_does(terms: 
 
 def test_a_straightened_image_is_the_one_before_the_motion() -> None:
     x, y = np.meshgrid(np.arange(440.0), np.arange(440.0))
-
-    def waves(right: np.ndarray, down: np.ndarray) -> np.ndarray:
-        return np.rint(128 + 60 * np.sin(right / 4) * np.cos(down / 5)).astype(np.uint8)
-
     motion = PictureMotion((1.3, -0.7, 0.5, 2.0, 0.0, 0.0, 0.0, 0.0))
     rest = waves(x, y)
     # Where content went by d(p), the image shows at p + d(p) what was at p; d varies by 1 % over a pixel here.
@@ -63,8 +63,15 @@ def test_a_straightened_image_is_the_one_before_the_motion() -> None:
     assert np.sqrt(np.square(off).mean()) < 1.5
 
 
+def test_a_shift_by_parts_of_a_pixel_is_undone_to_the_rounding_of_grey_levels() -> None:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(np.float32)
+    straight = Shift(1.3, -0.6)(waves(x - 1.3, y + 0.6), waves(x, y))
+    off = straight[8:-8, 8:-8].astype(float) - waves(x, y)[8:-8, 8:-8]
+    assert np.sqrt(np.square(off).mean()) < 0.6  # two roundings make 0.41
+
+
 def test_a_whole_shift_is_undone_to_the_bit_and_borders_come_from_the_rest_image() -> None:
     rest = np.random.default_rng(1).integers(0, 255, (40, 50), dtype=np.uint8)
     moved = np.roll(rest, (2, -3), axis=(0, 1))
-    straight = WholeShift(-3, 2)(moved, rest)
+    straight = Shift(-3.0, 2.0)(moved, rest)
     assert (straight == rest).all()

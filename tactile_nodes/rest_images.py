@@ -1,0 +1,159 @@
+"""The rest image in use: captured, renewed while nothing touches, and what there is to say of a picture beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.errors import ImageError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.quality import PictureLikeness, sharpness
+from tactile_nodes.sensing.quietness import EXPLAINED
+from tactile_nodes.sensing.registration import FEW_FOUND, KNOCK_PX, Registration
+from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
+from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest
+
+FORCE = types.ForceDistribution
+MOST_NOISE = 1.3
+"""What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
+within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3."""
+
+PREPARE_S = 0.2
+"""From the last frame of a renewed rest image until it is used, so that which frame is the first is no chance."""
+
+
+class RestImages:
+    """Keeps the rest image that a tracker measures against that of the present picture.
+
+    `trouble` says why there is none; `renewed` whether the last one was taken by itself.
+    """
+
+    def __init__(self, tracker: FeatureTracker, flow: str, renewal: RenewalOptions | None) -> None:
+        self._tracker = tracker
+        self._flow = flow
+        self._renewal = Renewal(renewal) if renewal else None
+        self._now: PictureLikeness | None = None
+        self._captured: PictureLikeness | None = None
+        self._first: PreparedRest | None = None
+        self._changed = False
+        self._seen, self._gone, self._noise_grey = 0, False, 0.0
+        self._coming: Coming | None = None
+        self._announced: types.Image | None = None
+        self.trouble, self.renewed = '', False
+
+    def use(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
+        """Measure against this rest image from now on.
+
+        Raises:
+            ImageError: nothing can be measured against it; the one before stays in use.
+        """
+        self._tracker.use_reference(image)
+        self._announce(head)
+
+    def offer(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
+        """Give a frame to the capture under way."""
+        try:
+            if self._tracker.offer_rest(image):
+                self._announce(head)
+        except ImageError as error:
+            self.trouble = str(error)
+
+    def announced(self) -> types.Image | None:
+        """The rest image that came into use since this was asked last, if one did: to be published."""
+        message, self._announced = self._announced, None
+        return message
+
+    def take_coming(self, head: types.Header) -> None:
+        """Measure against the renewed rest image from the first frame on that is due."""
+        coming, at_ns = self._coming, stamp_ns(head.stamp)
+        if coming is None or 0 <= coming.due_ns - at_ns <= 2 * PREPARE_S * NS_PER_S:
+            return
+        self._coming = None
+        try:
+            self._tracker.use(coming.prepared(), offset=coming.offset, motion=coming.motion)
+        except ImageError as error:
+            self.trouble = str(error)
+            return
+        self._announce(head, renewed=True)
+
+    def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header, *, untouched: bool) -> int:
+        """What there is to say of a frame that was measured; it may become part of the next rest image."""
+        reasons = self._moved()
+        self._changed = False
+        if not untouched:
+            reasons |= self._unlike(image, level, head)
+        reasons |= self._look_closer()
+        self._offer_renewal(stamp_ns(head.stamp), untouched)
+        return reasons
+
+    def _look_closer(self) -> int:
+        """What frames at rest show of the picture beside motion; while something touches, what they showed before."""
+        registration = self._tracker.registration
+        if registration is None or not (registration.settled and registration.maybe):
+            return self._seen
+        if registration.explained < EXPLAINED:
+            self._gone = True
+        if (seen := self._tracker.stillness()) is not None:
+            usual = self._noise_grey = self._noise_grey or seen.noise_grey
+            noisy = seen.noise_grey > MOST_NOISE * usual
+            self._seen = seen.unexplained * FORCE.REASON_LIGHT_CHANGED | (noisy or self._gone) * FORCE.REASON_BLURRED
+        return self._seen
+
+    def _moved(self) -> int:
+        """What there is to say of the whole picture's motion."""
+        registration = self._tracker.registration
+        if registration is None:
+            return 0
+        told = {
+            FORCE.REASON_PICTURE_LOST: registration.lost,
+            FORCE.REASON_FOREIGN_MOTION: not registration.settled or self._apart(registration),
+            FORCE.REASON_LOW_CONFIDENCE: registration.found < FEW_FOUND,
+        }
+        return sum(reason for reason, present in told.items() if present)
+
+    def _unlike(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
+        """What there is to say of the picture as a picture, beside the rest image and beside the one captured."""
+        if self._now is None or self._captured is None:
+            return 0
+        sharp = sharpness(image)
+        beside = self._now.near(level, sharp)
+        self._changed = beside.light or beside.blurred
+        told = beside | self._captured.far(level, sharp)
+        if beside and self._tracker.rest is not self._first and not self._captured.near(level, sharp):
+            assert self._first is not None
+            self._tracker.use(self._first, offset=PictureMotion(), motion=PictureMotion())  # all is as it was
+            self._announce(head, renewed=True)
+        return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
+
+    def _offer_renewal(self, at_ns: int, untouched: bool) -> None:
+        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
+        registration, straight = self._tracker.registration, self._tracker.straight
+        if self._renewal is None or registration is None or straight is None or self._coming is not None:
+            return
+        apart = self._apart(registration)
+        changed = apart or (not untouched and (self._changed or registration.explained < EXPLAINED))
+        rested = Rested(registration.surely, registration.maybe, untouched and not apart, changed)
+        if not registration.settled:
+            rested = Rested(registration.surely, registration.maybe, like=True, changed=False)
+        image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
+        if image is not None:
+            self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
+
+    def _apart(self, registration: Registration) -> bool:
+        """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
+        return self._flow == 'dis' and registration.apart_px > KNOCK_PX
+
+    def _announce(self, head: types.Header, *, renewed: bool = False) -> None:
+        image = self._tracker.reference
+        assert image is not None
+        self.trouble, self.renewed = '', renewed
+        self._now = PictureLikeness(image, self._flow)
+        if not renewed:
+            self._coming, self._captured, self._first = None, self._now, self._tracker.rest
+            self._seen, self._gone, self._noise_grey = 0, False, 0.0
+        if self._renewal is not None:
+            self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
+        self._announced = conversions.image_message(image, head)

@@ -1,0 +1,68 @@
+"""Does anything touch? By the motion of patches all over a picture, beside that of the whole of it: loosely, surely."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from tactile_nodes.sensing.stillness import away_from_places
+
+PATCHES = 10
+LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5
+"""A picture is at rest, as far as a coarse look tells, when 19 of 20 patches follow it to within this.
+
+To it are added a share of the knock's size and of the middle patch's distance: blur and light move patches all over the
+picture, a touch those around it.
+"""
+
+EXPLAINED, UNEXPLAINED_PX = 0.9, 0.25
+"""Of a picture of which the middle patch is explained by less than this share of what it was, something is gone that no
+press takes away (presses to 2 mm leave 0.97): patches then seem to move by a share of what is missing, each its way."""
+
+QUIET_PX = 0.03
+"""More than 1 of 20 patches further than this from the common motion were touched, without a closer look."""
+
+QUIET_NOISE = 7.5
+"""Motion away from any place, in units of the middle patch's noise, up to which nothing touches.
+
+Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN make 10.8 to 19.
+"""
+MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
+
+OUTLIERS = 0.05
+"""Share of the patches that may go further at rest."""
+
+_AWAY = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
+
+
+def loosely_quiet(
+    left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], moved_px: float, explained: float
+) -> bool:
+    """Whether no more than a light touch moves patches, as far as a picture tells that is not that of the rest image.
+
+    Args:
+        left: motion of each patch beside the picture's, px.
+        found: which patches were found.
+        moved_px: how far the whole picture moved.
+        explained: how well the middle patch is explained, beside the rest image itself.
+    """
+    middle = math.sqrt(float(np.median(np.square(left[found]).sum(axis=1))))
+    limit = LOOSE_PX + LOOSE_SHARE * moved_px + LOOSE_MEDIANS * middle
+    if explained < EXPLAINED:
+        limit += UNEXPLAINED_PX * (1 - explained)
+    return _beyond(left, found, limit) <= OUTLIERS
+
+
+def quiet(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches']) -> bool:
+    """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
+    if _beyond(left, found, QUIET_PX) > OUTLIERS:
+        return False
+    noise_px = max(float(np.median(np.abs(left[found]))) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
+    away = np.abs(_AWAY @ np.where(found[:, None], left, 0.0).astype(np.float32).reshape(-1))
+    return float(away.max()) <= QUIET_NOISE * noise_px
+
+
+def _beyond(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit_px: float) -> float:
+    return float((np.square(left[found]).sum(axis=1) > limit_px**2).mean())
