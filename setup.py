@@ -93,6 +93,7 @@ setup(
             'pyarrow>=16,<27',
             'pynetft>=2.1,<3',
             'pytest>=9,<10',
+            'pytest-rerunfailures>=16.7,<17',
             'pytest-timeout>=2.3,<3',
             'pytest-xdist>=3.6,<4',
             'ruff>=0.17.5,<0.18',

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import jaxtyping
 import pytest
+from pauses import Pauses
+
+PAUSES = Pauses()
 
 # Whoever starts the tests in the background may have them ignore SIGINT, and their children with them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -21,9 +24,27 @@ jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Switch the checks on or off, fixtures included."""
+    """Switch the checks on or off, fixtures included; begin to look for pauses anew."""
     jaxtyping.config.update('jaxtyping_disable', item.path.parent.name not in CHECKED)
+    PAUSES.longest_s = 0.0
     return (yield)
+
+
+def pytest_configure() -> None:
+    """Look for pauses of the machine."""
+    PAUSES.start()
+
+
+def pytest_unconfigure() -> None:
+    """No longer."""
+    PAUSES.close()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """A test that failed while the machine stood still is run once more, and the report says so."""
+    if config.pluginmanager.hasplugin('rerunfailures'):
+        for item in items:
+            item.add_marker(pytest.mark.flaky(reruns=1, condition=PAUSES.were_long))
 
 
 @pytest.fixture(scope='session', autouse=True)
