@@ -26,9 +26,9 @@ def _parts(pixels, one, two, three):
     a, b, c, total, square = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
     for i in range(pixels.shape[0]):
         value = pixels[i]
-        a += one[i] * value
-        b += two[i] * value
-        c += three[i] * value
+        a += np.float32(one[i]) * value
+        b += np.float32(two[i]) * value
+        c += np.float32(three[i]) * value
         total += value
         square += value * value
     return a, b, c, square - total * total / np.float32(pixels.shape[0])
@@ -37,10 +37,11 @@ def _parts(pixels, one, two, three):
 @compiled()
 def _find(image, left, top, side, templates, p, limits, pixels):
     """Motion of patch `p` beside the window that is read, and the share of the window that is explained."""
-    basis, unmix, mend = templates
+    basis, unit, unmix, mend = templates
     least_gain, largest = np.float32(limits[0]), np.float32(limits[1])
     _read(image, left, top, side, pixels)
     a, b, c, contrast = _parts(pixels, basis[p, 0], basis[p, 1], basis[p, 2])
+    a, b, c = a * unit[p, 0], b * unit[p, 1], c * unit[p, 2]
     gain = max(unmix[0, 0, p] * a + unmix[0, 1, p] * b + unmix[0, 2, p] * c, least_gain)
     x = (unmix[1, 0, p] * a + unmix[1, 1, p] * b + unmix[1, 2, p] * c) / gain
     y = (unmix[2, 0, p] * a + unmix[2, 1, p] * b + unmix[2, 2, p] * c) / gain
@@ -52,7 +53,7 @@ def _find(image, left, top, side, templates, p, limits, pixels):
     return x, y, (a * a + b * b + c * c) / max(contrast, np.float32(1))
 
 
-_TEMPLATES = 'UniTuple(f4[:, :, ::1], 3)'
+_TEMPLATES = 'Tuple((i2[:, :, ::1], f4[:, ::1], f4[:, :, ::1], f4[:, :, ::1]))'
 
 
 @compiled(f"void(Array(u1, 2, 'C', True), i4[:, ::1], i8[::1], i8, {_TEMPLATES}, UniTuple(f8, 4), f4[:, ::1], f4[::1])")
@@ -106,25 +107,35 @@ def settle(image, home, side, templates, limits, readings, known, motion, explai
 
 
 @compiled()
-def _mirrored(place, count):
-    """A place beyond the rim, mirrored at the outermost patch, which is not doubled."""
-    while place < 0 or place >= count:
-        place = 0 if count == 1 else (-place if place < 0 else 2 * (count - 1) - place)
-    return place
+def _neighbours(count):
+    """Five places about each of some, those beyond the rim mirrored at the outermost place, which is not doubled."""
+    found = np.empty((count, 5), np.uintp)
+    for at in range(count):
+        for step in range(5):
+            place = at + step - 2
+            while place < 0 or place >= count:
+                place = 0 if count == 1 else (-place if place < 0 else 2 * (count - 1) - place)
+            found[at, step] = place
+    return found
 
 
 @compiled()
-def _blurred(known, weights, along_rows, blurred):
-    """Sums of five neighbours along one axis of (rows, cols, 3)."""
+def _blurred(known, weights):
+    """Sums over five neighbours along both axes of (rows, cols, 3)."""
     rows, cols = known.shape[:2]
-    blurred[:] = 0
+    above, beside = _neighbours(rows), _neighbours(cols)
+    across, blurred = np.zeros_like(known), np.zeros_like(known)
     for row in range(rows):
         for col in range(cols):
             for step in range(5):
-                from_row = row if along_rows else _mirrored(row + step - 2, rows)
-                from_col = _mirrored(col + step - 2, cols) if along_rows else col
                 for part in range(3):
-                    blurred[row, col, part] += weights[step] * known[from_row, from_col, part]
+                    across[row, col, part] += weights[step] * known[row, beside[col, step], part]
+    for row in range(rows):
+        for step in range(5):
+            for col in range(cols):
+                for part in range(3):
+                    blurred[row, col, part] += weights[step] * across[above[row, step], col, part]
+    return blurred
 
 
 @compiled('void(f4[:, ::1], f4[::1], f4[::1], f4[::1], UniTuple(f8, 3), f4[:, :, ::1], f4[:, ::1])')
@@ -136,7 +147,7 @@ def fill(motion, explained, known, weights, numbers, field, confidence):
     """
     rows, cols = confidence.shape
     own, least, by = np.float32(numbers[0]), np.float32(numbers[1]), np.float32(numbers[2])
-    measured, across, around = np.empty((3, rows, cols, 3), np.float32)
+    measured = np.empty((rows, cols, 3), np.float32)
     for row in range(rows):
         for col in range(cols):
             p = row * cols + col
@@ -144,8 +155,7 @@ def fill(motion, explained, known, weights, numbers, field, confidence):
             sure = known[p] * share * share
             confidence[row, col] = measured[row, col, 2] = sure
             measured[row, col, 0], measured[row, col, 1] = sure * motion[0, p], sure * motion[1, p]
-    _blurred(measured, weights, True, across)
-    _blurred(across, weights, False, around)
+    around = _blurred(measured, weights)
     for row in range(rows):
         for col in range(cols):
             share, total = own / (around[row, col, 2] + least), measured[row, col, 2] + own

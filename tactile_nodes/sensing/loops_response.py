@@ -19,6 +19,7 @@ from tactile_nodes.sensing.loops_common import (
     substitute,
     variances,
 )
+from tactile_nodes.sensing.loops_scores import seen, whitened
 
 
 @compiled()
@@ -124,13 +125,17 @@ def locate(components, begin, axes, coefficients, growth, limits, ends, contacts
 
 
 @compiled()
-def _start(components, starts, fields, norms, levels, power, begin):
-    """As `Response.start`: fills in the entry of the table that comes closest. `fields` are (components, starts)."""
+def _start(components, table, levels, power, begin):
+    """As `Response.start`: fills in the entry of the table that comes closest.
+
+    The table is contacts (starts, 3), what they cause (components, starts) in units, and its squares.
+    """
+    starts, fields, unit, norms = table
     along = np.zeros(norms.shape[0], np.float32)
     for c in range(components.shape[0]):
-        value, row = components[c], fields[c]
+        value, row = components[c] * unit[c], fields[c]
         for i in range(along.shape[0]):
-            along[i] += value * row[i]
+            along[i] += value * np.float32(row[i])
     best, least, best_share = 0, np.float32(np.inf), np.float32(1)
     for i in range(along.shape[0]):
         share = np.float32(1)
@@ -144,105 +149,11 @@ def _start(components, starts, fields, norms, levels, power, begin):
 
 
 @compiled()
-def _inputs(values, confidence, scaling, floor, inputs, missing):
-    """As `InputScaling`: fills in inputs and which of them are missing; returns how many are, and how many are left."""
-    mean, gain, trusted = scaling
-    lost, left = 0, 0
-    channels = values.shape[0] // confidence.shape[0]
-    for region in range(confidence.shape[0]):
-        used = trusted[region] if confidence[region] >= floor else np.float32(0)
-        known, gone = trusted[region] > 0, confidence[region] < floor
-        for i in range(channels * region, channels * (region + 1)):
-            inputs[i] = (values[i] - mean[i]) * gain[i] * used
-            if known and gone:
-                missing[lost] = i
-                lost += 1
-            elif known:
-                left += 1
-    return lost, left
-
-
-@compiled()
-def _fill_missing(directions, missing, sure, scores):
-    """Least squares scores from those of inputs in which some are missing: (1 + sure) I - L L' solved in place.
-
-    L are the directions' columns of the missing inputs. By Woodbury's identity it takes a system of the size of the
-    fewer of the two.
-    """
-    n, k = directions.shape[0], missing.shape[0]
-    lost = np.empty((n, k))
-    for i in range(n):
-        for j in range(k):
-            lost[i, j] = directions[i, missing[j]]
-    wide = k > n
-    size = n if wide else k
-    square, right = np.zeros((size, size)), np.zeros(size)
-    for i in range(size):
-        for j in range(i + 1):
-            both = 0.0
-            for m in range(k if wide else n):
-                both += lost[i, m] * lost[j, m] if wide else lost[m, i] * lost[m, j]
-            square[i, j] = -both
-        square[i, i] += 1 + sure
-    factorise(square)
-    if wide:
-        right[:] = scores
-        substitute(square, right)
-        scores[:] = right
-        return
-    for j in range(k):
-        for i in range(n):
-            right[j] += lost[i, j] * scores[i]
-    substitute(square, right)
-    for i in range(n):
-        added = 0.0
-        for j in range(k):
-            added += lost[i, j] * right[j]
-        scores[i] = (scores[i] + added) / (1 + sure)
-
-
-@compiled()
-def _seen(values, confidence, scaling, directions, floor, sure, scores):
-    """As `ResponseReadout.seen`: fills in scores; returns what they leave over and the whole, NaN of too few."""
-    inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
-    lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)
-    along = np.empty(scores.shape[0], np.float32)
-    whole = np.float32(0)
-    for i in range(inputs.shape[0]):
-        whole += inputs[i] * inputs[i]
-    for n in range(along.shape[0]):
-        total = np.float32(0)
-        for i in range(inputs.shape[0]):
-            total += directions[n, i] * inputs[i]
-        along[n] = total
-    scores[:] = along
-    if left < scores.shape[0]:
-        return math.nan, math.nan
-    if lost:
-        _fill_missing(directions, missing[:lost], sure, scores)
-    known = 0.0
-    for n in range(along.shape[0]):
-        known += scores[n] * along[n]
-    count = max(inputs.shape[0] - lost, 1)
-    return math.sqrt(max(whole - known, 0.0) / count), math.sqrt(whole / count)
-
-
-@compiled()
-def _whitened(whitening, scores, components):
-    for n in range(components.shape[0]):
-        total = np.float32(0)
-        for i in range(scores.shape[0]):
-            total += whitening[n, i] * scores[i]
-        components[n] = total
-
-
-@compiled()
 def _fit(components, response, table, ends, levels, power, limit, most):
     """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
     axes, coefficients, growth, limits = response
-    starts, fields, norms = table
     contacts, information, begin = np.empty((1, 3)), np.empty((3, 3)), np.empty((1, 3))
-    _start(components, starts, fields, norms, levels, power, begin[0])
+    _start(components, table, levels, power, begin[0])
     misfit = locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information)
     left, always = components.copy(), ends.copy()
     always[3] = 0.0
@@ -254,7 +165,7 @@ def _fit(components, response, table, ends, levels, power, limit, most):
             begin[n] = contacts[n]
             _value_and_slopes(contacts[n], axes, coefficients, made)
             left -= made[0]
-        _start(left, starts, fields, norms, levels, power, begin[count])
+        _start(left, table, levels, power, begin[count])
         more, told = np.empty_like(begin), np.empty((3 * count + 3, 3 * count + 3))
         found = locate(components, begin, axes, coefficients, growth, limits, always, more, told)
         if found > 0.5 * misfit:
@@ -293,8 +204,9 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
 
 @compiled(
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
-    'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), Tuple((f8[:, ::1], f4[:, ::1], f4[::1])), '
-    'UniTuple(f8[::1], 2), f8[::1], UniTuple(f8, 13), f8[:, ::1], f4[:, ::1])'
+    'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
+    'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
+    'UniTuple(f8, 13), f8[:, ::1], f4[:, ::1])'
 )
 def read(values, confidence, scaling, directions, whitening, response, table, factors, ends, numbers, contacts, forces):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
@@ -305,10 +217,10 @@ def read(values, confidence, scaling, directions, whitening, response, table, fa
     floor, sure, levels, power, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:11]
     axes, growth, limits = response[0], response[2], response[3]
     scores, components = np.empty(directions.shape[0], np.float32), np.empty(directions.shape[0], np.float32)
-    left_over, size = _seen(values, confidence, scaling, directions, floor, sure, scores)
+    left_over, size = seen(values, confidence, scaling, directions, floor, sure, scores)
     if not (np.isfinite(size) and np.isfinite(scores).all()):
         return 0, math.nan, math.nan
-    _whitened(whitening, scores, components)
+    whitened(whitening, scores, components)
     found, information, misfit = _fit(
         components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
     )

@@ -13,7 +13,6 @@ from jaxtyping import Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 
@@ -79,6 +78,8 @@ class ForceEstimator:
 
     def __init__(self, model: ForceModel) -> None:
         self.model = model
+        self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
+        self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
 
     def predict(self, features: Features) -> ForceMap:
@@ -88,9 +89,11 @@ class ForceEstimator:
             ModelError: the features have another layout than those the model was trained on.
         """
         model = self.model
-        require_layout(model.layout, features, model.model_id)
-        reading = model.readout.read(features.values, features.confidence)
-        return _force_map(reading, _share_trusted(model.readout.scaling, features))
+        if (features.encoding, *features.values.shape) != self._layout:
+            require_layout(model.layout, features, model.model_id)
+        reading, scaling = model.readout.read(features.values, features.confidence), model.readout.scaling
+        textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
+        return _force_map(reading, float(textured) / self._trusted)
 
     def at_rest(self, features: Features) -> ForceMap:
         """No force, with the uncertainty that the model states for these features, which are those of no motion.
@@ -141,8 +144,3 @@ def require_layout(layout: FeatureLayout, features: Features, model_id: str) -> 
             f'model {model_id} was trained on {layout}, but the features are {found}; '
             'configure the features as the model needs them or choose another model'
         )
-
-
-def _share_trusted(scaling: InputScaling, features: Features) -> float:
-    textured = features.confidence >= scaling.confidence_floor
-    return float(np.vdot(scaling.trusted, textured)) / max(float(scaling.trusted.sum()), 1.0)

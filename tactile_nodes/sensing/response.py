@@ -64,10 +64,12 @@ class Response:
 
     @cached_property
     def for_loops(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-        """For loops: axes, coefficients, growth and limits; contacts to begin with, their components and norms."""
+        """For loops: axes, coefficients, growth and limits; contacts to begin with, as a table."""
         coefficients, growth = (np.ascontiguousarray(each, np.float32) for each in (self.coefficients, self.growth))
-        table = self.starts, np.ascontiguousarray(self.start_components.T), self._start_norms
-        return (self.axes_array, coefficients, growth, self.limits_array), table
+        # As whole numbers the table is half as much to read for each frame.
+        unit = np.maximum(np.abs(self.start_components).max(axis=0), 1e-30) / np.float32(np.iinfo(np.int16).max)
+        whole = np.ascontiguousarray(np.rint(self.start_components / unit).astype(np.int16).T)
+        return (self.axes_array, coefficients, growth, self.limits_array), (self.starts, whole, unit, self._start_norms)
 
     def force_n(self, s: float) -> float:
         """The force that s stands for."""

@@ -1,0 +1,104 @@
+"""A frame's features to scores along principal directions, some regions missing: see `response_readout.project`."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
+
+
+@compiled()
+def _inputs(values, confidence, scaling, floor, inputs, missing):
+    """As `InputScaling`: fills in inputs and which of them are missing; returns how many are, and how many are left."""
+    mean, gain, trusted = scaling
+    lost, left = 0, 0
+    channels = values.shape[0] // confidence.shape[0]
+    for region in range(confidence.shape[0]):
+        used = trusted[region] if confidence[region] >= floor else np.float32(0)
+        known, gone = trusted[region] > 0, confidence[region] < floor
+        for i in range(channels * region, channels * (region + 1)):
+            inputs[i] = (values[i] - mean[i]) * gain[i] * used
+            if known and gone:
+                missing[lost] = i
+                lost += 1
+            elif known:
+                left += 1
+    return lost, left
+
+
+@compiled()
+def _fill_missing(directions, missing, sure, scores):
+    """Least squares scores from those of inputs in which some are missing: (1 + sure) I - L L' solved in place.
+
+    L are the directions' columns of the missing inputs. By Woodbury's identity it takes a system of the size of the
+    fewer of the two.
+    """
+    n, k = directions.shape[0], missing.shape[0]
+    lost = np.empty((n, k))
+    for i in range(n):
+        for j in range(k):
+            lost[i, j] = directions[i, missing[j]]
+    wide = k > n
+    size = n if wide else k
+    square, right = np.zeros((size, size)), np.zeros(size)
+    for i in range(size):
+        for j in range(i + 1):
+            both = 0.0
+            for m in range(k if wide else n):
+                both += lost[i, m] * lost[j, m] if wide else lost[m, i] * lost[m, j]
+            square[i, j] = -both
+        square[i, i] += 1 + sure
+    factorise(square)
+    if wide:
+        right[:] = scores
+        substitute(square, right)
+        scores[:] = right
+        return
+    for j in range(k):
+        for i in range(n):
+            right[j] += lost[i, j] * scores[i]
+    substitute(square, right)
+    for i in range(n):
+        added = 0.0
+        for j in range(k):
+            added += lost[i, j] * right[j]
+        scores[i] = (scores[i] + added) / (1 + sure)
+
+
+@compiled()
+def seen(values, confidence, scaling, directions, floor, sure, scores):
+    """As `ResponseReadout.seen`: fills in scores; returns what they leave over and the whole, NaN of too few."""
+    inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
+    lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)
+    along = np.empty(scores.shape[0], np.float32)
+    whole = np.float32(0)
+    for i in range(inputs.shape[0]):
+        whole += inputs[i] * inputs[i]
+    for n in range(along.shape[0]):
+        total = np.float32(0)
+        for i in range(inputs.shape[0]):
+            total += directions[n, i] * inputs[i]
+        along[n] = total
+    scores[:] = along
+    if left < scores.shape[0]:
+        return math.nan, math.nan
+    if lost:
+        _fill_missing(directions, missing[:lost], sure, scores)
+    known = 0.0
+    for n in range(along.shape[0]):
+        known += scores[n] * along[n]
+    count = max(inputs.shape[0] - lost, 1)
+    return math.sqrt(max(whole - known, 0.0) / count), math.sqrt(whole / count)
+
+
+@compiled()
+def whitened(whitening, scores, components):
+    """Scores as components whose noise is 1."""
+    for n in range(components.shape[0]):
+        total = np.float32(0)
+        for i in range(scores.shape[0]):
+            total += whitening[n, i] * scores[i]
+        components[n] = total
