@@ -11,6 +11,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.drift_alarm import Level
 from tactile_nodes.sensing.drift_verdict import Verdict
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.reference import average
@@ -18,7 +19,7 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
 
 LEAD_S = 0.5
-"""A verdict holds for images from so much later on, so that it reaches the force estimator before them."""
+"""A worse verdict holds for images from so much later on, so that it reaches the force estimator before them."""
 
 FORCE = types.ForceDistribution
 EXPLAINED = (
@@ -83,11 +84,29 @@ def usable(force: types.ForceDistribution) -> bool:
     return not force.reasons & ~EXPLAINED
 
 
-def state_message(verdict: Verdict, at_ns: int, calibrated: Calibrated, reference_id: str) -> types.CalibrationState:
-    """What a verdict that rests on an image of a stamp tells."""
+class Told:
+    """From which stamp on a verdict holds, beside the one that was told before.
+
+    On a new rest image it holds from that image on, and so does a better one: what little of it comes late is told less
+    well than it is. A worse one holds `LEAD_S` later.
+    """
+
+    def __init__(self) -> None:
+        self._level = Level.VALID
+
+    def holds_from_ns(self, verdict: Verdict, at_ns: int, *, of_rest: bool) -> int:
+        """For a verdict that rests on an image of a stamp."""
+        better, self._level = verdict.level < self._level, verdict.level
+        return at_ns if of_rest or better else at_ns + round(LEAD_S * NS_PER_S)
+
+
+def state_message(
+    verdict: Verdict, at_ns: int, from_ns: int, calibrated: Calibrated, reference_id: str
+) -> types.CalibrationState:
+    """What a verdict tells that rests on an image of a stamp, and holds from another one on."""
     return types.CalibrationState(
         header=conversions.header(at_ns, ''),
-        valid_from=time_from_ns(at_ns + round(LEAD_S * NS_PER_S)),
+        valid_from=time_from_ns(from_ns),
         model_id=calibrated.model_id,
         calibration=calibrated.origin,
         reference_id=reference_id,

@@ -81,7 +81,7 @@ class RestImages:
 
     def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header, *, untouched: bool) -> int:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
-        reasons = self._moved()
+        reasons = self._moved() | self._tracker.unsteady * FORCE.REASON_REST_DOUBTFUL
         self._changed = False
         if not untouched:
             reasons |= self._unlike(image, level, head)

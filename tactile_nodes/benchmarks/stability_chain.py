@@ -15,7 +15,7 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.drifting import LEAD_S, Calibrated, usable
+from tactile_nodes.drifting import Calibrated, Told, usable
 from tactile_nodes.estimating import Estimating, calibration_reasons
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
@@ -40,12 +40,13 @@ class Watching:
         self._monitor = DriftMonitor(Limits.of_flow(self._calibrated.flow))
         self._monitor.use_calibration(self._calibrated.picture())
         self._looked_ns: int | None = None
+        self._stamps = Told()
 
     def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
         """Take a new rest image; from which stamp on forces carry which reasons."""
         self._monitor.rest(picture)
         self._looked_ns = 0
-        return self._told(stamp_ns)
+        return self._told(stamp_ns, of_rest=True)
 
     def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
         """The same of a frame, if it is time to look at one again."""
@@ -59,10 +60,10 @@ class Watching:
         """Take a force as it was published."""
         self._monitor.force(stamp_ns, force.total, force.unlikeness, in_contact=force.in_contact, usable=usable(force))
 
-    def _told(self, stamp_ns: int) -> tuple[int, int]:
+    def _told(self, stamp_ns: int, *, of_rest: bool = False) -> tuple[int, int]:
         verdict = self._monitor.verdict
         state = types.CalibrationState(level=int(verdict.level), reasons=int(verdict.reasons))
-        return stamp_ns + round(LEAD_S * NS_PER_S), calibration_reasons(state)
+        return self._stamps.holds_from_ns(verdict, stamp_ns, of_rest=of_rest), calibration_reasons(state)
 
 
 @cache

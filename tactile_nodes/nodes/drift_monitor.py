@@ -18,7 +18,7 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drifting import Calibrated, state_message, usable
+from tactile_nodes.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.drift import DriftMonitor, Limits
@@ -53,7 +53,7 @@ class DriftMonitorNode(Node):
         super().__init__(bus, arguments, clock)
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(Limits.of_flow(self._calibrated.flow))
-        self._told = self.create_publisher(topics.CALIBRATION_STATE)
+        self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
         self._looked_ns = 0
         self._reference_id = ''
         self._taken_out: PictureMotion | None = None
@@ -83,7 +83,7 @@ class DriftMonitorNode(Node):
         picture = conversions.image_array(received.message)
         self._reference_id = content_id(picture)
         self._monitor.rest(picture)
-        self._tell(stamp_ns(received.message.header.stamp))
+        self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
 
     def _on_image(self, received: Received) -> None:
         at_ns = stamp_ns(received.message.header.stamp)
@@ -109,9 +109,10 @@ class DriftMonitorNode(Node):
     def _check_weight(self) -> str:
         return self._monitor.weigh(self.params.weight_g)
 
-    def _tell(self, at_ns: int) -> None:
+    def _tell(self, at_ns: int, *, of_rest: bool = False) -> None:
         verdict = self._monitor.verdict
-        self._told.publish(state_message(verdict, at_ns, self._calibrated, self._reference_id))
+        from_ns = self._told.holds_from_ns(verdict, at_ns, of_rest=of_rest)
+        self._states.publish(state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id))
         self.report(
             'calibration', Health(verdict.level), verdict.text, compared_with=self._calibrated.origin,
             moved_px=verdict.moved_px, lost=verdict.lost, unlike_share=verdict.unlike_share,

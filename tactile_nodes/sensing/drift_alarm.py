@@ -15,6 +15,10 @@ WINDOW_S, LEAST_S, LEAST_VALUES = 6.0, 3.0, 3
 """The median is over the last seconds of evidence, and says nothing before it spans some of them."""
 
 
+CLEARED = 0.35
+"""A number below this share of the limit of ageing ends an alarm at once, where chance makes no such number."""
+
+
 class Level(IntEnum):
     """How far a calibration is to be trusted."""
 
@@ -28,11 +32,13 @@ class Alarm:
     """The level of one number, which is 0 where all is well and grows.
 
     With limits of 0.03 and 0.1 a median of 0.05 is ageing and becomes valid again below 0.021. A value alone, however
-    large, changes nothing: half of a window of evidence must agree. Without new evidence the level stays.
+    large, changes nothing: half of a window of evidence must agree. Without new evidence the level stays. `plain`: the
+    number is small by no chance (a picture that is not there is not found), and one below 0.0105 would do.
     """
 
-    def __init__(self, ageing: float, invalid: float = math.inf) -> None:
+    def __init__(self, ageing: float, invalid: float = math.inf, *, plain: bool = False) -> None:
         self.limits = ageing, invalid
+        self._plain = plain
         self.level = Level.VALID
         self.value = math.nan
         self._values: deque[tuple[int, float]] = deque()
@@ -41,6 +47,9 @@ class Alarm:
         """Take the number at a time; a time before the last one begins anew."""
         if self._values and stamp_ns < self._values[-1][0]:
             self._values.clear()
+        if self._plain and self.level > Level.VALID and value < CLEARED * self.limits[0]:
+            self._values.clear()
+            self.set(value)
         self._values.append((stamp_ns, value))
         while stamp_ns - self._values[0][0] > WINDOW_S * NS_PER_S:
             self._values.popleft()

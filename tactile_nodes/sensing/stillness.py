@@ -98,6 +98,15 @@ class Stillness:
         return not self.unevenness <= UNEXPLAINED * (least + (self.motion / scale) ** 2)
 
 
+STEADY_MOTION = 8.0
+"""Motion, in units of what noise makes of it, from one frame to another of a rest image: 5 mN make 8.5."""
+
+
+def steady(seen: Stillness) -> bool:
+    """Whether one frame beside another shows the same, as frames must that go into one rest image."""
+    return seen.motion <= STEADY_MOTION and seen.light_share <= LARGEST_LIGHT_SHARE
+
+
 class StillnessCheck:
     """Compares images with one rest image, about which all is computed beforehand."""
 

@@ -17,7 +17,7 @@ from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
-from tactile_nodes.sensing.stillness import Stillness, StillnessCheck
+from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,9 @@ class PreparedRest:
     own: DisplacementField
     registering: Registered | None
 
+
+PATIENCE = 4
+"""A capture waits so many times as long as it takes for frames that show the same."""
 
 KNOCK_ROUNDS = 3
 """How often a frame is measured anew when the camera was knocked."""
@@ -70,7 +73,9 @@ class FeatureTracker:
         self._rest_frames = rest_frames
         self._marked_share = marked_share
         self._rest: RestAccumulator | None = None
-        self._left_to_skip = 0
+        self._first: StillnessCheck
+        self._left_to_skip = self._offered = 0
+        self.unsteady = False
 
     @property
     def capturing(self) -> bool:
@@ -80,10 +85,13 @@ class FeatureTracker:
     def begin_capture(self, skip: int = 0) -> None:
         """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
         self._rest = RestAccumulator()
-        self._left_to_skip = skip
+        self._left_to_skip, self._offered, self.unsteady = skip, 0, False
 
     def offer_rest(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Give an image to the capture under way; true when it completed the rest image.
+
+        The frames follow one another and show the same: with one that does not, as when a touch ends or an exposure is
+        being set, the capture begins anew. `unsteady`: none came for too long, and any were taken.
 
         Raises:
             ImageError: the image is black or overexposed, and was left out; or the finished rest image cannot be
@@ -94,6 +102,8 @@ class FeatureTracker:
             self._left_to_skip -= 1
             return False
         require_picture(image)
+        if not self._steady(image):
+            self._rest = RestAccumulator()
         self._rest.add(image)
         if self._rest.count < self._rest_frames:
             return False
@@ -101,6 +111,18 @@ class FeatureTracker:
         self.use_reference(finished)
         self._rest = None
         return True
+
+    def _steady(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether a frame shows what those before it show; of a picture that never rests all frames do."""
+        assert self._rest is not None
+        self._offered += 1
+        if self._rest.count and (not self._first.able or steady(self._first.look(image))):
+            return True
+        self.unsteady = self._offered > PATIENCE * self._rest_frames
+        if not self.unsteady:
+            self._first = StillnessCheck()
+            self._first.set_reference(image)
+        return self.unsteady
 
     def use_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
         """Measure against this rest image from now on.

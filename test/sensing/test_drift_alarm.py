@@ -59,3 +59,9 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     alarm = fed(Alarm(1.0), [2.0] * 5, begin_s=100)
     assert fed(alarm, [2.0] * 5).level == Level.VALID
     assert alarm.value != pytest.approx(2.0, nan_ok=True)
+
+
+def test_a_small_number_ends_at_once_what_chance_cannot_make_small() -> None:
+    assert fed(Alarm(1.0, 3.0, plain=True), [5.0] * 9 + [0.3]).level == Level.VALID
+    assert fed(Alarm(1.0, 3.0, plain=True), [5.0] * 9 + [0.4]).level == Level.INVALID
+    assert fed(Alarm(1.0, 3.0), [5.0] * 9 + [0.3]).level == Level.INVALID

@@ -24,10 +24,28 @@ def test_rest_image_is_the_mean_of_as_many_frames_as_asked() -> None:
     found = tracker(rest_frames=2)
     found.begin_capture()
     assert not found.offer_rest(PATTERN)
-    assert found.offer_rest(PATTERN + 10)
+    assert found.offer_rest(PATTERN + 2)
     assert found.reference is not None
-    assert (found.reference == PATTERN + 5).all()
+    assert (found.reference == PATTERN + 1).all()
     assert not found.capturing
+
+
+def test_a_capture_begins_anew_with_a_frame_that_shows_something_else() -> None:
+    found = tracker(rest_frames=2)
+    found.begin_capture()
+    assert not found.offer_rest(np.roll(PATTERN, 1, axis=1))  # as when a touch ends
+    assert not found.offer_rest(PATTERN)
+    assert found.offer_rest(PATTERN)
+    assert (found.reference == PATTERN).all()
+    assert not found.unsteady
+
+
+def test_of_a_picture_that_never_rests_any_frames_are_taken_and_that_is_told() -> None:
+    found = tracker(rest_frames=2)
+    found.begin_capture()
+    done = [found.offer_rest(np.roll(PATTERN, number % 2, axis=1)) for number in range(9)]
+    assert done.index(True) == 8  # four times two frames, and one
+    assert found.unsteady
 
 
 def test_frames_to_skip_are_left_out_whatever_they_show() -> None:
