@@ -6,7 +6,19 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 
 from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes
 from tactile_nodes.sensing.loops_patches import fill, match, settle
+from tactile_nodes.sensing.loops_pictures import changed, common, counted, differences
 from tactile_nodes.sensing.loops_response import locate
 from tactile_nodes.sensing.loops_response import read as read_response
 
-__all__ = ['fill', 'locate', 'match', 'motion_and_slopes', 'read_response', 'settle']
+__all__ = [
+    'changed',
+    'common',
+    'counted',
+    'differences',
+    'fill',
+    'locate',
+    'match',
+    'motion_and_slopes',
+    'read_response',
+    'settle',
+]

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from tactile_nodes.sensing.compiling import compiled_loops
+
 TERMS = 8
 ROUNDS = 5
 FAR_PX = 0.05
@@ -168,11 +170,14 @@ class MotionFit:
         Least squares, weighted anew a few times by `weight` / (1 + (r / 0.05 px)²)², about the median motion at first,
         or about none.
         """
-        terms = np.zeros(TERMS)
+        terms, scale = np.zeros(TERMS), FAR_PX**2
         if not about_none:
             terms[:2] = np.median(motion[weight > 0], axis=0)
+            scale = max(scale, float(np.median(self._away(motion, terms)[weight > 0])))
+        if (loops := compiled_loops()) is not None:
+            loops.common(motion, weight, self._along_x, self._along_y, rounds, FAR_PX**2, scale, terms)
+            return terms
         away = np.square(motion).sum(axis=1) if about_none else self._away(motion, terms)
-        scale = FAR_PX**2 if about_none else max(FAR_PX**2, float(np.median(away[weight > 0])))
         for number in range(rounds):
             terms = self._weighted(motion, weight / np.square(1 + away / scale))
             if number < rounds - 1:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.compiling import compiled_loops
 
 DARK_GREY = 8
 """An image whose 99th percentile stays below this shows nothing: markers under light reach 60 and more."""
@@ -29,6 +30,10 @@ class PictureFaults:
 
 def picture_faults(image: UInt8[np.ndarray, 'h w']) -> PictureFaults:
     """Judge an image by every fourth pixel of every fourth row."""
+    if (loops := compiled_loops()) is not None and image.flags.c_contiguous:
+        total, bright, burnt = loops.counted(image, 4, DARK_GREY)
+        size = -(-image.shape[0] // 4) * -(-image.shape[1] // 4)
+        return PictureFaults(total / size, bright <= 0.01 * size, burnt > SATURATED_SHARE * size)
     sample = np.ascontiguousarray(image[::4, ::4])  # in one piece it is counted three times as fast
     # A percentile by counting: sorting would cost ten times as much, for each frame.
     bright = np.count_nonzero(sample >= DARK_GREY) > 0.01 * sample.size
@@ -130,6 +135,9 @@ def sharpness(image: UInt8[np.ndarray, 'h w']) -> float:
     Light cancels out and a press changes nothing (0.534 to 0.536 on the simulated gel, rest image 0.525); a blur of
     1 px more leaves 0.44, noise of four times as much 0.59, and of nothing but noise it is 1.
     """
+    if (loops := compiled_loops()) is not None and image.flags.c_contiguous:
+        near, far = loops.differences(image, SHARPNESS_ROWS // 2, SHARPNESS_ROWS)
+        return near / far if far > 0 else 0.0
     rows = np.ascontiguousarray(image[SHARPNESS_ROWS // 2 :: SHARPNESS_ROWS])
     near, far = (float(cv2.mean(cv2.absdiff(rows[:, by:], rows[:, :-by]))[0]) for by in (1, 3))
     return near / far if far > 0 else 0.0

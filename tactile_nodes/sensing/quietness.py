@@ -48,21 +48,35 @@ def loosely_quiet(
         moved_px: how far the whole picture moved.
         explained: how well the middle patch is explained, beside the rest image itself.
     """
-    middle = math.sqrt(float(np.median(np.square(left[found]).sum(axis=1))))
-    limit = LOOSE_PX + LOOSE_SHARE * moved_px + LOOSE_MEDIANS * middle
+    squared = _squared(left[found])
+    limit = LOOSE_PX + LOOSE_SHARE * moved_px + LOOSE_MEDIANS * math.sqrt(median(squared))
     if explained < EXPLAINED:
         limit += UNEXPLAINED_PX * (1 - explained)
-    return _beyond(left, found, limit) <= OUTLIERS
+    return _share_beyond(squared, limit) <= OUTLIERS
 
 
 def quiet(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches']) -> bool:
     """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
-    if _beyond(left, found, QUIET_PX) > OUTLIERS:
+    if _share_beyond(_squared(left[found]), QUIET_PX) > OUTLIERS:
         return False
-    noise_px = max(float(np.median(np.abs(left[found]))) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
+    noise_px = max(median(np.abs(left[found]).reshape(-1)) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
     away = np.abs(_AWAY @ np.where(found[:, None], left, 0.0).astype(np.float32).reshape(-1))
     return float(away.max()) <= QUIET_NOISE * noise_px
 
 
-def _beyond(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit_px: float) -> float:
-    return float((np.square(left[found]).sum(axis=1) > limit_px**2).mean())
+def median(values: Float[np.ndarray, ' n']) -> float:
+    """As numpy's, of some finite numbers, in a sixth of the time."""
+    half = len(values) // 2
+    ordered = np.partition(values, half)
+    above = float(ordered[half])
+    return above if len(values) % 2 else (above + float(ordered[:half].max())) / 2
+
+
+def _squared(left: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, ' n']:
+    x, y = left.T
+    squared: np.ndarray = x * x + y * y
+    return squared
+
+
+def _share_beyond(squared: Float[np.ndarray, ' n'], limit_px: float) -> float:
+    return int(np.count_nonzero(squared > limit_px**2)) / len(squared)

@@ -34,6 +34,7 @@ class Registered:
             own = self.watch.displacement(image) if self.watch else own
         self.confidence = coarse(own)[1] if own.confidence is not None else np.zeros(PATCHES**2)
         self.known = self.confidence >= FOUND
+        self.known_count = int(self.known.sum())
 
 
 def _watch(image: UInt8[np.ndarray, 'h w']) -> InverseCompositionalFlow | None:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
-from tactile_nodes.sensing.quietness import loosely_quiet, quiet
+from tactile_nodes.sensing.quietness import loosely_quiet, median, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 
 FEW_FOUND = 0.95
@@ -162,10 +162,10 @@ class Registration:
             stamp_ns: when it was taken.
         """
         self.surely = self.maybe = False
-        if self._rest.known.mean() < LEAST_FOUND:
+        if self._rest.known_count < LEAST_FOUND * PATCHES**2:
             return False  # a pattern too sparse to tell
         motion, found = self._patches(straight, field)
-        self.found = float(found.sum() / self._rest.known.sum())
+        self.found = int(np.count_nonzero(found)) / self._rest.known_count
         self.lost = self.found < LEAST_FOUND
         if self.lost:
             return False
@@ -274,5 +274,5 @@ class Registration:
             field = self.without(self._rest.watch.displacement(straight))
         motion, confidence = coarse(field)
         found = (confidence >= FOUND) & self._rest.known
-        self.explained = float(np.median(confidence[found] / self._rest.confidence[found])) if found.any() else 0.0
+        self.explained = median(confidence[found] / self._rest.confidence[found]) if found.any() else 0.0
         return motion, found

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import ModuleType
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.fixed_reference_patches import SLOPE_STEP_PX, moved_image, shrunk
 from tactile_nodes.sensing.flow import require_grey, require_like
 
@@ -152,6 +154,8 @@ class StillnessCheck:
         if not self._able:
             return False
         small = shrunk(image)
+        if (loops := compiled_loops()) is not None and self._plain(self._energy(loops, small)):
+            return False
         change = self._blocks(self._change(small))
         energy = np.einsum('bn,bn->b', change, change)
         if self._plain(energy) or not self._look(change, energy).within(self.options):
@@ -178,6 +182,12 @@ class StillnessCheck:
     def _change(self, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
         change: np.ndarray = cv2.subtract(small, self._rest, dtype=cv2.CV_32F)
         return change
+
+    def _energy(self, loops: ModuleType, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, ' blocks']:
+        """Squared change of each block, compiled, without the change itself."""
+        energy = np.empty(self.options.blocks**2, np.float32)
+        loops.changed(small, self._rest, self.options.blocks, energy)
+        return energy
 
     def _plain(self, energy: Float32[np.ndarray, ' blocks']) -> bool:
         """Whether blocks changed by so much that no split into parts could make them even, as under most presses."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import itertools
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
@@ -16,8 +17,11 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.compiling import compiled_loops, use_compiled
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
+from tactile_nodes.sensing.picture_motion import MotionFit
+from tactile_nodes.sensing.quality import picture_faults, sharpness
 from tactile_nodes.sensing.reading import Reading
 from tactile_nodes.sensing.response import Fit, locate
+from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
 
 pytestmark = pytest.mark.timeout(400)  # the first use compiles
 needs_numba = pytest.mark.skipif(importlib.util.find_spec('numba') is None, reason='numba is not installed')
@@ -111,6 +115,44 @@ def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float]
     sure = plain.confidence > 0.5
     np.testing.assert_allclose(compiled.displacement_px[sure], plain.displacement_px[sure], atol=2e-3)
     np.testing.assert_allclose(compiled.confidence, plain.confidence, atol=2e-2)
+
+
+@needs_numba
+@pytest.mark.parametrize('about_none', [True, False])
+def test_the_same_common_motion_is_found(about_none: bool):
+    fit = MotionFit((440, 400), 10, 10)
+    random = np.random.default_rng(6)
+    true = np.array([0.8, -0.3, 0.05, 0.02, 0.01, -0.02, 0.03, 0.01])
+    motion = fit.carried(true) + random.normal(scale=0.01, size=(100, 2))
+    motion[20:45] += random.normal(scale=1.0, size=(25, 2))  # pressed
+    weight = (np.arange(100) % 9 > 0).astype(float)
+    plain, compiled = both(lambda: fit.common(motion, weight, rounds=3, about_none=about_none))
+    np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
+
+
+@needs_numba
+@pytest.mark.parametrize('shape', [(240, 240), (101, 203)])
+@pytest.mark.parametrize('light', [1.0, 3.0, 0.01])
+def test_the_same_is_said_of_a_picture(speckle: np.ndarray, shape: tuple[int, int], light: float):
+    picture = np.clip(light * np.resize(speckle, shape).astype(float), 0, 255).astype(np.uint8)
+    plain, compiled = both(lambda: picture_faults(picture))
+    assert compiled == plain
+    plain_sharpness, compiled_sharpness = both(lambda: sharpness(picture))
+    assert compiled_sharpness == pytest.approx(plain_sharpness, rel=1e-12)
+
+
+@needs_numba
+def test_the_same_pictures_are_still(speckle: np.ndarray):
+    check = StillnessCheck(StillnessOptions(full_every=1000))
+    check.set_reference(speckle)
+    noise = np.random.default_rng(8).normal(size=speckle.shape)
+    told = set()
+    for grey, shift in itertools.product((0.0, 1.0, 2.0), (0.0, 0.02, 0.3)):
+        picture = np.clip(np.rint(moved(speckle, shift, 0.0) + grey * noise), 0, 255).astype(np.uint8)
+        plain, compiled = both(lambda picture=picture: check(picture))
+        assert compiled == plain
+        told.add(plain)
+    assert told == {True, False}
 
 
 @needs_numba

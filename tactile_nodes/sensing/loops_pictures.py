@@ -1,0 +1,98 @@
+"""Looks at whole pictures, compiled: see `picture_motion.MotionFit`, `quality` and `stillness`."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
+
+_PICTURE = "Array(u1, 2, 'C', True)"
+
+
+@compiled()
+def _weighted(motion, weight, along_x, along_y, normal, terms):
+    """As `MotionFit._weighted`: fills in terms."""
+    count = terms.shape[0]
+    normal[:] = 0.0
+    terms[:] = 0.0
+    for p in range(weight.shape[0]):
+        if weight[p] == 0.0:
+            continue
+        for i in range(count):
+            x, y = weight[p] * along_x[p, i], weight[p] * along_y[p, i]
+            terms[i] += x * motion[p, 0] + y * motion[p, 1]
+            for j in range(i + 1):
+                normal[i, j] += x * along_x[p, j] + y * along_y[p, j]
+    added = 1e-6 * normal[0, 0] + 1e-30
+    for i in range(count):
+        normal[i, i] += added
+        for j in range(i):
+            normal[j, i] = normal[i, j]
+    factorise(normal)
+    substitute(normal, terms)
+
+
+@compiled('void(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], i8, f8, f8, f8[::1])')
+def common(motion, weight, along_x, along_y, rounds, least, scale, terms):
+    """As the rounds of `MotionFit.common`, from `terms` and the squared distance `scale` on."""
+    normal, now = np.empty((terms.shape[0], terms.shape[0])), np.empty(weight.shape[0])
+    for _ in range(rounds):
+        for p in range(weight.shape[0]):
+            x, y = motion[p, 0], motion[p, 1]
+            for i in range(terms.shape[0]):
+                x -= along_x[p, i] * terms[i]
+                y -= along_y[p, i] * terms[i]
+            share = 1 + (x * x + y * y) / scale
+            now[p] = weight[p] / (share * share)
+        _weighted(motion, now, along_x, along_y, normal, terms)
+        scale = max(least, scale / 4)
+
+
+@compiled(f'UniTuple(i8, 3)({_PICTURE}, i8, i8)')
+def counted(image, every, dark):
+    """Of every so many pixels of every so many rows: their sum, how many are at least `dark`, and how many 255."""
+    total, bright, burnt = 0, 0, 0
+    for row in range(0, image.shape[0], every):
+        for column in range(0, image.shape[1], every):
+            value = np.int64(image[row, column])
+            total += value
+            bright += value >= dark
+            burnt += value == 255
+    return total, bright, burnt
+
+
+@compiled(f'UniTuple(f8, 2)({_PICTURE}, i8, i8)')
+def differences(image, first, every):
+    """Of every so many rows: mean difference of pixels side by side, and of those three apart."""
+    width, rows, near, far = image.shape[1], 0, 0, 0
+    for row in range(first, image.shape[0], every):
+        line = image[row]
+        rows += 1
+        beside, apart = np.int32(0), np.int32(0)
+        for i in range(width - 1):
+            beside = np.int32(beside + abs(np.int32(line[i + 1]) - np.int32(line[i])))
+        for i in range(width - 3):
+            apart = np.int32(apart + abs(np.int32(line[i + 3]) - np.int32(line[i])))
+        near += np.int64(beside)
+        far += np.int64(apart)
+    return near / (rows * (width - 1)), far / (rows * (width - 3))
+
+
+@compiled(f'void({_PICTURE}, {_PICTURE}, i8, f4[::1])')
+def changed(image, rest, blocks, energy):
+    """Sum of squared differences of each of blocks x blocks blocks of two pictures of one size."""
+    high, wide = image.shape[0] // blocks, image.shape[1] // blocks
+    sums = np.zeros(blocks, np.int64)
+    for i in range(blocks):
+        sums[:] = 0
+        for row in range(i * high, (i + 1) * high):
+            one, other = image[row], rest[row]
+            for j in range(blocks):
+                total = np.int32(0)
+                for column in range(j * wide, (j + 1) * wide):
+                    apart = np.int32(one[column]) - np.int32(other[column])
+                    total = np.int32(total + apart * apart)
+                sums[j] += np.int64(total)
+        for j in range(blocks):
+            energy[i * blocks + j] = sums[j]
