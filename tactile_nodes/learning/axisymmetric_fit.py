@@ -41,7 +41,8 @@ PAIRS = 60_000
 SMOOTHING = 1e-3
 MARGIN = 1.02
 DEPTH_SPREAD = 0.2
-"""By which shares the regions' markers are thought to differ in depth when further profiles join."""
+"""By which shares the regions' markers are thought to differ in depth when second profiles join, and by which what they
+see differs with the angle that they look at when third ones do."""
 
 
 def fit_axisymmetric(
@@ -129,19 +130,31 @@ def _turn(
 def _with_more(
     response: AxisymmetricResponse, config: AxisymmetricConfig, random: np.random.Generator
 ) -> AxisymmetricResponse:
-    """One more profile of each kind, up to as many as are wanted; regions of unlike depth will tell them apart."""
+    """One more profile of each kind, up to as many as are wanted; regions that are unlike will tell them apart."""
     lateral, couplings, profiles = response.lateral, response.couplings, response.profiles
-    unlike = random.normal(size=(len(couplings), 1, 1)) * DEPTH_SPREAD
+    unlike = _unlike(response.places, random)
     if lateral < config.lateral:
-        couplings = np.concatenate(
-            [couplings[:, :, : 2 * lateral], couplings[:, :, :2] * unlike, couplings[:, :, 2 * lateral :]], axis=2
-        )
+        more = couplings[:, :, :2] * unlike[(lateral - 1) % 2]
+        couplings = np.concatenate([couplings[:, :, : 2 * lateral], more, couplings[:, :, 2 * lateral :]], axis=2)
         profiles = np.insert(profiles, lateral, 0.0, axis=0)
         lateral += 1
-    if len(profiles) - lateral < config.vertical:
-        couplings = np.concatenate([couplings, couplings[:, :, -1:] * unlike], axis=2)
+    if (vertical := len(profiles) - lateral) < config.vertical:
+        first = couplings[:, :, 2 * lateral : 2 * lateral + 1]
+        couplings = np.concatenate([couplings, first * unlike[(vertical - 1) % 2]], axis=2)
         profiles = np.insert(profiles, len(profiles), 0.0, axis=0)
     return replace(response, lateral=lateral, couplings=couplings, profiles=profiles)
+
+
+def _unlike(places: Float[np.ndarray, 'regions 2'], random: np.random.Generator) -> list[np.ndarray]:
+    """How regions differ, to begin with, in what the profiles of number 1 and 2 show: (regions, 1, 1) each.
+
+    The second profiles tell of depth, which is as chance has put the markers. The third ones tell of the angle at which
+    a region is seen: towards the image's rim it sees markers of many depths in a streak, which blurs the motion by the
+    square of that angle's tangent.
+    """
+    aside = np.square(places).sum(axis=1)
+    by_angle = (aside - aside.mean()) / max(float(aside.std()), 1e-9)
+    return [DEPTH_SPREAD * each[:, None, None] for each in (random.normal(size=len(places)), by_angle)]
 
 
 def fit_profiles(response: AxisymmetricResponse, presses: Presses, random: np.random.Generator) -> AxisymmetricResponse:
