@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
 
+PLANS = 'random', 'paper', 'jittered', 'coarse', 'spread'
 DESCRIPTION = (
     'Train a force model on presses of the simulated gel, or recorded ones. Every run has a folder with its settings, '
     'its curves and where it stands: after a kill the same command goes on. Ctrl-C keeps the best network so far.'
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
-    parser.add_argument('--plan', choices=('random', 'paper', 'jittered', 'coarse'), help='where simulated presses lie')
+    parser.add_argument('--plan', choices=PLANS, help='where simulated presses lie')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
     parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside for the test')

@@ -1,7 +1,8 @@
 """Which presses are to be made: places on the gel and depths, numbered once and for all, and named by their hash.
 
-A plan is a grid, a jittered grid, random places, or a list from a file. Its number of a press never changes, and its
-`plan_id` follows from the points alone, so that a journal and a bag can say which plan they belong to.
+A plan is a grid, a jittered grid, random places, places spread over the gel, or a list from a file. Its number of a
+press never changes, and its `plan_id` follows from the points alone, so that a journal and a bag can say which plan
+they belong to.
 """
 
 from __future__ import annotations
@@ -43,21 +44,25 @@ class Point(NamedTuple):
 
 
 MOST_POINTS = 200_000
+CANDIDATES = 2000
+"""Random places that those of a spread plan are chosen among."""
 
 
 @dataclass(frozen=True)
 class PlanSettings:
     """How a plan's points come about."""
 
-    kind: str = parameter('grid', 'how points come about', choices=('grid', 'jittered', 'random', 'list'))
+    kind: str = parameter('grid', 'how points come about', choices=('grid', 'jittered', 'random', 'spread', 'list'))
     columns: int = parameter(37, 'places along x', minimum=1)
     rows: int = parameter(37, 'places along y', minimum=1)
     pitch_mm: float = parameter(0.75, 'from one place of the grid to the next', minimum=0.01)
     jitter_mm: float = parameter(0.3, 'greatest shift of a place of a jittered grid, along x and y', minimum=0.0)
     depths_mm: tuple[float, ...] = parameter((0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0), 'depths at each place')
-    count: int = parameter(1000, 'presses of a random plan', minimum=1)
-    reach_mm: float = parameter(13.5, 'random places lie within this far of the middle, in x and y', minimum=0.0)
-    seed: int = parameter(1, 'of jitter and random places')
+    count: int = parameter(1000, 'presses of a random or spread plan', minimum=1)
+    reach_mm: float = parameter(
+        13.5, 'random and spread places lie within this far of the middle, in x and y', minimum=0.0
+    )
+    seed: int = parameter(1, 'of jitter, random and spread places')
     file: str = parameter('', 'CSV or YAML list of points: x_mm, y_mm, depth_mm')
     rest_mm: float = parameter(4.0, 'presses nearer than this to the last ones are put off', minimum=0.0)
     rest_presses: int = parameter(8, 'how many of the last presses that are', minimum=0)
@@ -65,9 +70,12 @@ class PlanSettings:
     def __post_init__(self) -> None:
         if self.kind != 'list' and not self.depths_mm:
             raise ValueError('depths_mm is empty; give at least one depth')
-        points = self.count if self.kind == 'random' else self.columns * self.rows * len(self.depths_mm)
+        by_chance = self.kind in ('random', 'spread')
+        points = self.count if by_chance else self.columns * self.rows * len(self.depths_mm)
         if self.kind != 'list' and points > MOST_POINTS:
             raise ValueError(f'that makes {points} presses, weeks of work; {MOST_POINTS} at most')
+        if self.kind == 'spread' and self.count > CANDIDATES:
+            raise ValueError(f'a spread plan has {CANDIDATES} presses at most; use random for {self.count}')
 
 
 @dataclass(frozen=True)
@@ -121,6 +129,8 @@ def make_plan(settings: PlanSettings) -> Plan:
     chance = random.Random(settings.seed)  # noqa: S311  (places, not secrets)
     if settings.kind == 'random':
         return numbered(_random(settings, chance))
+    if settings.kind == 'spread':
+        return numbered(_spread(settings, chance))
     jitter = settings.jitter_mm if settings.kind == 'jittered' else 0.0
     return numbered(_grid(settings, jitter, chance))
 
@@ -172,6 +182,21 @@ def _random(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
     for _ in range(settings.count):
         x, y = (settings.reach_mm * chance.uniform(-1, 1) for _ in range(2))
         yield x, y, chance.uniform(low, high)
+
+
+def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
+    """Each place as far as can be from all before it, from the middle on, so that any first part spans the gel.
+
+    Gonzalez, Theoretical Computer Science 38, 1985: the furthest-first traversal. Much of it lies on the rim.
+    """
+    low, high, reach = min(settings.depths_mm), max(settings.depths_mm), settings.reach_mm
+    places = [(reach * chance.uniform(-1, 1), reach * chance.uniform(-1, 1)) for _ in range(CANDIDATES)]
+    place = min(places, key=lambda each: math.hypot(*each))
+    away = [math.inf] * len(places)
+    for _ in range(settings.count):
+        yield *place, chance.uniform(low, high)
+        away = [min(far, math.dist(place, each)) for far, each in zip(away, places, strict=True)]
+        place = places[max(range(len(places)), key=away.__getitem__)]
 
 
 def _csv_rows(text: str) -> Iterable[object]:

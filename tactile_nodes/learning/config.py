@@ -36,10 +36,11 @@ class DataConfig:
     A plan `random` has presses anywhere, and nothing is put aside: other random presses are the test. A plan `paper`
     is the paper's grid (37 x 37 places 0.75 mm apart, eight depths from 0.25 to 2 mm: 10952 presses); `jittered` moves
     each of those presses at random within its cell and its step of depth; `coarse` has every fourth place along x and
-    along y: 800 presses. Those are split as recorded presses are.
+    along y: 800 presses. `spread` has presses at random depths, each at a place as far as can be from those before it:
+    what a calibration presses. Those are split as recorded presses are.
     """
 
-    plan: str = parameter('random', 'where presses lie', choices=('random', 'paper', 'jittered', 'coarse'))
+    plan: str = parameter('random', 'where presses lie', choices=('random', 'paper', 'jittered', 'coarse', 'spread'))
     presses: int = parameter(20000, 'presses of a random plan; the most of another one, drawn by the seed', minimum=1)
     seed: int = parameter(1, 'seed of places, depths and noise')
     reach_mm: float = parameter(14.0, 'random presses lie within plus and minus this, along x and y', minimum=0.0)

@@ -1,10 +1,11 @@
-"""Where simulated presses lie: anywhere, on the paper's grid or a coarser one, or on it with every press moved."""
+"""Where simulated presses lie: anywhere, spread far apart, on the paper's grid, a coarser one, or near its places."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from tactile_nodes.collection.plan import PlanSettings, make_plan
 from tactile_nodes.learning.config import DataConfig
 from tactile_nodes.simulation.optics import Press
 
@@ -20,7 +21,9 @@ def press_count(data: DataConfig) -> int:
     """Frames of a plan: 10952 presses of the paper's, 800 of the coarse, and the frames without contact beside them."""
     if data.plan == 'random':
         return data.presses
-    presses = min(data.presses, len(_places_mm(data)) ** 2 * DEPTHS)
+    presses = data.presses
+    if data.plan != 'spread':
+        presses = min(presses, len(_places_mm(data)) ** 2 * DEPTHS)
     return presses + round(presses * data.without_contact / (1 - data.without_contact))
 
 
@@ -28,7 +31,8 @@ def planned_presses(data: DataConfig, block: int, first: int, count: int) -> lis
     """`count` presses of the plan, from its number `first` on; random ones have a seed for every block."""
     if data.plan == 'random':
         return random_presses(data, block, count)
-    return [Press(*each) for each in grid_plan(data)[first : first + count].tolist()]
+    plan = spread_plan(data) if data.plan == 'spread' else grid_plan(data)
+    return [Press(*each) for each in plan[first : first + count].tolist()]
 
 
 def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
@@ -52,6 +56,19 @@ def grid_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
         presses += random.uniform(-0.5, 0.5, presses.shape) * (PITCH_MM, PITCH_MM, DEPTH_STEP_MM)
     presses = presses[random.permutation(len(presses))][: data.presses]
     return _with_untouched(presses, press_count(data) - len(presses), random)
+
+
+def spread_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
+    """x, y and depth (mm) of presses as a calibration makes them, with frames without contact as those of a grid."""
+    settings = PlanSettings(
+        kind='spread',
+        count=data.presses,
+        reach_mm=data.reach_mm,
+        depths_mm=(data.shallowest_mm, data.deepest_mm),
+        seed=data.seed,
+    )
+    presses = np.array([point[1:] for point in make_plan(settings).points])
+    return _with_untouched(presses, press_count(data) - len(presses), np.random.default_rng([data.seed, 0]))
 
 
 def _places_mm(data: DataConfig) -> Float[np.ndarray, ' places']:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from pathlib import Path
 
 import pytest
@@ -75,3 +77,20 @@ def test_list_that_holds_something_else_is_refused(tmp_path: Path, text: str) ->
 def test_plan_without_points_is_refused() -> None:
     with pytest.raises(ConfigurationError, match='no points'):
         Plan(())
+
+
+def test_places_of_a_spread_plan_lie_apart_from_its_first_few_on() -> None:
+    """Of a square of 27 mm nine places can be 13.5 mm apart, four at corners; those of chance are 1 to 3 mm apart."""
+    points = make_plan(PlanSettings(kind='spread', count=9, reach_mm=13.5)).points
+    apart = [math.dist(a[1:3], b[1:3]) for a, b in itertools.combinations(points, 2)]
+    assert min(apart) > 0.8 * 13.5
+
+
+def test_the_first_presses_of_a_spread_plan_are_the_same_however_many_follow() -> None:
+    few, many = (make_plan(PlanSettings(kind='spread', count=count)).points for count in (10, 30))
+    assert many[:10] == few
+
+
+def test_a_spread_plan_of_too_many_places_says_what_to_use() -> None:
+    with pytest.raises(ValueError, match='use random for 3000'):
+        PlanSettings(kind='spread', count=3000)
