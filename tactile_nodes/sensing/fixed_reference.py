@@ -17,7 +17,15 @@ from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.fixed_reference_patches import Match, PatchGrid, Templates, moved_image, shrunk
+from tactile_nodes.sensing.fixed_reference_patches import (
+    LARGEST_ANSWER_PX,
+    LEAST_GAIN,
+    Match,
+    PatchGrid,
+    Templates,
+    moved_image,
+    shrunk,
+)
 from tactile_nodes.sensing.flow import DisFlow, DisOptions, DisplacementField, require_grey, require_like
 
 SMALLEST_PX = 16
@@ -107,31 +115,34 @@ class InverseCompositionalFlow:
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
+        if (loops := compiled_loops()) is not None:
+            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
+            found, field, lost = self._displacement(loops, picture)
+            if not lost:
+                return field
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
-        picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
-        if (loops := compiled_loops()) is not None:
-            found, lost = self._templates.settled(
-                loops, picture, self._known, again_px=AGAIN_PX, lost=LOST, readings=self._options.iterations
-            )
-        else:
+        if loops is None:
+            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
             found = self._settled(picture)
-            lost = self._lost(found).size
-        if lost:
+        if self._lost(found).size:
             self._recover(found, picture, (reference, image))
-        return self._field(found) if loops is None else self._filled(loops, found)
-
-    def _field(self, found: Match) -> DisplacementField:
         motion, confidence = self._by_row(found)
         return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
 
-    def _filled(self, loops: ModuleType, found: Match) -> DisplacementField:
-        """The same, compiled."""
-        shape = self._templates.grid.rows, self._templates.grid.cols
-        field, confidence = np.empty((*shape, 2), np.float32), np.empty(shape, np.float32)
-        numbers = OWN_WORTH, LEAST_AROUND, 2.0**self._options.finest_scale
-        loops.fill(found.motion_px, found.explained, self._known, _BLUR, numbers, field, confidence)
-        return DisplacementField(field, confidence)
+    def _displacement(self, loops: ModuleType, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
+        """Patches found, motion as it is told, and how many patches are lost: compiled."""
+        grid, options = self._templates.grid, self._options
+        shape, count = (grid.rows, grid.cols), grid.rows * grid.cols
+        found = Match(np.empty((2, count), np.float32), np.empty(count, np.float32))
+        field = DisplacementField(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
+        limits = LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST
+        numbers = OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale
+        lost = loops.displacement(
+            picture, grid.corner, grid.window_px, self._templates.for_loops, limits, options.iterations, self._known,
+            _BLUR, numbers, found.motion_px, found.explained, field.displacement_px, field.confidence,
+        )  # fmt: skip
+        return found, field, lost
 
     def _recover(
         self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]

@@ -16,7 +16,7 @@ from types import ModuleType
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int, Int16, Int32, UInt8
+from jaxtyping import Float32, Int, Int16, Int32
 
 from tactile_nodes.sensing.compiling import compiled_loops
 
@@ -157,27 +157,11 @@ class Templates:
         """The same, compiled."""
         motion, explained = np.empty((2, len(numbers)), np.float32), np.empty(len(numbers), np.float32)
         corner, limits = np.ascontiguousarray(corner), (LEAST_GAIN, LARGEST_ANSWER_PX, 0.0, 0.0)
-        loops.match(image, corner, numbers, self.grid.window_px, self._for_loops, limits, motion, explained)
+        loops.match(image, corner, numbers, self.grid.window_px, self.for_loops, limits, motion, explained)
         return motion, explained
 
-    def settled(
-        self, loops: ModuleType, image: UInt8[np.ndarray, 'h w'], known: Float32[np.ndarray, ' patches'],
-        *, again_px: float, lost: float, readings: int,
-    ) -> tuple[Match, int]:  # fmt: skip
-        """All patches, compiled: each read again, `readings` times at most, while it lies `again_px` from where it was.
-
-        Beside them how many are lost: `known`, and explained by less than `lost`.
-        """
-        found = Match(np.empty((2, len(known)), np.float32), np.empty(len(known), np.float32))
-        limits = LEAST_GAIN, LARGEST_ANSWER_PX, again_px, lost
-        count = loops.settle(
-            image, self.grid.corner, self.grid.window_px, self._for_loops, limits, readings, known, found.motion_px,
-            found.explained,
-        )  # fmt: skip
-        return found, count
-
     @property
-    def _for_loops(self) -> tuple[np.ndarray, ...]:
+    def for_loops(self) -> tuple[np.ndarray, ...]:
         """Templates as whole numbers, what one of them is, and how motion follows: see `loops_patches`."""
         return self._whole, self._unit, self._unmix, self._mend
 
@@ -231,6 +215,11 @@ def _sinc(shift_px: float) -> np.ndarray:
 def shrunk(image: np.ndarray, times: int = 1) -> np.ndarray:
     """The image at half its size, `times` times over: each pixel the mean of four; an odd last line is left out."""
     for _ in range(times):
-        height, width = (side // 2 for side in image.shape)
+        height, width = image.shape[0] // 2, image.shape[1] // 2
+        if (loops := compiled_loops()) is not None and image.dtype == np.uint8 and image.flags.c_contiguous:
+            small = np.empty((height, width), np.uint8)
+            loops.halved(image, small)
+            image = small
+            continue
         image = cv2.resize(image[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)
     return image

@@ -87,25 +87,6 @@ def _settle(image, home, p, side, templates, limits, readings, pixels):
     return x, y, explained
 
 
-@compiled(
-    f"i8(Array(u1, 2, 'C', True), i4[:, ::1], i8, {_TEMPLATES}, UniTuple(f8, 4), i8, f4[::1], f4[:, ::1], f4[::1])"
-)
-def settle(image, home, side, templates, limits, readings, known, motion, explained):
-    """All patches found: fills in their motion (2, patches) and the share of them that is explained.
-
-    `limits` are the least gain, the largest answer, how far off a patch is read again, and the share explained below
-    which it is lost; it is read `readings` times at most. Returns how many patches that are known were lost.
-    """
-    pixels = np.empty(side * side, np.float32)
-    lost = 0
-    for p in range(home.shape[1]):
-        found = _settle(image, home, p, side, templates, limits, readings, pixels)
-        motion[0, p], motion[1, p], explained[p] = found
-        if explained[p] < limits[3] and known[p] > 0.5:
-            lost += 1
-    return lost
-
-
 @compiled()
 def _neighbours(count):
     """Five places about each of some, those beyond the rim mirrored at the outermost place, which is not doubled."""
@@ -138,13 +119,9 @@ def _blurred(known, weights):
     return blurred
 
 
-@compiled('void(f4[:, ::1], f4[::1], f4[::1], f4[::1], UniTuple(f8, 3), f4[:, :, ::1], f4[:, ::1])')
-def fill(motion, explained, known, weights, numbers, field, confidence):
-    """As `fixed_reference.filled`, of a flow's own patches: fills in field (rows, cols, 2) and confidence (rows, cols).
-
-    `weights` are the blur's; `numbers` what a patch's own measurement counts, the least confidence about it, and how
-    many pixels one at the patches' resolution is.
-    """
+@compiled()
+def _fill(motion, explained, known, weights, numbers, field, confidence):
+    """As `fixed_reference.filled`, of all patches: fills in field (rows, cols, 2) and confidence (rows, cols)."""
     rows, cols = confidence.shape
     own, least, by = np.float32(numbers[0]), np.float32(numbers[1]), np.float32(numbers[2])
     measured = np.empty((rows, cols, 3), np.float32)
@@ -162,3 +139,33 @@ def fill(motion, explained, known, weights, numbers, field, confidence):
             for axis in range(2):
                 blend = (measured[row, col, axis] + share * around[row, col, axis]) / total
                 field[row, col, axis] = by * blend
+
+
+@compiled(
+    f"i8(Array(u1, 2, 'C', True), i4[:, ::1], i8, {_TEMPLATES}, UniTuple(f8, 4), i8, f4[::1], f4[::1], "
+    'UniTuple(f8, 3), f4[:, ::1], f4[::1], f4[:, :, ::1], f4[:, ::1])'
+)
+def displacement(
+    image, home, side, templates, limits, readings, known, weights, numbers, motion, explained, field, confidence
+):
+    """All patches found: fills in motion (2, patches), the share of them that is explained, and what is told of both.
+
+    As `InverseCompositionalFlow.displacement`, but for patches that are lost: returns how many that are known are.
+
+    Args:
+        limits: least gain, largest answer, how far off a patch is read again, and the share explained below which it is
+            lost; it is read `readings` times at most.
+        known: by texture, how far each patch can be found at all.
+        weights, numbers: of the blur; what a patch's own measurement counts, the least confidence about it, and how
+            many pixels one at the patches' resolution is.
+        field, confidence: (rows, cols, 2) and (rows, cols).
+    """
+    pixels = np.empty(side * side, np.float32)
+    lost = 0
+    for p in range(home.shape[1]):
+        found = _settle(image, home, p, side, templates, limits, readings, pixels)
+        motion[0, p], motion[1, p], explained[p] = found
+        if explained[p] < limits[3] and known[p] > 0.5:
+            lost += 1
+    _fill(motion, explained, known, weights, numbers, field, confidence)
+    return lost

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
+from tactile_nodes.sensing.picture_motion import TERMS
 
 _PICTURE = "Array(u1, 2, 'C', True)"
 
@@ -13,22 +14,17 @@ _PICTURE = "Array(u1, 2, 'C', True)"
 @compiled()
 def _weighted(motion, weight, along_x, along_y, normal, terms):
     """As `MotionFit._weighted`: fills in terms."""
-    count = terms.shape[0]
     normal[:] = 0.0
     terms[:] = 0.0
     for p in range(weight.shape[0]):
-        if weight[p] == 0.0:
-            continue
-        for i in range(count):
+        for i in range(TERMS):
             x, y = weight[p] * along_x[p, i], weight[p] * along_y[p, i]
             terms[i] += x * motion[p, 0] + y * motion[p, 1]
-            for j in range(i + 1):
+            for j in range(TERMS):
                 normal[i, j] += x * along_x[p, j] + y * along_y[p, j]
     added = 1e-6 * normal[0, 0] + 1e-30
-    for i in range(count):
+    for i in range(TERMS):
         normal[i, i] += added
-        for j in range(i):
-            normal[j, i] = normal[i, j]
     factorise(normal)
     substitute(normal, terms)
 
@@ -36,17 +32,28 @@ def _weighted(motion, weight, along_x, along_y, normal, terms):
 @compiled('void(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], i8, f8, f8, f8[::1])')
 def common(motion, weight, along_x, along_y, rounds, least, scale, terms):
     """As the rounds of `MotionFit.common`, from `terms` and the squared distance `scale` on."""
-    normal, now = np.empty((terms.shape[0], terms.shape[0])), np.empty(weight.shape[0])
+    normal, now = np.empty((TERMS, TERMS)), np.empty(weight.shape[0])
     for _ in range(rounds):
         for p in range(weight.shape[0]):
             x, y = motion[p, 0], motion[p, 1]
-            for i in range(terms.shape[0]):
+            for i in range(TERMS):
                 x -= along_x[p, i] * terms[i]
                 y -= along_y[p, i] * terms[i]
             share = 1 + (x * x + y * y) / scale
             now[p] = weight[p] / (share * share)
         _weighted(motion, now, along_x, along_y, normal, terms)
         scale = max(least, scale / 4)
+
+
+@compiled(f'void({_PICTURE}, u1[:, ::1])')
+def halved(image, small):
+    """As `fixed_reference_patches.shrunk`, once: fills in a picture of half the size."""
+    two = np.uint16(2)
+    for row in range(small.shape[0]):
+        one, other, means = image[2 * row], image[2 * row + 1], small[row]
+        for i in range(means.shape[0]):
+            left, right = np.uint16(one[2 * i]), np.uint16(one[2 * i + 1])
+            means[i] = (left + right + np.uint16(other[2 * i]) + np.uint16(other[2 * i + 1]) + two) >> two
 
 
 @compiled(f'UniTuple(i8, 3)({_PICTURE}, i8, i8)')
@@ -83,16 +90,16 @@ def differences(image, first, every):
 def changed(image, rest, blocks, energy):
     """Sum of squared differences of each of blocks x blocks blocks of two pictures of one size."""
     high, wide = image.shape[0] // blocks, image.shape[1] // blocks
-    sums = np.zeros(blocks, np.int64)
+    sums = np.empty(blocks * wide, np.int32)
     for i in range(blocks):
         sums[:] = 0
         for row in range(i * high, (i + 1) * high):
             one, other = image[row], rest[row]
-            for j in range(blocks):
-                total = np.int32(0)
-                for column in range(j * wide, (j + 1) * wide):
-                    apart = np.int32(one[column]) - np.int32(other[column])
-                    total = np.int32(total + apart * apart)
-                sums[j] += np.int64(total)
+            for column in range(sums.shape[0]):
+                apart = np.int32(np.int32(one[column]) - np.int32(other[column]))
+                sums[column] = np.int32(sums[column] + np.int32(apart * apart))
         for j in range(blocks):
-            energy[i * blocks + j] = sums[j]
+            total = 0
+            for column in range(j * wide, (j + 1) * wide):
+                total += sums[column]
+            energy[i * blocks + j] = total

@@ -5,6 +5,7 @@ Its numbers live in a file (`tactile_nodes.model_file`), training in `tactile_no
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -113,10 +114,12 @@ class ForceEstimator:
 
 def _force_map(reading: Reading, confidence: float) -> ForceMap:
     strongest = reading.contacts[0]
+    forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # so few that lists take less time
+    total_n = sum(forces_n)
     return ForceMap(
         normal_force_n=reading.normal_force_n,
-        total_n=float(reading.normal_force_n.sum(dtype=np.float64)),
-        peak_n=float(reading.normal_force_n.max()),
+        total_n=total_n,
+        peak_n=max(forces_n) if math.isfinite(total_n) else total_n,
         contact_mm=(strongest.x_mm, strongest.y_mm),
         confidence=confidence,
         contacts=reading.contacts,
