@@ -198,7 +198,7 @@ class Estimating:
         faults = {
             FORCE.REASON_NOT_FINITE: not (features.reasons & UNMEASURED or math.isfinite(found.total_n)),
             FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-            FORCE.REASON_UNLIKE_TRAINING: not alike(kind, found.unlikeness, found.contacts),
+            FORCE.REASON_UNLIKE_TRAINING: not (features.untouched or alike(kind, found.unlikeness, found.contacts)),
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
         }
         return sum(bit for bit, present in faults.items() if present)

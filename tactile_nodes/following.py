@@ -152,7 +152,7 @@ class Following:
         features_ns = perf_ns()
         self._last = image, field_px
         untouched = self._tracker.untouched(field_px)
-        reasons = stale | self._rest_images.judge(image, faults.level, head, untouched=untouched)
+        reasons = stale | self._rest_images.judge(image, faults.level, head)
         stages = types.StageTimes(
             acquire=acquire_s,
             flow=(flow_ns - start_ns) * 1e-9,

@@ -17,6 +17,16 @@ from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
 from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest
 
 FORCE = types.ForceDistribution
+GROWN_PX = 0.15
+"""No knock makes a picture larger: a gel that swells by 0.1 mm grows it by 0.3 px at the rim, and reads 3 % less."""
+
+LOOK_EVERY, NO_TOUCH = 4, 40.0
+"""Of frames that are not at rest one in so many is looked at more closely, and believed where no more than 25 mN touch
+(motion in units of what noise makes of it)."""
+
+MOST_LIGHT_SHARE = 0.05
+"""A dense search takes light for motion: where any block of the picture is brighter or darker by more, it is off."""
+
 MOST_NOISE = 1.3
 """What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
 within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3."""
@@ -33,13 +43,13 @@ class RestImages:
 
     def __init__(self, tracker: FeatureTracker, flow: str, renewal: RenewalOptions | None) -> None:
         self._tracker = tracker
-        self._flow = flow
+        self._flow, self._dense = flow, flow == 'dis'
         self._renewal = Renewal(renewal) if renewal else None
         self._now: PictureLikeness | None = None
         self._captured: PictureLikeness | None = None
         self._first: PreparedRest | None = None
         self._changed = False
-        self._seen, self._gone, self._noise_grey = 0, False, 0.0
+        self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
@@ -58,6 +68,8 @@ class RestImages:
         try:
             if self._tracker.offer_rest(image):
                 self._announce(head)
+                seen = self._tracker.stillness(image)
+                self._noise_grey = seen.noise_grey if seen else 0.0
         except ImageError as error:
             self.trouble = str(error)
 
@@ -79,27 +91,32 @@ class RestImages:
             return
         self._announce(head, renewed=True)
 
-    def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header, *, untouched: bool) -> int:
+    def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
+        still = self._tracker.still
         reasons = self._moved() | self._tracker.unsteady * FORCE.REASON_REST_DOUBTFUL
         self._changed = False
-        if not untouched:
+        if not still:
             reasons |= self._unlike(image, level, head)
         reasons |= self._look_closer()
-        self._offer_renewal(stamp_ns(head.stamp), untouched)
+        self._offer_renewal(stamp_ns(head.stamp), still)
         return reasons
 
     def _look_closer(self) -> int:
-        """What frames at rest show of the picture beside motion; while something touches, what they showed before."""
+        """What frames show of the picture beside motion: those at rest, and of the others one in so many."""
         registration = self._tracker.registration
-        if registration is None or not (registration.settled and registration.maybe):
+        self._unlooked = 0 if registration is None or registration.maybe else self._unlooked + 1
+        if registration is None or not registration.settled or self._unlooked % LOOK_EVERY:
             return self._seen
-        if registration.explained < EXPLAINED:
-            self._gone = True
-        if (seen := self._tracker.stillness()) is not None:
-            usual = self._noise_grey = self._noise_grey or seen.noise_grey
-            noisy = seen.noise_grey > MOST_NOISE * usual
-            self._seen = seen.unexplained * FORCE.REASON_LIGHT_CHANGED | (noisy or self._gone) * FORCE.REASON_BLURRED
+        if (seen := self._tracker.stillness(self._tracker.straight)) is None or seen.motion > NO_TOUCH:
+            return self._seen
+        gone = seen.unexplained or registration.explained < EXPLAINED
+        self._gone = gone if self._tracker.rest is self._first else self._gone or gone
+        usual = self._noise_grey = self._noise_grey or seen.noise_grey
+        noisy = seen.noise_grey > MOST_NOISE * usual
+        other_light = self._dense and seen.light_share > MOST_LIGHT_SHARE
+        self._changed |= other_light
+        self._seen = (other_light or self._gone) * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
         return self._seen
 
     def _moved(self) -> int:
@@ -109,7 +126,9 @@ class RestImages:
             return 0
         told = {
             FORCE.REASON_PICTURE_LOST: registration.lost,
-            FORCE.REASON_FOREIGN_MOTION: not registration.settled or self._apart(registration),
+            FORCE.REASON_FOREIGN_MOTION: not registration.settled
+            or self._apart(registration)
+            or registration.grown_px > GROWN_PX,
             FORCE.REASON_LOW_CONFIDENCE: registration.found < FEW_FOUND,
         }
         return sum(reason for reason, present in told.items() if present)
@@ -128,14 +147,14 @@ class RestImages:
             self._announce(head, renewed=True)
         return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
 
-    def _offer_renewal(self, at_ns: int, untouched: bool) -> None:
+    def _offer_renewal(self, at_ns: int, still: bool) -> None:
         """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
         apart = self._apart(registration)
-        changed = apart or (not untouched and (self._changed or registration.explained < EXPLAINED))
-        rested = Rested(registration.surely, registration.maybe, untouched and not apart, changed)
+        changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
+        rested = Rested(registration.surely, registration.maybe, still and not apart, changed)
         if not registration.settled:
             rested = Rested(registration.surely, registration.maybe, like=True, changed=False)
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
@@ -144,7 +163,7 @@ class RestImages:
 
     def _apart(self, registration: Registration) -> bool:
         """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
-        return self._flow == 'dis' and registration.apart_px > KNOCK_PX
+        return self._dense and registration.apart_px > KNOCK_PX
 
     def _announce(self, head: types.Header, *, renewed: bool = False) -> None:
         image = self._tracker.reference

@@ -70,7 +70,7 @@ class DriftMonitor:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self.limits = limits = limits or Limits()
-        self._moved = Alarm(*limits.moved_px)
+        self._moved = Alarm(*limits.moved_px, plain=True)
         self._calibrated = Alarm(*limits.since_calibration_px)
         self._dented = Alarm(*limits.dented_px)
         self._light = Alarm(*(-math.log(each) for each in limits.contrast), plain=True)

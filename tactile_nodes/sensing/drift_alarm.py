@@ -16,7 +16,7 @@ WINDOW_S, LEAST_S, LEAST_VALUES = 6.0, 3.0, 3
 
 
 CLEARED = 0.35
-"""A number below this share of the limit of ageing ends an alarm at once, where chance makes no such number."""
+"""A number below this share of the limit of ageing ends all evidence at once, where chance makes no such number."""
 
 
 class Level(IntEnum):
@@ -47,7 +47,7 @@ class Alarm:
         """Take the number at a time; a time before the last one begins anew."""
         if self._values and stamp_ns < self._values[-1][0]:
             self._values.clear()
-        if self._plain and self.level > Level.VALID and value < CLEARED * self.limits[0]:
+        if self._plain and value < CLEARED * self.limits[0]:
             self._values.clear()
             self.set(value)
         self._values.append((stamp_ns, value))

@@ -86,7 +86,7 @@ FAR_LIGHT, FAR_SHARPNESS = (0.4, 1.4), (-0.018, 0.05)
 NEAR_SHARPNESS = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other."""
 
-NEAR_LIGHT = {'dis': (0.92, 1.08)}
+NEAR_LIGHT = {'dis': (0.96, 1.04)}
 """Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it."""
 
 NEAR_LIGHT_OF_PATCHES = (0.8, 1.2)

@@ -102,6 +102,16 @@ class Registration:
         return self._size_px(self.motion - self._resting)
 
     @property
+    def watches(self) -> bool:
+        """Whether patches of our own are measured beside a flow that has none."""
+        return self._rest.watch is not None
+
+    @property
+    def grown_px(self) -> float:
+        """By how much the rim moved outwards or inwards since the first rest image."""
+        return abs(self.motion.terms[2])
+
+    @property
     def straightening(self) -> Straightening | Shift | None:
         """What straightens images; another one falls on other pixels."""
         return self._straightening

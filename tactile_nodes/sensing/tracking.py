@@ -75,7 +75,7 @@ class FeatureTracker:
         self._rest: RestAccumulator | None = None
         self._first: StillnessCheck
         self._left_to_skip = self._offered = 0
-        self.unsteady = False
+        self.unsteady = self.still = False
 
     @property
     def capturing(self) -> bool:
@@ -175,7 +175,8 @@ class FeatureTracker:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
         require_like(self.reference, image)
         straight = self.straight = self.registration.straightened(image) if self.registration else image
-        if self._check is not None and self._check(straight):
+        self.still = self._check is not None and self._check(straight)
+        if self.still:
             if self.registration:
                 self.registration.at_rest(stamp_ns)
             return self._at_rest()[0]
@@ -183,11 +184,11 @@ class FeatureTracker:
             return self._flow.displacement(image)
         return self._registered(self.registration, image, straight, stamp_ns)
 
-    def stillness(self) -> Stillness | None:
-        """How still the last frame is, beside motion that is taken out; None where nothing is there to tell."""
-        if self._check is None or not self._check.able or self.straight is None:
+    def stillness(self, straight: UInt8[np.ndarray, 'h w'] | None) -> Stillness | None:
+        """How still a straightened frame is; None where nothing is there to tell."""
+        if self._check is None or not self._check.able or straight is None:
             return None
-        return self._check.look(self.straight)
+        return self._check.look(straight)
 
     def _registered(
         self,
@@ -203,10 +204,11 @@ class FeatureTracker:
                 break
             straight = self.straight = registration.straightened(image)
             field = registration.without(self._flow.displacement(straight))
-        return field
+        # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
+        return self._at_rest()[0] if registration.watches and registration.surely else field
 
     def untouched(self, field: DisplacementField) -> bool:
-        """Whether that field is the one of all frames in which nothing touches, and was not measured."""
+        """Whether that field is the one of all frames in which nothing touches, whose motion is not asked for."""
         return self._still is not None and field is self._still[0]
 
     def features(self, field: DisplacementField) -> Features:
