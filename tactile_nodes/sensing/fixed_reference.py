@@ -112,6 +112,11 @@ class InverseCompositionalFlow:
         self._reference = image.copy()
         texture = np.square(self._templates.texture_grey)
         self._known = texture / (texture + np.float32(options.texture_grey**2))
+        self._for_loops = (
+            self._templates.grid.corner, self._templates.grid.window_px, self._templates.for_loops,
+            (LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST), options.iterations, self._known, _BLUR,
+            (OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale),
+        )  # fmt: skip
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
@@ -132,17 +137,11 @@ class InverseCompositionalFlow:
 
     def _displacement(self, loops: ModuleType, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
         """Patches found, motion as it is told, and how many patches are lost: compiled."""
-        grid, options = self._templates.grid, self._options
-        shape, count = (grid.rows, grid.cols), grid.rows * grid.cols
-        found = Match(np.empty((2, count), np.float32), np.empty(count, np.float32))
-        field = DisplacementField(np.empty((*shape, 2), np.float32), np.empty(shape, np.float32))
-        limits = LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST
-        numbers = OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale
-        lost = loops.displacement(
-            picture, grid.corner, grid.window_px, self._templates.for_loops, limits, options.iterations, self._known,
-            _BLUR, numbers, found.motion_px, found.explained, field.displacement_px, field.confidence,
-        )  # fmt: skip
-        return found, field, lost
+        rows, cols = self._options.rows, self._options.cols
+        motion, explained = np.empty((2, rows * cols), np.float32), np.empty(rows * cols, np.float32)
+        told, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
+        lost = loops.displacement(picture, *self._for_loops, motion, explained, told, confidence)
+        return Match(motion, explained), DisplacementField(told, confidence), lost
 
     def _recover(
         self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]

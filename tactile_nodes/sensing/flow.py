@@ -149,6 +149,8 @@ def require_grey(image: np.ndarray) -> None:
 
 
 def require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
+    if reference is not None and image.shape == reference.shape and image.dtype == reference.dtype:
+        return reference
     require_grey(image)
     if reference is None:
         raise ImageError('optical flow has no rest image to compare with; capture one with nothing touching the gel')
