@@ -17,7 +17,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.sensing.model import ForceMap
 
 sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
-from dots import picture, press
+from dots import grow, picture, press, shift
 
 FORCE = types.ForceDistribution
 S = 1_000_000_000
@@ -31,11 +31,14 @@ class Stream:
         self.following, self.number = Following(params), 0
         self.following.begin_capture()
         self.announced: list[str] = []
+        self.spot: tuple[slice, slice] | None = None
 
     def feed(self, frames: int, *motions: object, light: float = 1.0, age_s: float = 0.001) -> types.FlowFeatures:
         for _ in range(frames):
             self.number += 1
             image = picture(*motions, number=self.number, light=light)  # type: ignore[arg-type]
+            if self.spot is not None:
+                image[self.spot] //= 6
             head = conversions.header(S + self.number * S // 30, 'camera')
             told = self.following.answer(image, head, acquire_s=0.0, waited_s=age_s)
             if self.following.announced() is not None:
@@ -66,6 +69,28 @@ def test_the_rest_image_is_not_renewed_while_something_presses() -> None:
     stream.feed(8)
     stream.feed(30, press(200, 230, 0.5), light=0.5)
     assert len(stream.announced) == 1
+
+
+def test_a_knock_is_degraded_until_three_frames_have_shown_the_gel_at_rest() -> None:
+    stream = Stream()
+    stream.feed(8)
+    told = [stream.feed(1, shift(0.7, -0.4)).reasons for _ in range(6)]
+    assert [bool(each & FORCE.REASON_FOREIGN_MOTION) for each in told] == [True, True, False, False, False, False]
+
+
+def test_a_picture_that_grew_stays_degraded() -> None:
+    stream = Stream()
+    stream.feed(8)
+    assert stream.feed(12, grow(0.0015)).reasons & FORCE.REASON_FOREIGN_MOTION  # by 0.33 px at the rim
+
+
+def test_a_speck_of_dirt_is_told_until_it_is_gone() -> None:
+    stream = Stream()
+    stream.feed(8)
+    stream.spot = np.s_[300:320, 300:320]
+    assert stream.feed(4).reasons & FORCE.REASON_LIGHT_CHANGED
+    stream.spot = None
+    assert stream.feed(4).reasons == 0
 
 
 def test_an_old_frame_is_told() -> None:

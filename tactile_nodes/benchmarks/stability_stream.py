@@ -36,9 +36,12 @@ Presses = tuple[Press, ...]
 
 @dataclass(frozen=True)
 class Plan:
-    """How long a stream is, in frames and presses."""
+    """How long a stream is, in frames and presses.
 
-    presses: int = 8
+    Of eight presses the undisturbed error is chance: 1.0 mN with one seed and 3.4 with another, 2.3 and 2.6 of twenty.
+    """
+
+    presses: int = 20
     before: int = 4
     coming: int = 10
     approach: int = 1

@@ -100,7 +100,7 @@ class Renewal:
         """How long until the next renewal but one: twice as long as before, unless all was well for long."""
         options = self._options
         quiet_s = math.inf if self._renewed_ns is None else (stamp_ns - self._renewed_ns) / NS_PER_S
-        if not 0 <= quiet_s < options.after_s:
+        if not 0 <= quiet_s < 2 * options.after_s:
             return options.apart_s
         return min(max(2 * self._apart_s, options.apart_s), options.after_s)
 

@@ -43,6 +43,11 @@ def turn(degrees: float) -> Motion:
     return lambda at: (at - SIDE / 2) @ spin.T
 
 
+def grow(share: float) -> Motion:
+    """About the middle; 0.001: a thousandth larger."""
+    return lambda at: share * (at - SIDE / 2)
+
+
 def press(x_px: float, y_px: float, most_px: float) -> Motion:
     """Outwards from a place, most at 26 px from it, nothing far away."""
 

@@ -39,3 +39,23 @@ def test_what_creeps_is_renewed_after_a_minute_and_only_while_it_is_surely_at_re
 
 def test_a_picture_like_the_rest_image_renews_nothing() -> None:
     assert renewed([STILL] * 200, fps=1.0) == []
+
+
+def test_frames_that_were_straightened_by_something_else_are_not_averaged() -> None:
+    renewal = Renewal(RenewalOptions(frames=4, least_s=0.1))
+    renewal.taken(0, renewed=False)
+    one, other = object(), object()
+    by = [one, one, other, other, other, other]
+    found = [renewal.offer(IMAGE, number * S // 30, DIMMER, each) for number, each in enumerate(by, 1)]
+    assert [image is not None for image in found] == [False] * 5 + [True]
+
+
+def test_a_picture_that_goes_on_changing_is_renewed_less_and_less_often() -> None:
+    renewal, at_s = Renewal(RenewalOptions(frames=1, least_s=0.0, apart_s=2.0, after_s=60.0)), []
+    renewal.taken(0, renewed=False)
+    for number in range(1, 600):
+        if renewal.offer(IMAGE, number * S // 2, DIMMER) is not None:
+            renewal.taken(number * S // 2, renewed=True)
+            at_s.append(number / 2)
+    assert at_s[:6] == [0.5, 2.5, 6.5, 14.5, 30.5, 62.5]
+    assert at_s[7] - at_s[6] == 60.0

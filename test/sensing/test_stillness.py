@@ -13,7 +13,7 @@ from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.fixed_reference_patches import moved_image
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.reference import average
-from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, StillnessOptions, steady
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -131,3 +131,24 @@ def test_an_image_of_another_size_is_refused() -> None:
 def test_impossible_options_are_one_sentence() -> None:
     with pytest.raises(ConfigurationError, match='limits above 0'):
         StillnessCheck(StillnessOptions(limit=0.0))
+
+
+def test_a_touch_leaves_unevenness_with_its_motion_and_dirt_leaves_it_without() -> None:
+    # On the simulated gel 0.4 N move by 620 times what noise makes and leave 95; a speck of dirt moves 12, leaves 570.
+    assert not Stillness(motion=620.0, noise_grey=2.1, light_share=0.07, unevenness=95.0).unexplained
+    assert Stillness(motion=12.0, noise_grey=2.1, light_share=0.5, unevenness=570.0).unexplained
+
+
+def test_a_speck_of_dirt_is_unexplained_and_no_motion_of_a_twentieth_of_a_pixel_is() -> None:
+    dirty = PATTERN.copy()
+    dirty[100:124, 100:124] *= 0.2
+    assert check().look(frame(dirty)).unexplained
+    assert not check().look(frame(moved_image(PATTERN, 0.05, 0.0))).unexplained
+
+
+def test_frames_of_one_rest_image_differ_by_noise_alone() -> None:
+    single = StillnessCheck()
+    single.set_reference(frame(seed=1))
+    assert steady(single.look(frame(seed=2)))
+    assert not steady(single.look(frame(0.9 * PATTERN, seed=2)))
+    assert not steady(single.look(frame(moved_image(PATTERN, 0.1, 0.0), seed=2)))
