@@ -1,9 +1,9 @@
 """A model on other gels: error against the number of presses that it is calibrated by, all of it simulated.
 
 The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2 degrees tilted, 3 rolled, 3 % of focal
-length), and have other markers each. Tested on presses at continuous places that no calibration saw, beside the model
-as it is, a model of many other gels that needs no press of the new one, and a response fitted to the same few presses
-alone.
+length), and have other markers each. Pressed by the plan of a calibration (config/plans/calibrate.yaml) and tested on
+presses at random continuous places and depths that no calibration saw, beside the model as it is, a model of many other
+gels that needs no press of the new one, and a response fitted to the same few presses alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 GELS_SEED, PRESSES_SEED = 77, 5001
 FRAMES, WITHOUT_CONTACT, TESTED, UNTOUCHED = 625, 0.2, 300, 20
 COUNTS = 10, 25, 50, 100
+PLAN = 'calibrate'
 MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'd_loc_mm', 'rmse_mc_n')
 AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
 MANY_SEED, MANY_PRESSES = 1077, 400
@@ -137,7 +138,7 @@ def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: 
     scores = []
     for number in gels:
         dataset = _presses(loaded, other_gel(gel, number), progress)
-        made = _on_gel(source, dataset, number)
+        made = _on_gel(source, _planned(loaded, other_gel(gel, number), progress), dataset, number)
         if of_many is not None:
             made.append(_score(number, 0, MANY, _at_rest(of_many, dataset), _tested(dataset)))
         scores += made
@@ -177,15 +178,34 @@ def _at_rest(readout: AxisymmetricReadout, dataset: Dataset) -> AxisymmetricRead
 
 
 def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int = FRAMES) -> Dataset:
+    """Presses at random places and depths."""
+    return _simulated(
+        loaded, gel, progress, presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
+        without_contact=WITHOUT_CONTACT,
+    )  # fmt: skip
+
+
+def _planned(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
+    """As many presses of the plan of a calibration as the longest one has, about a rest image of their own."""
+    from tactile_nodes.collection.plan import load_plan_settings
+    from tactile_nodes.paths import share_directory
+
+    plan = load_plan_settings(share_directory() / 'config' / 'plans' / f'{PLAN}.yaml')
+    presses = max(COUNTS)
+    return _simulated(
+        loaded, gel, progress, plan=plan.kind, presses=presses, seed=plan.seed, reach_mm=plan.reach_mm,
+        shallowest_mm=min(plan.depths_mm), deepest_mm=max(plan.depths_mm),
+        without_contact=UNTOUCHED / (presses + UNTOUCHED),
+    )  # fmt: skip
+
+
+def _simulated(loaded: LoadedModel, gel: Gel, progress: Progress, **data: Any) -> Dataset:
     from tactile_nodes.learning.config import DataConfig
     from tactile_nodes.learning.dataset import simulate
     from tactile_nodes.learning.evaluate import config_of
 
-    data = DataConfig(
-        presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
-        without_contact=WITHOUT_CONTACT, presses_per_rest_image=0, processes=1, crop=loaded.card['crop_px'],
-    )  # fmt: skip
-    return simulate(dataclasses.replace(config_of(loaded), data=data, gel=gel), progress)
+    settings = DataConfig(presses_per_rest_image=0, processes=1, crop=loaded.card['crop_px'], **data)
+    return simulate(dataclasses.replace(config_of(loaded), data=settings, gel=gel), progress)
 
 
 def _tested(dataset: Dataset) -> Dataset:
@@ -199,14 +219,15 @@ def _few(dataset: Dataset, presses: int) -> Dataset:
     return dataset.take(np.sort(chosen))
 
 
-def _on_gel(source: AnyReadout, dataset: Dataset, number: int) -> list[Score]:
+def _on_gel(source: AnyReadout, planned: Dataset, dataset: Dataset, number: int) -> list[Score]:
+    """Scores of all that `planned` presses make of the source, on the presses of another data set."""
     from tactile_nodes.learning.transfer_fit import transfer
 
     tested = _tested(dataset)
     scores = [_score(number, 0, AS_IT_IS, source, tested)]
     readout: AnyReadout
     for presses in COUNTS:
-        few = _few(dataset, presses)
+        few = _few(planned, presses)
         begun = clock.perf_ns()
         try:
             made = transfer(source, few)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.learning.axisymmetric_calibration import Judged
-from tactile_nodes.learning.transfer_correction import carried_share
+from tactile_nodes.learning.transfer_correction import EXPECTED, LARGEST, carried_share
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.geometry import BinGrid
@@ -44,16 +44,17 @@ def test_the_share_that_held_out_presses_ask_for_is_carried(share: float) -> Non
     assert carried_share(TWO_PERCENT_AT_THE_RIM, halves) == pytest.approx(share, abs=0.01)
 
 
-def test_few_presses_that_contradict_each_other_carry_nothing() -> None:
+def test_few_presses_that_contradict_each_other_leave_what_is_expected_of_any_gel() -> None:
+    """On average they ask for a third of it, 0.005 N of 0.0136 N, and each is off by more than all of that."""
     found = np.array([[12.0, y, 0.8] for y in (-9.0, -3.0, 3.0, 9.0)])
     missing = np.array([0.02, -0.02, 0.03, -0.01])
-    assert carried_share(TWO_PERCENT_AT_THE_RIM, [judged(missing, found)]) == 0.0
+    assert carried_share(TWO_PERCENT_AT_THE_RIM, [judged(missing, found)]) == pytest.approx(EXPECTED, abs=0.2)
 
 
-def test_no_more_than_the_whole_correction_is_carried() -> None:
+def test_little_more_than_the_whole_correction_is_carried() -> None:
     found = presses(80)
     missing = 3 * 0.02 * (found[:, 0] / REACH_MM) ** 2 * found[:, 2]
-    assert carried_share(TWO_PERCENT_AT_THE_RIM, [judged(missing, found)]) == 1.0
+    assert carried_share(TWO_PERCENT_AT_THE_RIM, [judged(missing, found)]) == LARGEST
 
 
 def test_a_gel_without_a_correction_has_none_to_carry() -> None:
