@@ -43,6 +43,25 @@ def spline_weights(value, axis, both):
 
 
 @compiled()
+def copy(source, target):
+    """Of two dimensions. Assigned as a whole arrays take numba seconds to compile, as most that is not a loop."""
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@compiled()
+def finite(number, numbers):
+    """Whether all are numbers."""
+    if not math.isfinite(number):
+        return False
+    for i in range(numbers.shape[0]):
+        if not math.isfinite(numbers[i]):
+            return False
+    return True
+
+
+@compiled()
 def factorise(matrix):
     """A small positive definite matrix, in place: Cholesky without the roots."""
     n = matrix.shape[0]
@@ -72,13 +91,14 @@ def substitute(matrix, right):
 def variances(information, damping, spread):
     """As `response.Fit.variances`: the diagonal of the inverse of damped information, as (contacts, 3)."""
     n = information.shape[0]
-    matrix, column = information.copy(), np.empty(n)
+    matrix, column = np.empty((n, n)), np.empty(n)
+    copy(information, matrix)
     for i in range(n):
         matrix[i, i] += damping[i % 3]
     factorise(matrix)
     for i in range(n):
-        column[:] = 0.0
-        column[i] = 1.0
+        for j in range(n):
+            column[j] = 1.0 if i == j else 0.0
         substitute(matrix, column)
         spread[i // 3, i % 3] = column[i]
 
@@ -116,4 +136,4 @@ def spread_over_bins(contacts, count, size_mm, forces):
         for row in range(rows):
             for col in range(cols):
                 total[row, col] += contacts[n, 2] * along_y[row] * along_x[col]
-    forces[:] = total
+    copy(total, forces)

@@ -12,8 +12,10 @@ import numpy as np
 
 from tactile_nodes.sensing.loops_common import (
     compiled,
+    copy,
     factor_at,
     factorise,
+    finite,
     spline_weights,
     spread_over_bins,
     substitute,
@@ -27,8 +29,10 @@ def _value_and_slopes(at, axes, coefficients, result):
     """As `splines.value_and_slopes`: fills in (4, outputs)."""
     x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
     i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
-    result[:] = 0
     outputs = coefficients.shape[3]
+    for part in range(4):
+        for c in range(outputs):
+            result[part, c] = 0
     for m in range(4):
         for n in range(4):
             for o in range(4):
@@ -47,7 +51,9 @@ def _compare(components, contacts, axes, coefficients, growth, information, down
     """How well contacts explain the components (mean squared misfit); fills in information and the way down."""
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 4, outputs), np.float32)
-    left = components.astype(np.float64)
+    left = np.empty(outputs)
+    for c in range(outputs):
+        left[c] = components[c]
     strongest = 0.0
     for n in range(count):
         _value_and_slopes(contacts[n], axes, coefficients, made[n])
@@ -79,7 +85,9 @@ def _compare(components, contacts, axes, coefficients, growth, information, down
 @compiled()
 def _gained(components, growth, contacts, misfit, highest):
     """As `response.gained`."""
-    height = contacts[:, 2].max() / highest
+    height = 0.0
+    for n in range(contacts.shape[0]):
+        height = max(height, contacts[n, 2] / highest)
     nothing = 0.0
     for c in range(components.shape[0]):
         nothing += components[c] * components[c] / (1 + growth[c] * height * height)
@@ -94,7 +102,8 @@ def locate(components, begin, axes, coefficients, growth, limits, ends, contacts
     each; `ends` the step at which steps end, how many they may be, the gain that is worth a step, and the least gain.
     """
     n, outputs = begin.shape[0], components.shape[0]
-    here, down = begin.copy(), np.empty(3 * n)
+    here, down = np.empty((n, 3)), np.empty(3 * n)
+    copy(begin, here)
     now, system = np.empty((3 * n, 3 * n)), np.empty((3 * n, 3 * n))
     best = np.inf
     for step in range(int(ends[1])):
@@ -102,12 +111,12 @@ def locate(components, begin, axes, coefficients, growth, limits, ends, contacts
         before = best
         if step == 0 or misfit < best:
             best = misfit
-            contacts[:] = here
-            information[:] = now
+            copy(here, contacts)
+            copy(now, information)
         hardly = step > 0 and before - best < 2 * ends[2] / outputs
         if hardly and _gained(components, growth, contacts, best, axes[2, 1]) < ends[3]:
             break
-        system[:] = now
+        copy(now, system)
         for i in range(3 * n):
             system[i, i] += limits[0, i % 3]
         factorise(system)
@@ -144,31 +153,30 @@ def _start(components, table, levels, power, begin):
         away = share * (share * norms[i] - 2 * along[i])
         if away < least:
             best, least, best_share = i, away, share
-    begin[:] = starts[best]
-    begin[2] *= best_share**power
+    begin[0], begin[1], begin[2] = starts[best, 0], starts[best, 1], starts[best, 2] * best_share**power
 
 
 @compiled()
 def _fit(components, response, table, ends, levels, power, limit, most):
     """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
     axes, coefficients, growth, limits = response
-    contacts, information, begin = np.empty((1, 3)), np.empty((3, 3)), np.empty((1, 3))
-    _start(components, table, levels, power, begin[0])
-    misfit = locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information)
-    left, always = components.copy(), ends.copy()
-    always[3] = 0.0
+    contacts, information, misfit = np.empty((0, 3)), np.empty((0, 0)), np.inf
+    left, made = np.empty_like(components), np.empty((4, components.shape[0]), np.float32)
     while misfit > limit and contacts.shape[0] < most:
         count = contacts.shape[0]
-        made, begin = np.empty((4, components.shape[0]), np.float32), np.empty((count + 1, 3))
-        left[:] = components
+        begin, more = np.empty((count + 1, 3)), np.empty((count + 1, 3))
+        told = np.empty((3 * count + 3, 3 * count + 3))
+        copy(contacts, begin[:count])
+        for c in range(left.shape[0]):
+            left[c] = components[c]
         for n in range(count):
-            begin[n] = contacts[n]
             _value_and_slopes(contacts[n], axes, coefficients, made)
-            left -= made[0]
+            for c in range(left.shape[0]):
+                left[c] -= made[0, c]
         _start(left, table, levels, power, begin[count])
-        more, told = np.empty_like(begin), np.empty((3 * count + 3, 3 * count + 3))
-        found = locate(components, begin, axes, coefficients, growth, limits, always, more, told)
-        if found > 0.5 * misfit:
+        now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
+        found = locate(components, begin, axes, coefficients, growth, limits, now, more, told)
+        if count and found > 0.5 * misfit:
             break
         contacts, information, misfit = more, told, found
     return contacts, information, misfit
@@ -191,10 +199,13 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     count = contacts.shape[0]
     spread = np.empty((count, 3))
     variances(information, limits[0], spread)
-    order = np.argsort(-contacts[:, 2], kind='mergesort')
-    for row in range(count):
-        x, y, s = contacts[order[row]]
-        of_x, of_y, of_s = spread[order[row]]
+    for n in range(count):
+        row = 0  # how many are stronger
+        for other in range(count):
+            harder = contacts[other, 2] - contacts[n, 2]
+            row += harder > 0 or (harder == 0 and other < n)
+        x, y, s = contacts[n, 0], contacts[n, 1], contacts[n, 2]
+        of_x, of_y, of_s = spread[n, 0], spread[n, 1], spread[n, 2]
         slope = max(s, 1e-9) ** (1 / power - 1) / power
         told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0) ** (1 / power)
         fitted = math.sqrt((of_x + of_y) / 2)
@@ -218,7 +229,7 @@ def read(values, confidence, scaling, directions, whitening, response, table, fa
     axes, growth, limits = response[0], response[2], response[3]
     scores, components = np.empty(directions.shape[0], np.float32), np.empty(directions.shape[0], np.float32)
     left_over, size = seen(values, confidence, scaling, directions, floor, sure, scores)
-    if not (np.isfinite(size) and np.isfinite(scores).all()):
+    if not finite(size, scores):
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)
     found, information, misfit = _fit(

@@ -53,9 +53,11 @@ def _fill_missing(directions, missing, sure, scores):
         square[i, i] += 1 + sure
     factorise(square)
     if wide:
-        right[:] = scores
+        for i in range(n):
+            right[i] = scores[i]
         substitute(square, right)
-        scores[:] = right
+        for i in range(n):
+            scores[i] = right[i]
         return
     for j in range(k):
         for i in range(n):
@@ -81,8 +83,7 @@ def seen(values, confidence, scaling, directions, floor, sure, scores):
         total = np.float32(0)
         for i in range(inputs.shape[0]):
             total += directions[n, i] * inputs[i]
-        along[n] = total
-    scores[:] = along
+        along[n] = scores[n] = total
     if left < scores.shape[0]:
         return math.nan, math.nan
     if lost:
