@@ -205,7 +205,8 @@ class FeatureTracker:
             straight = self.straight = registration.straightened(image)
             field = registration.without(self._flow.displacement(straight))
         # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
-        return self._at_rest()[0] if registration.watches and registration.surely else field
+        seen_at_rest = self._check is not None and registration.watches and registration.surely
+        return self._at_rest()[0] if seen_at_rest else field
 
     def untouched(self, field: DisplacementField) -> bool:
         """Whether that field is the one of all frames in which nothing touches, whose motion is not asked for."""
