@@ -7,7 +7,6 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes
 from tactile_nodes.sensing.loops_patches import displacement, match
 from tactile_nodes.sensing.loops_pictures import changed, common, counted, differences, halved
-from tactile_nodes.sensing.loops_response import locate
 from tactile_nodes.sensing.loops_response import read as read_response
 
 __all__ = [
@@ -17,7 +16,6 @@ __all__ = [
     'differences',
     'displacement',
     'halved',
-    'locate',
     'match',
     'motion_and_slopes',
     'read_response',

@@ -53,12 +53,10 @@ def copy(source, target):
 @compiled()
 def finite(number, numbers):
     """Whether all are numbers."""
-    if not math.isfinite(number):
-        return False
+    known = math.isfinite(number)
     for i in range(numbers.shape[0]):
-        if not math.isfinite(numbers[i]):
-            return False
-    return True
+        known = known and math.isfinite(numbers[i])
+    return known
 
 
 @compiled()

@@ -94,8 +94,8 @@ def _gained(components, growth, contacts, misfit, highest):
     return (nothing - misfit * components.shape[0]) / 2
 
 
-@compiled('f8(f4[::1], f8[:, ::1], f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1])')
-def locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information):
+@compiled()
+def _locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information):
     """As `response.locate`: fills in contacts (n, 3) and information (3 n, 3 n), and returns the misfit.
 
     `axes` are low, high and intervals of x, y and s; `limits` the damping, largest step, lowest and highest value along
@@ -175,7 +175,7 @@ def _fit(components, response, table, ends, levels, power, limit, most):
                 left[c] -= made[0, c]
         _start(left, table, levels, power, begin[count])
         now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
-        found = locate(components, begin, axes, coefficients, growth, limits, now, more, told)
+        found = _locate(components, begin, axes, coefficients, growth, limits, now, more, told)
         if count and found > 0.5 * misfit:
             break
         contacts, information, misfit = more, told, found

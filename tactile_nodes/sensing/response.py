@@ -11,12 +11,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from types import ModuleType
 
 import numpy as np
 from jaxtyping import Float, Float32
 
-from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
 
 MOST_STEPS = 12
@@ -146,8 +144,6 @@ def locate(
     Where nothing touches there is no place to be found, and steps would go to and fro to the last: they end early once
     they hardly help, as long as the gain (see `gained`) is below `least_gain`.
     """
-    if (loops := compiled_loops()) is not None:
-        return _located(loops, response, components, begin, least_gain)
     _, largest, low, high = response.limits_array
     granted = damping(len(begin))
     here = begin.copy()
@@ -166,18 +162,8 @@ def locate(
     return best
 
 
-def _located(
-    loops: ModuleType, response: Response, components: np.ndarray, begin: np.ndarray, least_gain: float
-) -> Fit:
-    """The same, compiled."""
-    count = begin.size
-    contacts, information = np.empty_like(begin), np.empty((count, count))
-    misfit = loops.locate(components, begin, *response.for_loops[0], ends(least_gain), contacts, information)
-    return Fit(contacts, information, misfit)
-
-
 def ends(least_gain: float) -> Float[np.ndarray, ' 4']:
-    """When steps end, as loops want it: see `loops_response.locate`."""
+    """When steps end, as loops want it: see `loops_response._locate`."""
     return np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
 
 
