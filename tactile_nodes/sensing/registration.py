@@ -49,7 +49,7 @@ SETTLE_FRAMES = 8
 """Frames at rest that a knock's motion is averaged over before it is only followed slowly."""
 
 SURE_FRAMES = 3
-"""Frames at rest, as far as a coarse look tells, after which a knock is settled; from then on a close look is asked."""
+"""Frames at rest, as far as a coarse look tells, after which the first that is surely at rest settles a knock."""
 
 NS_PER_S = 1_000_000_000
 
@@ -221,14 +221,20 @@ class Registration:
         early = self._rested < SETTLE_FRAMES
         self.maybe = loosely_quiet(left - self._still, found, self.size_px, self.explained)
         self.surely = self.maybe and quiet(left - self._still, found)
-        if not (self.maybe if self._rested < SURE_FRAMES else self.surely):
+        if not (self.surely or (early and self.maybe and not self.settled)):
+            if self.maybe and not self.settled:  # something touched in those frames: begin anew
+                self._rested = 0
+                self._forget_offset()
             return
         self._rested += 1
         share = 1 / self._rested if early else self._share(stamp_ns)
         if early:
             self._take_offset(left, PictureMotion.of(terms), field)
         self._last_ns = stamp_ns
-        self._take(self.motion + PictureMotion.of(terms).scaled(share), settled=self._rested >= SURE_FRAMES)
+        self._take(
+            self.motion + PictureMotion.of(terms).scaled(share),
+            settled=self.settled or (self.surely and self._rested >= SURE_FRAMES),
+        )
 
     def _take_offset(self, left: Float[np.ndarray, 'n 2'], common: PictureMotion, field: DisplacementField) -> None:
         """What each patch is off by once a knock was undone, as pixels fell elsewhere: the mean of the first frames."""
