@@ -21,7 +21,7 @@ LIVE = {
 def test_a_slow_rate_from_memory_is_held() -> None:
     for held in highest('fast', False, [2], 2.0, Progress()).values():
         assert held.rate_hz == 2
-        assert 0 < held.p99_ms < 500
+        assert 0 < held.p99_ms < 10_000
         assert held.next_hz is None
 
 
