@@ -31,43 +31,22 @@ def _inputs(values, confidence, scaling, floor, inputs, missing):
 
 @compiled()
 def _fill_missing(directions, missing, sure, scores):
-    """Least squares scores from those of inputs in which some are missing: (1 + sure) I - L L' solved in place.
+    """Least squares scores, in place, from those of inputs in which some are missing: as in `response_readout.project`.
 
-    L are the directions' columns of the missing inputs. By Woodbury's identity it takes a system of the size of the
-    fewer of the two.
+    They solve (1 + sure) I - L L', where L are the directions' columns of the missing inputs.
     """
-    n, k = directions.shape[0], missing.shape[0]
-    lost = np.empty((n, k))
+    n = directions.shape[0]
+    square, right = np.zeros((n, n)), np.empty(n)
     for i in range(n):
-        for j in range(k):
-            lost[i, j] = directions[i, missing[j]]
-    wide = k > n
-    size = n if wide else k
-    square, right = np.zeros((size, size)), np.zeros(size)
-    for i in range(size):
         for j in range(i + 1):
-            both = 0.0
-            for m in range(k if wide else n):
-                both += lost[i, m] * lost[j, m] if wide else lost[m, i] * lost[m, j]
-            square[i, j] = -both
+            for lost in missing:
+                square[i, j] -= directions[i, lost] * directions[j, lost]
         square[i, i] += 1 + sure
+        right[i] = scores[i]
     factorise(square)
-    if wide:
-        for i in range(n):
-            right[i] = scores[i]
-        substitute(square, right)
-        for i in range(n):
-            scores[i] = right[i]
-        return
-    for j in range(k):
-        for i in range(n):
-            right[j] += lost[i, j] * scores[i]
     substitute(square, right)
     for i in range(n):
-        added = 0.0
-        for j in range(k):
-            added += lost[i, j] * right[j]
-        scores[i] = (scores[i] + added) / (1 + sure)
+        scores[i] = right[i]
 
 
 @compiled()
