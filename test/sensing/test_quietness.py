@@ -13,7 +13,8 @@ NOISE = np.random.default_rng(2).normal(0, 0.003, (100, 2))
 def touched(most_px: float) -> np.ndarray:
     """Patches of a 10x10 grid that go away from its middle."""
     apart = np.stack(np.meshgrid(np.arange(10) - 4.5, np.arange(10) - 4.5), axis=-1).reshape(-1, 2)
-    return NOISE + most_px * apart * np.exp(0.5 - 0.5 * np.square(apart).sum(axis=1, keepdims=True))
+    moved: np.ndarray = NOISE + most_px * apart * np.exp(0.5 - 0.5 * np.square(apart).sum(axis=1, keepdims=True))
+    return moved
 
 
 def test_noise_is_quiet_and_a_light_touch_is_only_to_a_coarse_look() -> None:
