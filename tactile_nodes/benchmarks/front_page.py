@@ -19,9 +19,10 @@ the look that would spare it (untouched.md). *memory* is what measuring adds to 
 that ship were trained on, so errors are larger than theirs (accuracy.md); compare within the table. One frame of {test}
 in a neighbouring bin instead of its own changes d_loc by {step_mm:.3f} mm: smaller differences are chance."""
 SHIPPED = """\
-As they ship, trained on many more frames, on the same test frames in turn. *compiled*: the inner loops of flow and
-readout by numba (`compiled:=true`). `paper` measures motion by DIS ultrafast at scale 1, the fastest preset that
-costs no accuracy (docs/method.md); the paper names none. The last row has its features by the preset that is used
+As they ship, trained on many more frames, on the same test frames: ten frames of a sensor by one, then by the next, so
+that each but the first finds in the processor's caches what it needs, as it does live. *compiled*: the inner loops of
+flow and readout by numba (`compiled:=true`). `paper` measures motion by DIS ultrafast at scale 1, the fastest preset
+that costs no accuracy (docs/method.md); the paper names none. The last row has its features by the preset that is used
 most. How many times faster the others are is told of both. The aims: a fiftieth of the time of `paper` at no more
 than a quarter of its errors, and a fifteenth at a seventh."""
 COLOURS = {'ours': 'tab:red', 'DIS': 'tab:blue', 'Farneback': 'tab:green', 'TV-L1': 'tab:olive',
