@@ -33,6 +33,7 @@ SHIPPED = ('paper', 'portable', 'accurate', 'fast')
 JPEG_QUALITY = 90
 STAGES = ('flow', 'features', 'predict')
 TURN = 10
+JPEG = 'JPEG 640x480 to grey'
 MEDIUM = 'paper, DIS medium'
 """The paper names no preset: its features by the one that others use most, for the time alone."""
 
@@ -117,7 +118,7 @@ def _turns(plan: Plan) -> list[list[Frame]]:
 
 
 _FLOORS: Mapping[str, Callable[[np.ndarray, np.ndarray, np.ndarray], object]] = {
-    'JPEG 640x480 to grey': lambda _image, _rest, data: cv2.imdecode(data, cv2.IMREAD_GRAYSCALE),
+    JPEG: lambda _image, _rest, data: cv2.imdecode(data, cv2.IMREAD_GRAYSCALE),
     'JPEG 640x480 to grey at half size': lambda _image, _rest, data: cv2.imdecode(data, cv2.IMREAD_REDUCED_GRAYSCALE_2),
     'reading 440x440 bytes once': lambda image, _rest, _data: cv2.sumElems(image),
     'one pass of arithmetic: the difference from the rest image, squared and summed': lambda image, rest, _data: (
