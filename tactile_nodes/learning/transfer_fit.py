@@ -8,7 +8,6 @@ fit did not see.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_calibration import Judged, least_gain
+from tactile_nodes.learning.axisymmetric_calibration import Judged
 from tactile_nodes.learning.axisymmetric_regions import (
     Expected,
     Presses,
@@ -27,10 +26,10 @@ from tactile_nodes.learning.axisymmetric_regions import (
     numbers_of,
     views,
 )
-from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
+from tactile_nodes.learning.transfer_calibration import calibration_of
 from tactile_nodes.learning.transfer_checks import require_better, require_presses, require_tared
 from tactile_nodes.learning.transfer_correction import carried_share
 from tactile_nodes.learning.transfer_source import axisymmetric_source
@@ -39,7 +38,6 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.readout_arrays import AnyReadout
-from tactile_nodes.sensing.uncertainty import Calibration
 
 FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
 REGION_TURNS = 4
@@ -137,7 +135,7 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
     require_better(before, after)
-    readout = replace(readout, calibration=_calibration(readout, held, dataset, other.untouched))
+    readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
     told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
     return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told)
 
@@ -265,30 +263,3 @@ def live_errors(readout: AnyReadout, dataset: Dataset, rows: np.ndarray) -> Floa
         x, y, _, force_n = dataset.presses[row].tolist()
         errors.append((found.contacts[0].x_mm - x, found.contacts[0].y_mm - y, found.normal_force_n.sum() - force_n))
     return np.reshape(errors, (-1, 3)).astype(float)
-
-
-def _calibration(
-    readout: AxisymmetricReadout, held: list[Judged], dataset: Dataset, untouched: np.ndarray
-) -> Calibration:
-    """Stated uncertainties that nine of ten held-out presses fall within; with few presses rather more do.
-
-    `readout` still has the calibration of its source, whose floors and limits hold at least.
-    """
-    old = readout.calibration
-    errors, sigmas = (np.concatenate([getattr(each, name) for each in held]) for name in ('errors', 'sigmas'))
-    place = np.hypot(old.place_floor_mm, np.repeat(sigmas[:, 0], 2))
-    force = np.hypot(old.force_floor_n, sigmas[:, 1])
-    misfits = [fit.misfit for each in held for fit in each.fits]
-    return replace(
-        old,
-        place_factors=(cautious(np.abs(errors[:, :2]).reshape(-1) / place, len(errors)) / NORMAL_90,),
-        force_factors=(cautious(np.abs(errors[:, 2]) / force, len(errors)) / NORMAL_90,),
-        misfit_limit=max(old.misfit_limit, math.sqrt(max(misfits))),
-        least_gain=max(old.least_gain, least_gain(readout, dataset, untouched)),
-    )
-
-
-def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
-    """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
-    level = min(1.0, COVERAGE * (1 + 1 / presses))
-    return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))

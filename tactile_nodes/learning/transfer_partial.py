@@ -22,8 +22,9 @@ from tactile_nodes.learning.coverage import NORMAL_90
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.partial_presses import PartialFit, at, fit_partial, located, unknown
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer_calibration import cautious
 from tactile_nodes.learning.transfer_checks import LEAST_PRESSES
-from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, Errors, OtherGel, cautious, live_errors
+from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, Errors, OtherGel, live_errors
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse

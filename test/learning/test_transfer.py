@@ -13,7 +13,8 @@ from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, cautious, folds_of, transfer
+from tactile_nodes.learning.transfer_calibration import cautious, nearer_by
+from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
@@ -157,6 +158,16 @@ def test_with_ten_presses_the_largest_error_counts() -> None:
     ratios = np.arange(1.0, 101.0)
     assert cautious(ratios, 10) == 100.0
     assert cautious(ratios, 1000) == pytest.approx(91, abs=1.0)
+
+
+def test_presses_far_apart_are_nearer_to_anywhere_than_to_one_another_and_random_ones_are_not() -> None:
+    axis = np.arange(6) * 4.0
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    # Half of a square of side 1 is within r of the nearest corner, where four quarter discs cover half of it.
+    assert nearer_by(grid) == pytest.approx(np.sqrt(0.5 / np.pi), abs=0.03)
+    chance = np.random.default_rng(3).uniform(0, 24, (2000, 2))
+    assert nearer_by(chance) == pytest.approx(1.0, abs=0.05)
+    assert nearer_by(grid[:1]) == 1.0
 
 
 def test_a_measured_response_can_be_transferred_too() -> None:
