@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
 BENCHMARKS = {
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen one."""
+    """Run the chosen one; what it has started ends with it, by SIGTERM too."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     status: int = importlib.import_module(f'tactile_nodes.benchmarks.{arguments.benchmark}').run(arguments)
     return status
