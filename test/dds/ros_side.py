@@ -182,8 +182,15 @@ class RosSide:
             }
         }
 
-    def write(self, topic: str, x: float, z: float, count: int) -> dict:
-        """Send wrenches until somebody has had the time to find us."""
+    def found(self, topic: str) -> dict:
+        """Wait until the reader knows of a writer: before, what is not reliable gets lost."""
+        until = time.monotonic() + WAIT_S
+        while not self.readers[topic].get_matched_publications() and time.monotonic() < until:
+            time.sleep(0.02)
+        return {'writers': len(self.readers[topic].get_matched_publications())}
+
+    def write(self, topic: str, x: float, z: float) -> dict:
+        """Send a wrench, once somebody is there to read it."""
         if self.writer is None:
             self.writer = DataWriter(
                 self.participant, Topic(self.participant, topic, WrenchStamped), Qos(Policy.Reliability.BestEffort)
@@ -191,9 +198,8 @@ class RosSide:
         until = time.monotonic() + WAIT_S
         while not self.writer.get_matched_subscriptions() and time.monotonic() < until:
             time.sleep(0.02)
-        for _ in range(count):
-            force = Wrench(Vector3(x, 0.0, z), Vector3(0.0, 0.0, 0.0))
-            self.writer.write(WrenchStamped(Header(Time(12, 34), 'robot_wrist'), force))
+        force = Wrench(Vector3(x, 0.0, z), Vector3(0.0, 0.0, 0.0))
+        self.writer.write(WrenchStamped(Header(Time(12, 34), 'robot_wrist'), force))
         return {'readers': len(self.writer.get_matched_subscriptions())}
 
     def gone(self) -> dict:
