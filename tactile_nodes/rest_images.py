@@ -154,9 +154,8 @@ class RestImages:
             return
         apart = self._apart(registration)
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
-        rested = Rested(registration.surely, registration.maybe, still and not apart, changed)
-        if not registration.settled:
-            rested = Rested(registration.surely, registration.maybe, like=True, changed=False)
+        like, changed = (still and not apart, changed) if registration.settled else (True, False)
+        rested = Rested(registration.surely, registration.maybe, like, changed)
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:
             self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))

@@ -30,7 +30,7 @@ from tactile_nodes.collection.estimate import estimate
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
-from tactile_nodes.collection.plan import PlanSettings, Point, load_plan_settings, make_plan
+from tactile_nodes.collection.plan import PlanSettings, Point, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.progress import duration
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.recall import recalled
@@ -39,7 +39,6 @@ from tactile_nodes.collection.settings import CollectionSettings, SurfaceSetting
 from tactile_nodes.drivers.cnc import CncSettings, CncStatus, Switched
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.scene import WorldScene
@@ -94,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Collect, and say what it took."""
     session = Session(
         arguments.folder,
-        load_plan_settings(plan_file(arguments.plan)),
+        load_plan_settings(plan_path(arguments.plan)),
         WorldSettings(gel=arguments.gel, indenter=arguments.indenter),
         arguments.rate,
         arguments.fps,
@@ -103,12 +102,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print(told(Collection(session, tell=_tell).run()))
     return 0
-
-
-def plan_file(name: str) -> Path:
-    """The file of a plan, or of one that ships by its name."""
-    shipped = share_directory() / 'config' / 'plans' / f'{name}.yaml'
-    return shipped if Path(name).name == name and shipped.is_file() else Path(name)
 
 
 def named(indenter: str) -> CollectionSettings:

@@ -48,13 +48,17 @@ class Profile:
     compiled: bool = False
     times_ms: list[tuple[float, ...]] = field(default_factory=list)
     answers: list[np.ndarray] = field(default_factory=list)
+    rest: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         self.encoding = make_encoding(*self.loaded.encoding)
         self.estimator = ForceEstimator(self.loaded.model)
 
-    def set_reference(self, rest: np.ndarray) -> None:
-        """Everything that can be known before a frame comes."""
+    def use_reference(self, rest: np.ndarray) -> None:
+        """Everything that can be known before a frame comes, where it is not known yet."""
+        if rest is self.rest:
+            return
+        self.rest = rest
         use_compiled(self.compiled)
         self.flow.set_reference(rest)
         self.encoding.set_reference(rest)
@@ -96,7 +100,7 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
     with progress.bar('the models that ship', len(turns)) as bar:
         for number, turn in enumerate(turns):
             for each in taking_part[:: 1 if number % 2 else -1]:
-                each.set_reference(turn[0].rest)
+                each.use_reference(turn[0].rest)
                 for frame in turn:
                     each.take(frame.image)
             for frame in turn:

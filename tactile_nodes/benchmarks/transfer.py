@@ -187,10 +187,9 @@ def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int = FR
 
 def _planned(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
     """As many presses of the plan of a calibration as the longest one has, about a rest image of their own."""
-    from tactile_nodes.collection.plan import load_plan_settings
-    from tactile_nodes.paths import share_directory
+    from tactile_nodes.collection.plan import load_plan_settings, plan_path
 
-    plan = load_plan_settings(share_directory() / 'config' / 'plans' / f'{PLAN}.yaml')
+    plan = load_plan_settings(plan_path(PLAN))
     presses = max(COUNTS)
     return _simulated(
         loaded, gel, progress, plan=plan.kind, presses=presses, seed=plan.seed, reach_mm=plan.reach_mm,

@@ -36,16 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print, and draw if asked; 0."""
-    from tactile_nodes import paths
     from tactile_nodes.collection.estimate import estimate
     from tactile_nodes.collection.order import ordered
-    from tactile_nodes.collection.plan import load_plan_settings, make_plan
+    from tactile_nodes.collection.plan import load_plan_settings, make_plan, plan_path
     from tactile_nodes.collection.settings import CollectionSettings
     from tactile_nodes.drivers.cnc import CncSettings
 
-    file = Path(arguments.plan)
-    if not file.suffix:
-        file = paths.share_directory() / 'config' / 'plans' / f'{arguments.plan}.yaml'
+    file = plan_path(arguments.plan)
     settings = load_plan_settings(file)
     plan = make_plan(settings)
     order = ordered(plan, settings)

@@ -21,6 +21,7 @@ import yaml
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import from_mapping, load_mapping, parameter
+from tactile_nodes.paths import share_directory
 
 ID_DIGITS = 12
 UM_PER_MM = 1000
@@ -133,6 +134,21 @@ def make_plan(settings: PlanSettings) -> Plan:
         return numbered(_spread(settings, chance))
     jitter = settings.jitter_mm if settings.kind == 'jittered' else 0.0
     return numbered(_grid(settings, jitter, chance))
+
+
+def plan_path(name: str) -> Path:
+    """The YAML file of that path, or else the plan of that name in config/plans.
+
+    Raises:
+        ConfigurationError: there is neither.
+    """
+    shipped = {file.stem: file for file in (share_directory() / 'config' / 'plans').glob('*.yaml')}
+    file = Path(name) if Path(name).is_file() else shipped.get(name)
+    if file is None:
+        raise ConfigurationError(
+            f'there is no plan {name}; these ship: {", ".join(sorted(shipped))}; or give a YAML file'
+        )
+    return file
 
 
 def load_plan_settings(path: Path) -> PlanSettings:

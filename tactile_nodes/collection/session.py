@@ -16,7 +16,7 @@ from tactile_nodes.collection.campaign import Campaign
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
-from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make_plan
+from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.recall import recalled
 from tactile_nodes.collection.settings import CollectionSettings
@@ -38,7 +38,7 @@ class RigSettings(CollectionSettings):
     """A collection, with its plan, its devices, and where its traces are."""
 
     folder: str = parameter('collection', 'where the journal lies, and the bags that it is compared with')
-    plan_file: str = parameter('', 'YAML of a plan (config/plans); empty: the plan below `plan`')
+    plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
     plan: PlanSettings = field(default_factory=PlanSettings)
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
@@ -83,7 +83,7 @@ class Session:
         self._settings = s = with_indenter(settings)
         self._clock = clock
         self._log = log
-        plan = load_plan_settings(Path(s.plan_file)) if s.plan_file else s.plan
+        plan = load_plan_settings(plan_path(s.plan_file)) if s.plan_file else s.plan
         self.plan = make_plan(plan)
         frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
         names = Names(*frames, self.plan.plan_id, s.press.indenter)

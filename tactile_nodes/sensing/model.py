@@ -91,7 +91,7 @@ class ForceEstimator:
         """
         model = self.model
         if (features.encoding, *features.values.shape) != self._layout:
-            require_layout(model.layout, features, model.model_id)
+            raise ModelError(_other_layout(model, features))
         reading, scaling = model.readout.read(features.values, features.confidence), model.readout.scaling
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         return _force_map(reading, float(textured) / self._trusted)
@@ -134,16 +134,9 @@ def unknown_forces(bins: BinGrid) -> ForceMap:
     return _force_map(nothing_read(bins), UNKNOWN)
 
 
-def require_layout(layout: FeatureLayout, features: Features, model_id: str) -> None:
-    """Refuse features that a model was not trained on.
-
-    Raises:
-        ModelError: says both layouts.
-    """
-    rows, cols, channels = features.values.shape
-    found = FeatureLayout(features.encoding, rows, cols, channels)
-    if found != layout:
-        raise ModelError(
-            f'model {model_id} was trained on {layout}, but the features are {found}; '
-            'configure the features as the model needs them or choose another model'
-        )
+def _other_layout(model: ForceModel, features: Features) -> str:
+    found = FeatureLayout(features.encoding, *features.values.shape)
+    return (
+        f'model {model.model_id} was trained on {model.layout}, but the features are {found}; '
+        'configure the features as the model needs them or choose another model'
+    )

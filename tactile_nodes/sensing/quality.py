@@ -80,11 +80,11 @@ SHARPNESS_ROWS = 4
 """Every so many rows are looked at: 0.05 ms for 440x440 pixels."""
 
 
-FAR_LIGHT, FAR_SHARPNESS = (0.4, 1.4), (-0.018, 0.05)
-"""Beyond these no rest image helps enough: too dark, too bright, a blur of 0.4 px, noise of three times as much."""
+FAR_LIGHT = (0.4, 1.4)
+"""Beyond these no rest image helps enough: too dark, too bright."""
 
-NEAR_SHARPNESS = (-0.018, 0.05)
-"""A blur of 0.4 px takes so much of it, noise of three times as much adds the other."""
+SHARPNESS_OFF = (-0.018, 0.05)
+"""A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
 
 NEAR_LIGHT = {'dis': (0.96, 1.04)}
 """Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it."""
@@ -117,16 +117,16 @@ class PictureLikeness:
 
     def near(self, level: float, sharp: float) -> Unlike:
         """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
-        return self._beyond(level, sharp, self._near_light, NEAR_SHARPNESS)
+        return self._beyond(level, sharp, self._near_light)
 
     def far(self, level: float, sharp: float) -> Unlike:
         """In what it is so unlike that no other rest image helps."""
-        return self._beyond(level, sharp, FAR_LIGHT, FAR_SHARPNESS)
+        return self._beyond(level, sharp, FAR_LIGHT)
 
-    def _beyond(self, level: float, sharp: float, light: tuple[float, float], sharpness: tuple[float, float]) -> Unlike:
+    def _beyond(self, level: float, sharp: float, light: tuple[float, float]) -> Unlike:
         off = sharp - self._sharpness
-        other_light = not light[0] <= level / self._level <= light[1]
-        return Unlike(other_light, not off >= sharpness[0], off > sharpness[1])
+        blurred, noisy = SHARPNESS_OFF
+        return Unlike(not light[0] <= level / self._level <= light[1], not off >= blurred, off > noisy)
 
 
 def sharpness(image: UInt8[np.ndarray, 'h w']) -> float:

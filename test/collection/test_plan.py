@@ -9,7 +9,15 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes import paths
-from tactile_nodes.collection.plan import Plan, PlanSettings, Point, load_plan_settings, make_plan, numbered
+from tactile_nodes.collection.plan import (
+    Plan,
+    PlanSettings,
+    Point,
+    load_plan_settings,
+    make_plan,
+    numbered,
+    plan_path,
+)
 from tactile_nodes.errors import ConfigurationError
 
 PLANS = paths.share_directory() / 'config' / 'plans'
@@ -25,6 +33,18 @@ def test_plan_of_the_paper_has_10952_presses_from_minus_to_plus_13_5_mm() -> Non
 def test_every_plan_that_ships_can_be_made() -> None:
     for file in PLANS.glob('*.yaml'):
         assert make_plan(load_plan_settings(file)).points
+
+
+def test_plan_is_found_by_its_name_and_by_its_file(tmp_path: Path) -> None:
+    own = tmp_path / 'paper.yaml'
+    own.write_text('kind: grid\n')
+    assert plan_path('paper') == PLANS / 'paper.yaml'
+    assert plan_path(str(own)) == own
+
+
+def test_plan_that_is_nowhere_is_told_with_those_that_ship() -> None:
+    with pytest.raises(ConfigurationError, match=r'no plan papr; these ship: .*paper, .*or give a YAML file'):
+        plan_path('papr')
 
 
 def test_presses_are_numbered_from_one() -> None:
