@@ -86,7 +86,7 @@ class Templates:
         """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
         self.grid = grid
         basis, triangle = np.linalg.qr(self._model(moved))
-        self._whole, self._unit = _rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
+        self._whole, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._basis = self._whole * self._unit[:, :, None]
         scale = np.abs(np.einsum('pkk->pk', triangle))
         self.texture_grey: Float32[np.ndarray, ' patches'] = (scale[:, 1:].min(axis=1) / grid.window_px).astype(
@@ -166,7 +166,7 @@ class Templates:
         return self._whole, self._unit, self._unmix, self._mend
 
 
-def _rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches 3 pixels'], Float32[np.ndarray, 'patches 3']]:
+def rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches some pixels'], Float32[np.ndarray, 'patches some']]:
     """Templates as whole numbers and what one of them is: half the memory to read for each frame.
 
     What a number loses by it the next one gains, so that sums over a part of a template stay what they were: motion is

@@ -6,17 +6,19 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 
 from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes
 from tactile_nodes.sensing.loops_patches import displacement, match
-from tactile_nodes.sensing.loops_pictures import changed, common, counted, differences, halved
+from tactile_nodes.sensing.loops_pictures import common, counted, differences, halved
 from tactile_nodes.sensing.loops_response import read as read_response
+from tactile_nodes.sensing.loops_stillness import looked, most_away
 
 __all__ = [
-    'changed',
     'common',
     'counted',
     'differences',
     'displacement',
     'halved',
+    'looked',
     'match',
+    'most_away',
     'motion_and_slopes',
     'read_response',
 ]

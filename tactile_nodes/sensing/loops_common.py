@@ -60,6 +60,19 @@ def finite(number, numbers):
 
 
 @compiled()
+def middle(values):
+    """The value that half of them are not above, as the partition of a copy would give it."""
+    ordered = np.empty(values.shape[0], values.dtype)
+    for i in range(values.shape[0]):
+        value, at = values[i], i
+        while at > 0 and ordered[at - 1] > value:
+            ordered[at] = ordered[at - 1]
+            at -= 1
+        ordered[at] = value
+    return ordered[values.shape[0] // 2]
+
+
+@compiled()
 def factorise(matrix):
     """A small positive definite matrix, in place: Cholesky without the roots."""
     n = matrix.shape[0]

@@ -1,4 +1,4 @@
-"""Looks at whole pictures, compiled: see `picture_motion.MotionFit`, `quality` and `stillness`."""
+"""Looks at whole pictures, compiled: see `picture_motion.MotionFit` and `quality`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -84,22 +84,3 @@ def differences(image, first, every):
         near += np.int64(beside)
         far += np.int64(apart)
     return near / (rows * (width - 1)), far / (rows * (width - 3))
-
-
-@compiled(f'void({_PICTURE}, {_PICTURE}, i8, f4[::1])')
-def changed(image, rest, blocks, energy):
-    """Sum of squared differences of each of blocks x blocks blocks of two pictures of one size."""
-    high, wide = image.shape[0] // blocks, image.shape[1] // blocks
-    sums = np.empty(blocks * wide, np.int32)
-    for i in range(blocks):
-        sums[:] = 0
-        for row in range(i * high, (i + 1) * high):
-            one, other = image[row], rest[row]
-            for column in range(sums.shape[0]):
-                apart = np.int32(np.int32(one[column]) - np.int32(other[column]))
-                sums[column] = np.int32(sums[column] + np.int32(apart * apart))
-        for j in range(blocks):
-            total = 0
-            for column in range(j * wide, (j + 1) * wide):
-                total += sums[column]
-            energy[i * blocks + j] = total

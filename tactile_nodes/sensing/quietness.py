@@ -7,7 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from tactile_nodes.sensing.stillness import away_from_places
+from tactile_nodes.sensing.touch_places import TouchPlaces
 
 PATCHES = 10
 LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5
@@ -34,7 +34,7 @@ MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 OUTLIERS = 0.05
 """Share of the patches that may go further at rest."""
 
-_AWAY = away_from_places(PATCHES, np.ones((PATCHES * PATCHES, 2)))
+_PLACES = TouchPlaces(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
 
 def loosely_quiet(
@@ -60,8 +60,8 @@ def quiet(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patche
     if _share_beyond(_squared(left[found]), QUIET_PX) > OUTLIERS:
         return False
     noise_px = max(median(np.abs(left[found]).reshape(-1)) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
-    away = np.abs(_AWAY @ np.where(found[:, None], left, 0.0).astype(np.float32).reshape(-1))
-    return float(away.max()) <= QUIET_NOISE * noise_px
+    most = _PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
+    return most <= QUIET_NOISE * noise_px
 
 
 def median(values: Float[np.ndarray, ' n']) -> float:

@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import ModuleType
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.fixed_reference_patches import SLOPE_STEP_PX, moved_image, shrunk
+from tactile_nodes.sensing.fixed_reference_patches import SLOPE_STEP_PX, moved_image, rounded, shrunk
 from tactile_nodes.sensing.flow import require_grey, require_like
+from tactile_nodes.sensing.touch_places import TouchPlaces
 
 LARGEST_LIGHT_SHARE = 0.03
 """Blocks whose brightness or contrast changed by more than this show another light."""
@@ -41,12 +41,6 @@ PLAIN_UNEVENNESS = 2.4
 
 SPREAD_BLOCKS = 1.0
 """Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
-
-TOUCH_BLOCKS = 0.85
-"""Distance at which the markers around a light touch move most, in blocks: 2.9 mm of the paper's gel."""
-
-PLACES_A_BLOCK = 2
-"""Places of touches that are looked for, along each axis."""
 
 FREEDOM = 1.15
 """Noise makes motion in any direction larger by this than motion away from a place: it has two numbers to vary in."""
@@ -121,7 +115,8 @@ class StillnessCheck:
         self._parts: np.ndarray
         self._rest: np.ndarray
         self._light: np.ndarray
-        self._away: np.ndarray
+        self._whole: tuple[np.ndarray, np.ndarray]
+        self._places: TouchPlaces
         self._average = _averaging(self.options.blocks)
 
     def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
@@ -140,8 +135,9 @@ class StillnessCheck:
         size = np.einsum('bkk->bk', triangle)
         # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
         basis *= np.where(size < 0, -1.0, 1.0)[:, None]
-        self._away = away_from_places(self.options.blocks, np.abs(size[:, 2:]))
+        self._places = TouchPlaces(self.options.blocks, np.abs(size[:, 2:]))
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
+        self._whole = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
 
@@ -151,18 +147,23 @@ class StillnessCheck:
         Raises:
             ImageError: another size or type than the rest image, or no rest image yet.
         """
+        return self.judged(image)[0]
+
+    def judged(self, image: UInt8[np.ndarray, 'h w']) -> tuple[bool, Stillness | None]:
+        """The same, and how still the frame is; None where that did not need a closer look.
+
+        Raises:
+            ImageError: as above.
+        """
         require_like(self._reference, image)
         if not self._able:
-            return False
+            return False, None
         small = shrunk(image)
-        if (loops := compiled_loops()) is not None and self._plain(self._energy(loops, small)):
-            return False
-        change = self._blocks(self._change(small))
-        energy = np.einsum('bn,bn->b', change, change)
-        if self._plain(energy) or not self._look(change, energy).within(self.options):
-            return False
+        seen = self._seen(small, closely=False)
+        if seen is None or not seen.within(self.options):
+            return False, seen
         # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
-        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0
+        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0, seen
 
     @property
     def able(self) -> bool:
@@ -177,42 +178,42 @@ class StillnessCheck:
         """
         require_like(self._reference, image)
         assert self._able
-        change = self._blocks(self._change(shrunk(image)))
-        return self._look(change, np.einsum('bn,bn->b', change, change))
+        seen = self._seen(shrunk(image), closely=True)
+        assert seen is not None
+        return seen
 
-    def _change(self, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
-        change: np.ndarray = cv2.subtract(small, self._rest, dtype=cv2.CV_32F)
-        return change
+    def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
+        """How still a frame is; None where blocks changed by so much, as under most presses, that no look need tell.
 
-    def _energy(self, loops: ModuleType, small: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, ' blocks']:
-        """Squared change of each block, compiled, without the change itself."""
-        energy = np.empty(self.options.blocks**2, np.float32)
-        loops.changed(small, self._rest, self.options.blocks, energy)
-        return energy
-
-    def _plain(self, energy: Float32[np.ndarray, ' blocks']) -> bool:
-        """Whether blocks changed by so much that no split into parts could make them even, as under most presses."""
-        most = PLAIN_UNEVENNESS * _middle(energy) + LARGEST_LIGHT_SHARE**2 * self._light
-        return bool((energy > most).any())
-
-    def _look(self, change: Float32[np.ndarray, 'blocks pixels'], energy: Float32[np.ndarray, ' blocks']) -> Stillness:
+        No split into parts could make those even. `closely`: look all the same.
+        """
+        plain = (math.inf, 0.0) if closely else (PLAIN_UNEVENNESS, LARGEST_LIGHT_SHARE**2)
+        if (loops := compiled_loops()) is not None:
+            motion = np.empty((len(self._light), 2), np.float32)
+            worth, *numbers = loops.looked(small, self._rest, self._whole, self._light, plain, motion)
+            return self._told(motion, *numbers) if worth else None
+        change = self._blocks(cv2.subtract(small, self._rest, dtype=cv2.CV_32F))
+        energy = np.einsum('bn,bn->b', change, change)
+        if (energy > plain[0] * _middle(energy) + plain[1] * self._light).any():
+            return None
         part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
         squared = np.square(part)
         left = np.maximum(energy - squared.sum(axis=1), 1e-6)
         left /= change.shape[1] - part.shape[1]
-        middle = _middle(left)
-        return Stillness(
-            motion=self._largest(part[:, 2:]) / middle**0.5,
-            noise_grey=2 * middle**0.5,  # a pixel at half size is the mean of four
-            light_share=float((squared[:, :2].sum(axis=1) / self._light).max()) ** 0.5,
-            unevenness=float(left.max()) / middle,
-        )
+        share = float((squared[:, :2].sum(axis=1) / self._light).max())
+        return self._told(part[:, 2:], middle := _middle(left), share, float(left.max()) / middle)
+
+    def _told(
+        self, motion: Float32[np.ndarray, 'blocks 2'], variance: float, light: float, unevenness: float
+    ) -> Stillness:
+        """In units of what noise makes of it; a pixel at half size is the mean of four."""
+        noise = math.sqrt(variance)
+        return Stillness(self._largest(motion) / noise, 2 * noise, math.sqrt(light), unevenness)
 
     def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
         """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
-        away = float(np.abs(self._away @ motion.reshape(-1)).max())
         alike = math.sqrt(np.square(self._average @ motion).sum(axis=1).max())
-        return max(away, alike / FREEDOM)
+        return max(self._places.most(motion), alike / FREEDOM)
 
     def _model(self, full: Float32[np.ndarray, 'h w']) -> np.ndarray:
         """Brightness, contrast and motion along x and y: (blocks, pixels, 4), the third and fourth per pixel moved."""
@@ -245,24 +246,6 @@ def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
     along = np.exp(-0.5 * np.square(apart / SPREAD_BLOCKS))
     along /= np.sqrt(np.square(along).sum(axis=1, keepdims=True))
     return np.kron(along, along).astype(np.float32)
-
-
-def away_from_places(count: int, texture: Float[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'places numbers']:
-    """Motion away from each place, strongest at `TOUCH_BLOCKS` from it, as sums of all blocks' motion along x and y.
-
-    `texture` is how much of each block's picture changes per pixel of motion along each axis: blocks that show more
-    count for more. Scaled such that independent noise of 1 gives 1.
-    """
-    block = np.arange(count)
-    place = np.arange(-PLACES_A_BLOCK // 2, (count - 1) * PLACES_A_BLOCK + PLACES_A_BLOCK // 2 + 1) / PLACES_A_BLOCK
-    blocks = np.stack(np.meshgrid(block, block), axis=-1).reshape(-1, 2)
-    places = np.stack(np.meshgrid(place, place), axis=-1).reshape(-1, 2)
-    apart = blocks - places[:, None]
-    motion = apart * np.exp(-0.5 * np.square(apart / TOUCH_BLOCKS).sum(axis=-1, keepdims=True))
-    away = (motion * (texture / max(float(texture.mean()), 1e-9))).reshape(len(places), -1)
-    away /= np.maximum(np.sqrt(np.square(away).sum(axis=1, keepdims=True)), 1e-9)
-    scaled: np.ndarray = away.astype(np.float32)
-    return scaled
 
 
 def _require_possible(options: StillnessOptions) -> None:

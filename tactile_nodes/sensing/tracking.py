@@ -68,6 +68,7 @@ class FeatureTracker:
         self._check = check
         self.registration = registration
         self._still: tuple[DisplacementField, Features] | None = None
+        self._seen: Stillness | None = None
         self._flow = flow
         self._encoding = encoding
         self._rest_frames = rest_frames
@@ -160,7 +161,7 @@ class FeatureTracker:
         `motion` is that of the whole picture when they were taken.
         """
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
-        self.rest, self._still, self._own = rest, None, rest.own
+        self.rest, self._still, self._seen, self._own = rest, None, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset, motion)
@@ -175,7 +176,7 @@ class FeatureTracker:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
         require_like(self.reference, image)
         straight = self.straight = self.registration.straightened(image) if self.registration else image
-        self.still = self._check is not None and self._check(straight)
+        self.still, self._seen = self._check.judged(straight) if self._check else (False, None)
         if self.still:
             if self.registration:
                 self.registration.at_rest(stamp_ns)
@@ -188,6 +189,8 @@ class FeatureTracker:
         """How still a straightened frame is; None where nothing is there to tell."""
         if self._check is None or not self._check.able or straight is None:
             return None
+        if straight is self.straight and self._seen is not None:
+            return self._seen
         return self._check.look(straight)
 
     def _registered(
@@ -202,7 +205,8 @@ class FeatureTracker:
         for _ in range(KNOCK_ROUNDS):
             if not registration.look(straight, field, stamp_ns):
                 break
-            straight = self.straight = registration.straightened(image)
+            straight, self._seen = registration.straightened(image), None
+            self.straight = straight
             field = registration.without(self._flow.displacement(straight))
         # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
         seen_at_rest = self._check is not None and registration.watches and registration.surely

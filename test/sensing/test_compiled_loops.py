@@ -138,6 +138,17 @@ def test_the_same_pictures_are_still(speckle: np.ndarray):
 
 
 @needs_numba
+def test_the_same_is_seen_at_rest_and_under_a_touch(speckle: np.ndarray):
+    check = StillnessCheck()
+    check.set_reference(speckle)
+    noise = np.random.default_rng(9).normal(size=speckle.shape)
+    for light, shift in itertools.product((1.0, 0.9), (0.0, 0.05, 1.0)):
+        picture = np.clip(np.rint(light * moved(speckle, shift, 0.0) + noise), 0, 255).astype(np.uint8)
+        plain, compiled = both(lambda picture=picture: check.look(picture))
+        np.testing.assert_allclose(dataclasses.astuple(compiled), dataclasses.astuple(plain), rtol=1e-3)
+
+
+@needs_numba
 @pytest.mark.parametrize('lateral', [1, 2])
 def test_the_same_motion_is_expected_around_a_press(lateral: int):
     random = np.random.default_rng(2)

@@ -128,6 +128,16 @@ def test_a_frame_in_which_nothing_touches_has_no_motion_and_is_not_measured() ->
     assert features.confidence.min() > 0.9
 
 
+def test_what_the_check_saw_of_a_frame_is_not_looked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = tracker(check=StillnessCheck(StillnessOptions(full_every=1000)))
+    found.use_reference(PATTERN)
+    found.field(PATTERN)
+    seen = found.stillness(found.straight)
+    monkeypatch.setattr(StillnessCheck, 'look', None)
+    assert found.still and seen is not None and seen.motion < 1.0
+    assert found.stillness(found.straight) is seen
+
+
 def test_a_frame_that_moved_is_measured_as_without_the_check() -> None:
     checked, plain = tracker(check=StillnessCheck()), tracker()
     moved = np.roll(PATTERN, 2, axis=1)

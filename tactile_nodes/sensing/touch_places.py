@@ -1,0 +1,51 @@
+"""Motion away from places, as a touch makes it: each place is asked how much of the motion around it goes away."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.sensing.compiling import compiled_loops
+
+TOUCH_BLOCKS = 0.85
+"""Distance at which the markers around a light touch move most, in blocks: 2.9 mm of the paper's gel."""
+
+PLACES_A_BLOCK = 2
+"""Places of touches that are looked for, along each axis."""
+
+
+class TouchPlaces:
+    """Places all over `count` x `count` blocks, two a block along each axis.
+
+    `texture` is how much of each block's picture changes per pixel of motion along each axis: blocks that show more
+    count for more. Answers are scaled such that independent noise of 1 gives 1. What a block counts for falls off by
+    the same law along both axes, so sums over blocks are sums over columns of sums over rows.
+    """
+
+    def __init__(self, count: int, texture: Float[np.ndarray, 'blocks 2']) -> None:
+        places = np.arange(-PLACES_A_BLOCK // 2, (count - 1) * PLACES_A_BLOCK + PLACES_A_BLOCK // 2 + 1)
+        apart = np.arange(count) - places[:, None] / PLACES_A_BLOCK
+        near = np.exp(-0.5 * np.square(apart / TOUCH_BLOCKS))
+        self._shape = (count, count, 2)
+        weight = (texture / max(float(texture.mean()), 1e-9)).reshape(self._shape)
+        # Motion along x is away by columns, motion along y by rows; along the other axis blocks only grow distant.
+        rows, columns = np.stack([near, apart * near]), np.stack([apart * near, near])
+        squares = np.einsum('kpr,rck,kqc->pq', rows**2, weight**2, columns**2)
+        self._weight, self._rows = weight.astype(np.float32), rows.astype(np.float32)
+        self._columns = np.ascontiguousarray(columns.transpose(0, 2, 1), np.float32)
+        self._scale = np.ascontiguousarray(1 / np.maximum(np.sqrt(squares), 1e-9), np.float32)
+
+    def away(self, motion: Float32[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'places places']:
+        """How much of the blocks' motion goes away from each place (below 0: towards it), by rows of places."""
+        weighted = (motion.reshape(self._shape) * self._weight).transpose(2, 0, 1)
+        along_x, along_y = self._rows @ weighted @ self._columns
+        away: np.ndarray = (along_x + along_y) * self._scale
+        return away
+
+    def most(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+        """The most that goes away from, or towards, any place."""
+        if (loops := compiled_loops()) is not None:
+            motion = np.ascontiguousarray(motion, np.float32)
+            return float(loops.most_away(motion, self._weight, self._rows, self._columns, self._scale))
+        away = self.away(motion)
+        return float(max(away.max(), -away.min()))
