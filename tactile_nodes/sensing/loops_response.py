@@ -16,34 +16,12 @@ from tactile_nodes.sensing.loops_common import (
     factor_at,
     factorise,
     finite,
-    spline_weights,
     spread_over_bins,
     substitute,
     variances,
 )
 from tactile_nodes.sensing.loops_scores import seen, whitened
-
-
-@compiled()
-def _value_and_slopes(at, axes, coefficients, result):
-    """As `splines.value_and_slopes`: fills in (4, outputs)."""
-    x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
-    i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
-    outputs = coefficients.shape[3]
-    for part in range(4):
-        for c in range(outputs):
-            result[part, c] = 0
-    for m in range(4):
-        for n in range(4):
-            for o in range(4):
-                row = coefficients[i + m, j + n, k + o]
-                value, by_x = np.float32(x[0, m] * y[0, n] * s[0, o]), np.float32(x[1, m] * y[0, n] * s[0, o])
-                by_y, by_s = np.float32(x[0, m] * y[1, n] * s[0, o]), np.float32(x[0, m] * y[0, n] * s[1, o])
-                for c in range(outputs):
-                    result[0, c] += value * row[c]
-                    result[1, c] += by_x * row[c]
-                    result[2, c] += by_y * row[c]
-                    result[3, c] += by_s * row[c]
+from tactile_nodes.sensing.loops_width import off_by_width, value_and_slopes
 
 
 @compiled()
@@ -56,7 +34,7 @@ def _compare(components, contacts, axes, coefficients, growth, information, down
         left[c] = components[c]
     strongest = 0.0
     for n in range(count):
-        _value_and_slopes(contacts[n], axes, coefficients, made[n])
+        value_and_slopes(contacts[n], axes, coefficients, made[n])
         strongest = max(strongest, contacts[n, 2])
         for c in range(outputs):
             left[c] -= made[n, 0, c]
@@ -170,7 +148,7 @@ def _fit(components, response, table, ends, levels, power, limit, most):
         for c in range(left.shape[0]):
             left[c] = components[c]
         for n in range(count):
-            _value_and_slopes(contacts[n], axes, coefficients, made)
+            value_and_slopes(contacts[n], axes, coefficients, made)
             for c in range(left.shape[0]):
                 left[c] -= made[0, c]
         _start(left, table, levels, power, begin[count])
@@ -191,6 +169,15 @@ def _at_an_end(contacts, limits, converged):
             if beyond or (axis < 2 and contacts[n, axis] <= limits[2, axis] + converged):
                 return True
     return False
+
+
+@compiled()
+def _hard(contacts, limit):
+    """Whether any contact is at least so hard."""
+    hardest = 0.0
+    for n in range(contacts.shape[0]):
+        hardest = max(hardest, contacts[n, 2])
+    return hardest >= limit
 
 
 @compiled()
@@ -217,7 +204,7 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'UniTuple(f8, 13), f8[:, ::1], f4[:, ::1])'
+    'UniTuple(f8, 17), f8[:, ::1], f4[:, ::1])'
 )
 def read(values, confidence, scaling, directions, whitening, response, table, factors, ends, numbers, contacts, forces):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
@@ -241,9 +228,14 @@ def read(values, confidence, scaling, directions, whitening, response, table, fa
     if _gained(components, growth, found, misfit, axes[2, 1]) < ends[3]:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere
-    elif _at_an_end(found, limits, ends[0]):
-        unlike = max(unlike, beyond)
-    total = 0.0
+        total = 0.0
+    else:
+        near, hard, wide, sure = numbers[13:]
+        surely, total = off_by_width(components, found, response, power, wide, sure)
+        if _at_an_end(found, limits, ends[0]):
+            unlike = max(unlike, beyond)
+        elif surely or _hard(found, hard):
+            unlike = max(unlike, near)
     for n in range(count):
         total += contacts[n, 4] * contacts[n, 4]
     spread_over_bins(contacts, count, numbers[11:13], forces)

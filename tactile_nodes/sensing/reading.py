@@ -15,6 +15,9 @@ UNKNOWN = float('nan')
 BEYOND_UNLIKENESS = 2.0
 """At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond."""
 
+LIMIT_UNLIKENESS = 1.0
+"""At least so unlike it is one that is nearly as hard as the training went, or wider than any contact of it."""
+
 
 @dataclass(frozen=True)
 class Contact:

@@ -69,6 +69,11 @@ class Response:
         whole = np.ascontiguousarray(np.rint(self.start_components / unit).astype(np.int16).T)
         return (self.axes_array, coefficients, growth, self.limits_array), (self.starts, whole, unit, self._start_norms)
 
+    @property
+    def hard(self) -> float:
+        """The s at which the last interval of the splines begins: borne from one side, they are off by twice as much."""
+        return self.s.high - (self.s.high - self.s.low) / self.s.intervals
+
     def force_n(self, s: float) -> float:
         """The force that s stands for."""
         return float(max(s, 0.0) ** (1 / self.power))

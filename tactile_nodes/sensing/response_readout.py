@@ -12,10 +12,19 @@ from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2, added_by_width, wide
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN, Contact, Reading, nothing_read, spread_over_bins
+from tactile_nodes.sensing.reading import (
+    BEYOND_UNLIKENESS,
+    LIMIT_UNLIKENESS,
+    UNKNOWN,
+    Contact,
+    Reading,
+    nothing_read,
+    spread_over_bins,
+)
 from tactile_nodes.sensing.response import CONVERGED_MM, START_LEVELS, Fit, Response, ends, gained, locate
 from tactile_nodes.sensing.splines import value_and_slopes
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
@@ -105,7 +114,7 @@ class ResponseReadout:
         numbers = (
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
-            self.bins.width_mm, self.bins.height_mm,
+            self.bins.width_mm, self.bins.height_mm, LIMIT_UNLIKENESS, response.hard, WIDE_MM2, SURE_OF_WIDTH,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
@@ -151,13 +160,25 @@ class ResponseReadout:
         fit = self.fit(components)
         contacts, limits = self.contacts(fit), self.likeness
         left_over = seen.left_over / (limits.floor + limits.share * seen.size)
-        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
+        unlike, off_n = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over), 0.0
         if self.gain(components, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
-        elif self._at_an_end(fit.contacts):
-            unlike = max(unlike, BEYOND_UNLIKENESS)
-        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        else:
+            at_least, off_n = self._beside_training(components, fit)
+            unlike = max(unlike, at_least)
+        sigma_n = math.hypot(off_n, *(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def _beside_training(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> tuple[float, float]:
+        """How unlike the training contacts are at least, by place, force and width, and what N the width may stand for."""
+        added, response = added_by_width(self.response, components, fit), self.response
+        surely = wide(added)
+        slopes = [response.force_slope(s) for s in fit.contacts[surely, 2].tolist()]
+        off_n = float(np.linalg.norm(added[surely, 2] * slopes))
+        if self._at_an_end(fit.contacts):
+            return BEYOND_UNLIKENESS, off_n
+        hard = bool((fit.contacts[:, 2] >= response.hard).any())
+        return LIMIT_UNLIKENESS * (hard or bool(surely.any())), off_n
 
     def _at_an_end(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
         """Whether a contact lies where the splines end: it may as well lie beyond, or be harder."""

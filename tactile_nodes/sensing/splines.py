@@ -12,6 +12,7 @@ _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) 
 """Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
 _SLOPE = np.array([[-3, 6, -3, 0], [0, -12, 9, 0], [3, 6, -9, 0], [0, 0, 3, 0]]) / 6
 _BOTH = np.stack([_CUBIC, _SLOPE])
+_ALL = np.stack([_CUBIC, _SLOPE, np.array([[6, -6, 0, 0], [-12, 18, 0, 0], [6, -18, 0, 0], [0, 6, 0, 0]]) / 6])
 _VALUE_X_Y_S = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """Of which axis (row) the slope is taken in the value and in the slopes along x, y and s."""
 _AXES = np.arange(3)[:, None]
@@ -90,3 +91,21 @@ def value_and_slopes(
     weights = (x[:, :, None, None] * (y[:, :, None] * s[:, None, :])[:, None]).reshape(4, 64)
     result: np.ndarray = weights.astype(np.float32) @ block
     return result
+
+
+def laplacian(
+    axes: tuple[SplineAxis, SplineAxis, SplineAxis],
+    coefficients: Float32[np.ndarray, 'nx ny ns outputs'],
+    at: Sequence[float],
+) -> Float[np.ndarray, ' outputs']:
+    """Sum of the function's second derivatives along x and y at one place."""
+    weights = []
+    for axis, value in zip(axes, at, strict=True):
+        first, t = axis.place(value)
+        weights.append((first, _ALL @ np.array([1.0, t, t * t, t * t * t])))
+    (i, x), (j, y), (k, s) = weights
+    along_x, along_y = ((axis.intervals / (axis.high - axis.low)) ** 2 for axis in axes[:2])
+    across = along_x * np.outer(x[2], y[0]) + along_y * np.outer(x[0], y[2])
+    block = coefficients[i : i + 4, j : j + 4, k : k + 4].reshape(64, -1)
+    bent: np.ndarray = (across[:, :, None] * s[0]).reshape(64).astype(np.float32) @ block
+    return bent

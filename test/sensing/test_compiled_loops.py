@@ -49,8 +49,12 @@ def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
 @needs_numba
 @pytest.mark.parametrize('lost', [0, 3, 20])
 @pytest.mark.parametrize(
-    'contacts', [[(2.0, 1.0, 0.4)], [(-4.0, 3.0, 0.5), (5.0, -2.0, 0.7)], [(11.9, -3.0, 0.9)], [(11.9, 11.9, 0.05)], []]
-)
+    'contacts',
+    [
+        [(2.0, 1.0, 0.4)], [(-4.0, 3.0, 0.5), (5.0, -2.0, 0.7)], [(11.9, -3.0, 0.9)], [(11.9, 11.9, 0.05)], [],
+        [(1.0, 0.0, 0.2), (3.0, 0.0, 0.2), (2.0, 1.0, 0.2)], [(2.0, 1.0, 0.8)],
+    ],
+)  # fmt: skip
 def test_the_same_forces_are_read(contacts: list[tuple[float, float, float]], lost: int):
     reader = readout(growth=3.0, power=0.8)
     sure = np.ones((6, 6), np.float32)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
+from tactile_nodes.sensing.splines import SplineAxis, cubes, laplacian, value_and_slopes
 
 AXES = SplineAxis(-3.0, 5.0, 4), SplineAxis(-1.0, 1.0, 5), SplineAxis(0.0, 2.0, 3)
 
@@ -97,3 +97,13 @@ def test_rows_of_cubes_are_products_with_x_slowest() -> None:
     place = np.array([[0.3, 0.2, 0.9]])
     each = [axis.design(place[:, i])[0] for i, axis in enumerate(AXES)]
     np.testing.assert_allclose(cubes(*AXES, place)[0], np.einsum('i,j,k->ijk', *each).reshape(-1), atol=1e-15)
+
+
+@settings(deadline=None)
+@given(places_on(AXES[0]), places_on(AXES[1]), places_on(AXES[2]))
+def test_the_laplacian_of_products_of_cubics_is_reproduced(x: float, y: float, s: float) -> None:
+    """Of f above: (6x - 4) (y + 1/2) y² (s - 1)³ + (x - 1)² x (6y + 1) (s - 1)³."""
+    each = [cubic_coefficients(a, r) for a, r in zip(AXES, [(1, 1, 0), (-0.5, 0, 0), (1, 1, 1)], strict=True)]
+    table = np.einsum('i,j,k->ijk', *each)[..., None].astype(np.float32)
+    expected = ((6 * x - 4) * (y + 0.5) * y**2 + (x - 1) ** 2 * x * (6 * y + 1)) * (s - 1) ** 3
+    np.testing.assert_allclose(laplacian(AXES, table, (x, y, s)), expected, atol=2e-3)

@@ -1,0 +1,65 @@
+"""Contacts wider than those of the training are told from the training's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from responding import COMPONENTS, GRID, components, features, readout, response
+
+from tactile_nodes.sensing.contact_width import added_by_width, wide
+from tactile_nodes.sensing.response import locate
+
+GEL = response()
+READER = readout()
+SURE = np.ones((GRID, GRID), np.float32)
+
+
+def pressed(apart_mm: float, s: float = 0.6) -> np.ndarray:
+    """Four contacts of a quarter each, this far from the middle of them: this gel answers in proportion to s."""
+    x, y, quarter = 2.0, -1.0, s / 4
+    places = [(x + apart_mm, y), (x - apart_mm, y), (x, y + apart_mm), (x, y - apart_mm)]
+    return components(GEL, *[(*place, quarter) for place in places])
+
+
+@pytest.mark.parametrize('apart_mm', [0.4, 0.8, 1.2])
+def test_a_wider_contact_adds_half_the_mean_square_of_its_places_along_an_axis(apart_mm: float) -> None:
+    """Two of four places are apart_mm away along an axis: (1/2) (1/2) apart_mm²; s is that of all four together."""
+    seen = pressed(apart_mm)
+    (mm2, _, off), contact = (
+        added_by_width(GEL, seen, fit := locate(GEL, seen, GEL.start(seen)[None]))[0],
+        fit.contacts[0],
+    )
+    assert mm2 == pytest.approx(apart_mm**2 / 4, rel=0.1)
+    assert contact[2] + off == pytest.approx(0.6, abs=0.02)
+    assert abs(contact[2] + off - 0.6) < 0.2 * abs(contact[2] - 0.6)
+
+
+def test_noise_adds_no_width_beyond_its_standard_deviation() -> None:
+    random, found = np.random.default_rng(3), []
+    for _ in range(200):
+        seen = components(GEL, (2.0, -1.0, 0.6)) + random.normal(size=COMPONENTS).astype(np.float32)
+        found.append(added_by_width(GEL, seen, locate(GEL, seen, GEL.start(seen)[None]))[0, :2])
+    mm2, sigma_mm2 = np.array(found).T
+    # 1 within sqrt(1 / 400), and four times that is an even chance of one in 16 000
+    assert np.sqrt(np.mean((mm2 / sigma_mm2) ** 2)) == pytest.approx(1.0, abs=4 * 0.05)
+
+
+def test_what_is_wide_but_may_be_noise_is_not_called_wide() -> None:
+    added = np.array([[0.2, 0.05, 0.0], [0.2, 0.1, 0.0], [0.05, 0.001, 0.0], [-0.5, 0.01, 0.0]])
+    assert wide(added).tolist() == [True, False, False, False]
+
+
+def test_a_wide_contact_is_unlike_the_training_and_less_sure() -> None:
+    usual, broad = (READER.read(features(READER, pressed(apart)), SURE) for apart in (0.0, 1.0))
+    assert usual.unlikeness < 0.5
+    assert broad.unlikeness >= 1
+    off_n = 0.6 - broad.contacts[0].force_n
+    assert abs(off_n) > 3 * usual.total_sigma_n
+    assert broad.total_sigma_n == pytest.approx(abs(off_n), rel=0.3)
+
+
+def test_a_contact_in_the_last_interval_of_the_splines_is_at_the_limit_of_the_training() -> None:
+    """Four intervals from 0 to 1: from 0.75 on."""
+    below, beyond = (READER.read(features(READER, components(GEL, (0.0, 3.0, s))), SURE) for s in (0.74, 0.76))
+    assert below.unlikeness < 0.5
+    assert beyond.unlikeness == 1.0
