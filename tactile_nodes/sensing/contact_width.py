@@ -19,8 +19,8 @@ from tactile_nodes.sensing.splines import laplacian, value_and_slopes
 WIDE_MM2 = 0.1
 """Beyond this a contact is wider than those of the training: it adds as much as an even pressure over 1.8 mm would.
 
-Of 80 presses at random places none of the tip comes out above it surely, but one of 1 N in four of `accurate`, whose
-force is then 11 mN off or more; a flat punch of 3 mm has 0.3 to 0.5 mm², a ball of 6 mm 0.1 (50 mN) to 0.5 (1 N).
+Of 40 presses of the tip at random places, 0.1 to 0.9 N, none comes out above it surely, and of 20 of 1 N two of
+`accurate`, 11 and 14 mN off; a flat punch of 3 mm has 0.3 to 0.5 mm², a ball of 6 mm 0.1 (0.1 N) to 0.5 (1 N).
 """
 
 SURE_OF_WIDTH = 3.0

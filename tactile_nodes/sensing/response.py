@@ -71,7 +71,7 @@ class Response:
 
     @property
     def hard(self) -> float:
-        """The s at which the last interval of the splines begins: borne from one side, they are off by twice as much."""
+        """The s at which the last interval of the splines begins: borne from one side, they are off twice as far."""
         return self.s.high - (self.s.high - self.s.low) / self.s.intervals
 
     def force_n(self, s: float) -> float:

@@ -170,7 +170,7 @@ class ResponseReadout:
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
     def _beside_training(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> tuple[float, float]:
-        """How unlike the training contacts are at least, by place, force and width, and what N the width may stand for."""
+        """How unlike the training contacts are at least, by place, force and width, and what N a width stands for."""
         added, response = added_by_width(self.response, components, fit), self.response
         surely = wide(added)
         slopes = [response.force_slope(s) for s in fit.contacts[surely, 2].tolist()]
