@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
@@ -186,8 +187,15 @@ def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:
         nothing = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
         return types.WrenchStamped(header=force.header, wrench=types.Wrench(force=nothing, torque=nothing))
     forces = np.asarray(force.normal_force, np.float64).reshape(force.rows, force.cols)
-    x = force.origin.x + (np.arange(force.cols) + 0.5) * force.bin_width
-    y = force.origin.y + (np.arange(force.rows) + 0.5) * force.bin_height
-    torque = types.Vector3(x=float(-(forces.sum(axis=1) * y).sum()), y=float((forces.sum(axis=0) * x).sum()))
+    x = _centres(force.origin.x, force.bin_width, force.cols)
+    y = _centres(force.origin.y, force.bin_height, force.rows)
+    torque = types.Vector3(x=-float((y @ forces).sum()), y=float((forces @ x).sum()))
     wrench = types.Wrench(force=types.Vector3(z=-force.total), torque=torque)
     return types.WrenchStamped(header=force.header, wrench=wrench)
+
+
+@lru_cache(16)
+def _centres(first: float, size: float, count: int) -> Float[np.ndarray, ' bins']:
+    """Middles of bins in a row: the same in message after message."""
+    middles: np.ndarray = first + (np.arange(count) + 0.5) * size
+    return middles

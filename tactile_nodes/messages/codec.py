@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -102,7 +103,13 @@ def time_from_ns(nanoseconds: int) -> Any:
     >>> time_from_ns(1_500_000_000)
     Time(sec=1, nanosec=500000000)
     """
-    return message_class('builtin_interfaces/msg/Time')(sec=nanoseconds // NS_PER_S, nanosec=nanoseconds % NS_PER_S)
+    sec, nanosec = divmod(nanoseconds, NS_PER_S)
+    return _time_class()(sec, nanosec)
+
+
+@cache
+def _time_class() -> type[Any]:
+    return message_class('builtin_interfaces/msg/Time')
 
 
 def to_dict(message: Any) -> dict[str, Any]:

@@ -15,4 +15,5 @@ from tactile_nodes.messages.store import short_names
 def __getattr__(name: str) -> type[Any]:
     if name not in short_names():
         raise AttributeError(f'there is no message class {name!r}')
-    return message_class(short_names()[name])
+    made = globals()[name] = message_class(short_names()[name])  # found as any other name from now on
+    return made

@@ -1,8 +1,8 @@
 """Features in, force in newtons out.
 
-Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` and the latched
-``model_in_use`` and ``calibration_image``. Setting the parameter ``model`` lets another model take over between two
-frames; ``~/undo_calibration`` returns to the one before.
+Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` (while somebody
+listens) and the latched ``model_in_use`` and ``calibration_image``. Setting the parameter ``model`` lets another model
+take over between two frames; ``~/undo_calibration`` returns to the one before.
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ class ForceEstimatorNode(Node):
         age_s = max(0.0, self.age_s(received))
         force = self._estimating.answer(received.message, self.params.frame_id, self.params.least_confidence, age_s)
         self._force.publish(force)
-        self._wrench.publish(conversions.wrench_message(force))
+        if self._wrench.listeners:
+            self._wrench.publish(conversions.wrench_message(force))
 
     def _on_calibration(self, received: Received) -> None:
         state: types.CalibrationState = received.message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ import pytest
 from agents import until
 from programs import Program, Ready
 
-from tactile_nodes.bus.runtime import run_nodes
+from tactile_nodes.bus.runtime import run_nodes, settle
 
 SOON_S = 2.0
 Launch = Callable[..., Program]
@@ -145,3 +146,14 @@ def test_wrong_command_line_is_one_sentence(argv: list[str], sentence: str, caps
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count('\n') == 1
+
+
+def test_what_is_there_when_frames_begin_is_never_looked_through_for_garbage() -> None:
+    before: list[object] = [[]]
+    try:
+        settle()
+        after: list[object] = [[]]
+        looked_through = {id(each) for each in gc.get_objects()}
+        assert id(before) not in looked_through and id(after) in looked_through
+    finally:
+        gc.unfreeze()

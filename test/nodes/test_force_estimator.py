@@ -126,6 +126,20 @@ def test_wrench_goes_with_every_force(
     assert stamp_ns(received.message.header.stamp) == START_NS
 
 
+def test_no_wrench_is_made_that_nobody_takes(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, listen: Listen, small_model: Path
+) -> None:
+    source, tested = publisher(topics.FLOW_FEATURES), node(bus, clock, small_model)
+    for _ in range(2):
+        source.publish(features())
+        run(tested)
+    wrenches = listen(topics.WRENCH)
+    source.publish(features())
+    run(tested)
+    received = wrenches.take()
+    assert received is not None and received.sequence == 1
+
+
 def test_features_for_another_model_are_said_and_do_not_end_the_node(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
 ) -> None:
