@@ -22,14 +22,17 @@ CONFIG = """\
 """
 
 
-def pressed_pictures(side: int, count: int, every: int) -> list[np.ndarray]:
-    """The gel at rest, then `count` more: presses anywhere and, of `every` all but one, the gel at rest again."""
+def pressed_pictures(side: int, rests: int, count: int, every: int) -> list[np.ndarray]:
+    """The gel at rest, `rests` times, then `count` more: presses anywhere and, of `every` all but one, at rest again.
+
+    No two are the same: each has noise of its own, as a camera's have.
+    """
     optics, random = _optics(), np.random.default_rng(3)
-    made = [optics.render((), 1)]
+    made = [optics.render((), number) for number in range(rests)]
     for number in range(count):
         x_mm, y_mm, depth_mm = random.uniform((-12.0, -12.0, 0.3), (12.0, 12.0, 1.8)).tolist()
         presses = (Press(x_mm, y_mm, depth_mm),) if number % every == 0 else ()
-        made.append(optics.render(presses, 2 + number))
+        made.append(optics.render(presses, rests + number))
     return [np.ascontiguousarray(centre_crop(image, side, side)) for image in made]
 
 

@@ -18,7 +18,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.runtime import run_until
+from tactile_nodes.bus.runtime import run_until, settle
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.messages import stamp_ns
@@ -60,7 +60,8 @@ def highest(model: str, compiled: bool, rates: Sequence[int], seconds: float, pr
 
 def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every: int) -> Held:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    pictures = pressed_pictures(load_model(find_model(model)).image_size[0], IMAGES, every)
+    rests = REST_FRAMES + WARM_UP
+    pictures = pressed_pictures(load_model(find_model(model)).image_size[0], rests, IMAGES, every)
     bus, done = InProcessBus(), threading.Event()
     words = [f'model:={model}', f'compiled:={str(compiled).lower()}']
     given = parse_arguments(['--ros-args', *(word for each in words for word in ('-p', each)),
@@ -71,10 +72,11 @@ def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every
     spinning = threading.Thread(target=run_until, args=(nodes, done))
     spinning.start()
     try:
-        _feed(camera, pictures[:1] * (REST_FRAMES + WARM_UP), 50)
+        _feed(camera, pictures[:rests], 50)
+        settle()
         held = Held(0, math.nan, rates[0])
         for number, rate in enumerate(rates):
-            tries = (_tried(camera, forces, pictures[1:], rate, round(rate * seconds)) for _ in range(TRIES))
+            tries = (_tried(camera, forces, pictures[rests:], rate, round(rate * seconds)) for _ in range(TRIES))
             dropped, p99_ms = next((each for each in tries if not each[0]), (1, math.nan))
             if dropped:
                 return Held(held.rate_hz, held.p99_ms, rate)
