@@ -28,6 +28,7 @@ EXPLAINED = (
     | FORCE.REASON_FOREIGN_MOTION
     | FORCE.REASON_REST_DOUBTFUL
     | FORCE.REASON_UNLIKE_TRAINING
+    | FORCE.REASON_BEGINNING
 )
 """What the monitor itself says of a force, or what is to be found out; any other reason makes a frame useless to it."""
 

@@ -103,6 +103,7 @@ class Estimating:
         self._back: Ready | None = None
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
+        self._free_n: float | None = None
         self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
@@ -151,11 +152,13 @@ class Estimating:
         found = self._found(features)
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
-        touching = not reasons & INVALID and self._contact.update(found.total_n)
+        touching, begun_n = self._contact_now(found, reasons)
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
+        sigma_n, unsure = told_sigma_n(found, reasons, begun_n)
+        reasons |= unsure
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=told_sigma_n(found, reasons), unlikeness=found.unlikeness,
+            total_sigma_n=sigma_n, unlikeness=found.unlikeness,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
@@ -173,6 +176,16 @@ class Estimating:
         if not np.isfinite(seen.values).all():
             return unknown_forces(self.now.loaded.model.bins)
         return estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
+
+    def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
+        """Whether anything touches, and by how much force grew since a frame in which nothing did."""
+        before_n, self._free_n = self._free_n, None
+        if reasons & INVALID:
+            return False, 0.0
+        touching = self._contact.update(found.total_n)
+        if not touching:
+            self._free_n = found.total_n
+        return touching, found.total_n - before_n if touching and before_n is not None else 0.0
 
     def _replaced(self) -> Ready:
         card, file = self.now.loaded.card, self.now.file
@@ -213,17 +226,33 @@ SHARE_IN_DOUBT = {
 """Share of the total, and of the least force called a contact, that it may be off by for a reason."""
 
 
-def told_sigma_n(found: ForceMap, reasons: int) -> float:
-    """The standard deviation of the total with what the model cannot know: NaN where it states none.
+BEGINNING_SHARE = 0.1
+"""Share of the force by which it is off where contact began within the exposure, as a standard deviation.
 
-    It grows with the unlikeness above 1, as errors do, with the share of the regions that are lost (what presses there
-    is not seen), and for light, blur and knocks by shares that stand for the errors in docs/results/stability.md.
+The picture is the mean of an exposure in which force came from nothing: by half of it to either side at most. Nothing
+in one picture tells, and frames before it do not, either; the next one does.
+"""
+
+DOUBTFUL = 2.0
+"""Times the uncertainty that the model states by itself, from which a force is not ok."""
+
+
+def told_sigma_n(found: ForceMap, reasons: int, begun_n: float = 0.0) -> tuple[float, int]:
+    """The standard deviation of the total with what the model cannot know, and the reason if that is most of it.
+
+    It is NaN where the model states none. It grows with the unlikeness above 1, as errors do, with the share of the
+    regions that are lost (what presses there is not seen), with `begun_n` that began in this frame, and for light, blur
+    and knocks by shares that stand for the errors in docs/results/stability.md.
     """
-    unlike = found.unlikeness if found.unlikeness > 1 else 1.0
-    lost = max(0.0, KNOWN_SHARE - found.confidence)
-    doubts = [lost, *(share for reason, share in SHARE_IN_DOUBT.items() if reasons & reason)]
+    stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N
-    return math.hypot(unlike * found.total_sigma_n, *(share * at_most_n for share in doubts))
+    told = [share * at_most_n for reason, share in SHARE_IN_DOUBT.items() if reasons & reason]
+    untold = {
+        FORCE.REASON_LOW_CONFIDENCE: max(0.0, KNOWN_SHARE - found.confidence) * at_most_n,
+        FORCE.REASON_BEGINNING: BEGINNING_SHARE * begun_n,
+    }
+    unsure = sum(reason for reason, off_n in untold.items() if math.hypot(stated_n, off_n) > DOUBTFUL * stated_n)
+    return math.hypot(stated_n, *told, *untold.values()), int(unsure)
 
 
 def calibration_reasons(state: types.CalibrationState) -> int:

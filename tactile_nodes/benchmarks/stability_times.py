@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from tactile_nodes.benchmarks.stability_stream import CAPTURE, DURING, Change, Moment
+from tactile_nodes.benchmarks.stability_stream import CAPTURE, DURING, HELD, MOVING, Change, Moment, Presses
 from tactile_nodes.clock import NS_PER_S
 
 Moments = list[Moment]
@@ -65,6 +65,30 @@ def stood_still(moments: Moments, _: float) -> Moments:
     """All frames of the disturbance carry its first stamp."""
     first_ns = next(each.stamp_ns for each in moments if each.part == DURING)
     return [dataclasses.replace(each, stamp_ns=first_ns) if each.part == DURING else each for each in moments]
+
+
+def caught_once(moments: Moments, speed_mm_s: float) -> Moments:
+    """Each tip comes down at an even speed and goes up again: one frame catches it where it would be held.
+
+    The frames before show it as far above as it has come since.
+    """
+    arrived: dict[int, Moment] = {}
+    for each in moments:
+        if each.kind == HELD:
+            arrived.setdefault(each.press, each)
+    return [_coming(each, arrived, speed_mm_s) for each in moments if each.kind != HELD or each is arrived[each.press]]
+
+
+def _coming(moment: Moment, arrived: dict[int, Moment], speed_mm_s: float) -> Moment:
+    there = arrived.get(moment.press)
+    if moment.kind != MOVING or there is None or moment.stamp_ns >= there.stamp_ns:
+        return moment
+    above_mm = speed_mm_s * (there.stamp_ns - moment.stamp_ns) / NS_PER_S
+    return dataclasses.replace(moment, presses=_raised(there.presses, above_mm))
+
+
+def _raised(presses: Presses, by_mm: float) -> Presses:
+    return tuple(dataclasses.replace(each, depth_mm=each.depth_mm - by_mm) for each in presses)
 
 
 def begun_late(moments: Moments, by_s: float) -> Moments:

@@ -882,6 +882,7 @@ class ForceDistribution(Message):
     REASON_LIGHT_CHANGED: ClassVar[int]
     REASON_BLURRED: ClassVar[int]
     REASON_REST_DOUBTFUL: ClassVar[int]
+    REASON_BEGINNING: ClassVar[int]
     header: Header
     rows: int
     cols: int

@@ -35,20 +35,22 @@ def added_by_width(
     left = components - sum(each[0] for each in made)
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
     found = [
-        _added(each, laplacian(response.axes, response.coefficients, at), left, certainty)
+        _added(at[2], each, laplacian(response.axes, response.coefficients, at), left, certainty)
         for each, at in zip(made, fit.contacts.tolist(), strict=True)
     ]
     return np.array(found)
 
 
-def _added(made: np.ndarray, bend: np.ndarray, left: np.ndarray, certainty: np.ndarray) -> tuple[float, float, float]:
-    """One step of least squares by x, y, s and width, from a fit by the first three."""
+def _added(
+    s: float, made: np.ndarray, bend: np.ndarray, left: np.ndarray, certainty: np.ndarray
+) -> tuple[float, float, float]:
+    """One step of least squares by x, y, s and width, from a fit by the first three; s is off by itself at most."""
     slopes = np.concatenate([made[1:], bend[None]], dtype=np.float64)
     information = (slopes * certainty) @ slopes.T
     information[:3, :3] += damping(1)
     spread = np.linalg.inv(information)
     step = spread @ (slopes @ (left * certainty))
-    return float(step[3]), math.sqrt(spread[3, 3]), float(step[2])
+    return float(step[3]), math.sqrt(spread[3, 3]), min(max(float(step[2]), -s), s)
 
 
 def wide(added: Float[np.ndarray, 'contacts 3']) -> np.ndarray:

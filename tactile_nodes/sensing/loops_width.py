@@ -108,6 +108,7 @@ def off_by_width(components, contacts, response, power, wide, sure):
         _added(made[n], left, certainty, limits[0], column, step)
         if step[3] >= wide and step[3] >= sure * math.sqrt(column[3]):
             surely = True
-            off = step[2] * max(contacts[n, 2], 1e-9) ** (1 / power - 1) / power
+            s = contacts[n, 2]
+            off = min(max(step[2], -s), s) * max(s, 1e-9) ** (1 / power - 1) / power
             total += off * off
     return surely, total

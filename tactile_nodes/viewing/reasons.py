@@ -22,6 +22,7 @@ _SENTENCES = {
     _KIND.REASON_LIGHT_CHANGED: 'The light changed too much: mend the lamp, or capture the rest image again.',
     _KIND.REASON_BLURRED: 'The picture is less sharp than it was: look at lens and focus.',
     _KIND.REASON_REST_DOUBTFUL: 'Something touched while the rest image was taken: capture it again.',
+    _KIND.REASON_BEGINNING: 'Contact began in this frame, which may have caught it moving.',
 }
 
 

@@ -24,7 +24,7 @@ from tactile_nodes.benchmarks.stability_stream import (
     course,
     random_presses,
 )
-from tactile_nodes.benchmarks.stability_times import doubled, dropped, jumped, reordered
+from tactile_nodes.benchmarks.stability_times import caught_once, doubled, dropped, jumped, reordered
 from tactile_nodes.messages import types
 from tactile_nodes.simulation.optics import Press
 
@@ -158,3 +158,15 @@ def test_times_change_order_count_and_stamps_and_nothing_else() -> None:
     assert [each.number for each in late] != [each.number for each in made]
     off = [b.stamp_ns - a.stamp_ns for a, b in zip(made, jumped(made, -60.0), strict=True)]
     assert set(off) == {0, -60_000_000_000}
+
+
+def test_a_tip_that_is_caught_once_was_as_far_above_as_it_came() -> None:
+    """20 frames a second: at 10 mm/s it was 0.5 mm higher in the frame before, at 100 mm/s above the gel."""
+    for speed_mm_s, above_mm in ((10.0, 0.5), (100.0, 5.0)):
+        made = caught_once(moments(), speed_mm_s)
+        held = [each for each in made if each.kind == HELD]
+        before = [made[made.index(each) - 1] for each in held]
+        assert len(held) == 3
+        apart = [each.presses[0].depth_mm - was.presses[0].depth_mm for each, was in zip(held, before, strict=True)]
+        assert apart == pytest.approx([above_mm] * 3)
+        assert any(each.touching for each in before) == (speed_mm_s < 50)

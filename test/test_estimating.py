@@ -1,0 +1,85 @@
+"""What the estimator says of a force beside the number: how sure it is, and why it is less sure than usual."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.estimating import Estimating, told_sigma_n
+from tactile_nodes.messages import types
+from tactile_nodes.sensing.model import ForceMap
+from tactile_nodes.sensing.response_readout import ResponseReadout
+from tactile_nodes.sensing.splines import value_and_slopes
+
+FORCE = types.ForceDistribution
+
+
+def force_map(confidence: float = 1.0, unlikeness: float = 0.3) -> ForceMap:
+    """0.5 N, 2 mN sure."""
+    none = np.zeros((9, 9), np.float32)
+    return ForceMap(none, 0.5, 0.5, (0.0, 0.0), confidence, total_sigma_n=0.002, unlikeness=unlikeness)
+
+
+@pytest.mark.parametrize(
+    ('begun_n', 'confidence', 'sigma_n', 'reasons'),
+    [
+        (0.0, 1.0, 0.002, 0),
+        (0.5, 1.0, math.hypot(0.002, 0.05), FORCE.REASON_BEGINNING),
+        (0.03, 1.0, math.hypot(0.002, 0.003), 0),
+        (0.04, 1.0, math.hypot(0.002, 0.004), FORCE.REASON_BEGINNING),
+        (0.0, 0.985, math.hypot(0.002, 0.005 * 0.55), 0),
+        (0.0, 0.89, math.hypot(0.002, 0.1 * 0.55), FORCE.REASON_LOW_CONFIDENCE),
+    ],
+)
+def test_what_makes_a_force_twice_as_unsure_as_the_model_says_is_a_reason(
+    begun_n: float, confidence: float, sigma_n: float, reasons: int
+) -> None:
+    found_n, found = told_sigma_n(force_map(confidence), 0, begun_n)
+    assert found_n == pytest.approx(sigma_n)
+    assert found == reasons
+
+
+def test_what_is_unlike_the_training_is_unsure_by_as_much() -> None:
+    assert told_sigma_n(force_map(unlikeness=3.0), FORCE.REASON_UNLIKE_TRAINING)[0] == pytest.approx(0.006)
+
+
+def features(of: Estimating, s: float) -> types.FlowFeatures:
+    """Those of a press of s near the middle of the gel, without noise."""
+    readout, layout = of.now.loaded.model.readout, of.now.inputs.layout
+    assert isinstance(readout, ResponseReadout)
+    response, scaling = readout.response, readout.scaling
+    seen = value_and_slopes(response.axes, response.coefficients, (1.0, -2.0, s))[0] if s else np.zeros(40)
+    inputs = readout.likeness.directions.T @ np.linalg.solve(readout.whitening.astype(float), seen)
+    shape = (layout.rows, layout.cols, layout.channels)
+    used = np.where(scaling.trusted > 0, scaling.trusted, 1.0)[..., None]
+    values = inputs.reshape(shape) / used / np.where(scaling.gain > 0, scaling.gain, 1.0) + scaling.mean
+    return types.FlowFeatures(
+        header=conversions.header(1, 'camera'), rows=layout.rows, cols=layout.cols, channels=layout.channels,
+        encoding=layout.encoding, values=values.astype(np.float32).reshape(-1),
+        confidence=np.ones(layout.rows * layout.cols, np.float32), image_width=440, image_height=440,
+    )  # fmt: skip
+
+
+def test_the_first_frame_of_a_contact_says_that_it_began() -> None:
+    estimating = Estimating('fast')
+    told = [estimating.answer(features(estimating, s), '', 0.85, 0.0) for s in (0.0, 0.5, 0.5, 0.0, 0.4)]
+    begun = FORCE.REASON_BEGINNING
+    assert [each.reasons for each in told] == [0, begun, 0, 0, begun]
+    assert [each.status for each in told] == [
+        FORCE.STATUS_DEGRADED if each.reasons else FORCE.STATUS_OK for each in told
+    ]
+    assert told[1].total == pytest.approx(0.5, abs=2e-3)
+    assert told[1].total_sigma == pytest.approx(math.hypot(told[2].total_sigma, 0.05), rel=0.01)
+
+
+def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> None:
+    estimating = Estimating('fast')
+    blind = dataclasses.replace(features(estimating, 0.0), reasons=FORCE.REASON_DARK_IMAGE)  # type: ignore[type-var]
+    told = [
+        estimating.answer(each, '', 0.85, 0.0) for each in (features(estimating, 0.5), blind, features(estimating, 0.5))
+    ]
+    assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
