@@ -145,13 +145,15 @@ class MotionFit:
         zero, one = np.zeros_like(x), np.ones_like(x)
         self._along_x = np.stack([one, zero, x, -y, y * y, -x * y, x * x, x * y], axis=-1)
         self._along_y = np.stack([zero, one, y, x, -x * y, x * x, x * y, y * y], axis=-1)
+        self._along = np.stack([self._along_x, self._along_y], axis=1).reshape(-1, TERMS)
         squares = [np.einsum('ni,nj->nij', each, each) for each in (self._along_x, self._along_y)]
         self._products = sum(squares).reshape(rows * cols, -1)
         self._mean_product = self._products.mean(axis=0).reshape(TERMS, TERMS)
 
     def carried(self, terms: Float[np.ndarray, ' terms']) -> Float[np.ndarray, 'patches 2']:
         """How each patch moves with the picture (px)."""
-        return np.stack([self._along_x @ terms, self._along_y @ terms], axis=-1)
+        carried: np.ndarray = (self._along @ terms).reshape(-1, 2)
+        return carried
 
     def size_px(self, terms: Float[np.ndarray, ' terms']) -> float:
         """Root mean square over the patches."""
