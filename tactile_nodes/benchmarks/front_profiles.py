@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
 SHIPPED = ('paper', 'portable', 'accurate', 'fast')
-JPEG_QUALITY = 90
+JPEG_QUALITY, SMALLER_QUALITY = 90, 75
 STAGES = ('flow', 'features', 'predict')
 TURN = 10
 JPEG = 'JPEG 640x480 to grey'
@@ -121,11 +121,19 @@ def _turns(plan: Plan) -> list[list[Frame]]:
     return [group[start : start + TURN] for group in same_rest for start in range(0, len(group), TURN)]
 
 
-_FLOORS: Mapping[str, Callable[[np.ndarray, np.ndarray, np.ndarray], object]] = {
-    JPEG: lambda _image, _rest, data: cv2.imdecode(data, cv2.IMREAD_GRAYSCALE),
-    'JPEG 640x480 to grey at half size': lambda _image, _rest, data: cv2.imdecode(data, cv2.IMREAD_REDUCED_GRAYSCALE_2),
-    'reading 440x440 bytes once': lambda image, _rest, _data: cv2.sumElems(image),
-    'one pass of arithmetic: the difference from the rest image, squared and summed': lambda image, rest, _data: (
+_FLOORS: Mapping[str, Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], object]] = {
+    JPEG: lambda _image, _rest, data, _smaller: cv2.imdecode(data, cv2.IMREAD_GRAYSCALE),
+    'JPEG 640x480 to grey at half size': lambda _image, _rest, data, _smaller: cv2.imdecode(
+        data, cv2.IMREAD_REDUCED_GRAYSCALE_2
+    ),
+    'JPEG 640x480 to grey at an eighth: its codes, and next to no pixels': lambda _image, _rest, data, _smaller: (
+        cv2.imdecode(data, cv2.IMREAD_REDUCED_GRAYSCALE_8)
+    ),
+    f'JPEG of quality {SMALLER_QUALITY} (the others: {JPEG_QUALITY}) to grey': lambda _image, _rest, _data, smaller: (
+        cv2.imdecode(smaller, cv2.IMREAD_GRAYSCALE)
+    ),
+    'reading 440x440 bytes once': lambda image, *_others: cv2.sumElems(image),
+    'one pass of arithmetic: the difference from the rest image, squared and summed': lambda image, rest, *_data: (
         cv2.norm(image, rest, cv2.NORM_L2SQR)
     ),
 }
@@ -134,10 +142,13 @@ _FLOORS: Mapping[str, Callable[[np.ndarray, np.ndarray, np.ndarray], object]] = 
 def _take_floors(others: dict[str, list[float]], image: np.ndarray, rest: np.ndarray) -> None:
     picture = np.zeros((480, 640), np.uint8)
     picture[20 : 20 + SIDE, 100 : 100 + SIDE] = image
-    data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+    data, smaller = (
+        cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        for quality in (JPEG_QUALITY, SMALLER_QUALITY)
+    )
     for name, work in _FLOORS.items():
         begun = time.process_time_ns()
-        work(image, rest, data)
+        work(image, rest, data, smaller)
         others[name].append((time.process_time_ns() - begun) * 1e-6)
 
 

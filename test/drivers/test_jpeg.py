@@ -24,6 +24,14 @@ def test_a_grey_picture_stays_grey() -> None:
     assert jpeg.decode(data).shape == (16, 24)
 
 
+def test_of_a_picture_in_colour_its_grey_is_taken():
+    colour = np.full((16, 24, 3), (200, 100, 50), np.uint8)
+    data = cv2.imencode('.jpg', colour, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    image = jpeg.decode(data)
+    assert image is not None and image.shape == (16, 24)
+    assert image == pytest.approx(0.114 * 200 + 0.587 * 100 + 0.299 * 50, abs=1.5)  # ITU-R BT.601, which JPEG takes
+
+
 @pytest.mark.parametrize(
     'cut', [lambda d: d[:-2], lambda d: d[: len(d) // 2], lambda d: d[1:], lambda d: b'', lambda d: b'\xff\xd8\xff\xd9']
 )
