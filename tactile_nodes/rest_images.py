@@ -94,7 +94,7 @@ class RestImages:
     def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
         still = self._tracker.still
-        reasons = self._moved() | self._tracker.unsteady * FORCE.REASON_REST_DOUBTFUL
+        reasons = self._moved() | (self._tracker.unsteady or self._dented) * FORCE.REASON_REST_DOUBTFUL
         self._changed = False
         if not still:
             reasons |= self._unlike(image, level, head)
@@ -152,13 +152,18 @@ class RestImages:
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
-        apart = self._apart(registration)
+        apart = self._apart(registration) or self._dented
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
         like, changed = (still and not apart, changed) if registration.settled else (True, False)
         rested = Rested(registration.surely, registration.maybe, like, changed)
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:
             self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
+
+    @property
+    def _dented(self) -> bool:
+        """Whether something touched in the rest image."""
+        return self._tracker.registration is not None and self._tracker.registration.dent.dented
 
     def _apart(self, registration: Registration) -> bool:
         """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""

@@ -53,6 +53,18 @@ def test_nothing_is_said_of_frames_as_they_were_and_the_rest_image_stays() -> No
     assert len(stream.announced) == 1
 
 
+@pytest.mark.parametrize('most_px', [0.1, 1.0])
+def test_a_rest_image_that_was_touched_is_told_and_taken_anew_once_nothing_touches(most_px: float) -> None:
+    stream, touched = Stream(), press(180, 250, most_px)
+    stream.feed(6, touched)
+    assert stream.feed(6).reasons & FORCE.REASON_REST_DOUBTFUL
+    stream.feed(16)
+    assert len(stream.announced) == 2
+    assert {stream.feed(1).reasons for _ in range(12)} == {0}
+    motion = stream.feed(1, touched).values
+    assert float(np.abs(motion).max()) == pytest.approx(most_px, rel=0.4)  # a region's mean of it
+
+
 def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_ends() -> None:
     stream = Stream()
     stream.feed(8)
@@ -136,7 +148,7 @@ def test_the_status_is_never_ok_of_features_that_are_none(fast: Estimating, none
 def test_the_uncertainty_grows_with_unlikeness_lost_regions_and_reasons() -> None:
     def sigma_n(confidence: float = 1.0, unlikeness: float = 0.5, reasons: int = 0) -> float:
         found = ForceMap(np.zeros((1, 1), np.float32), 0.45, 0.1, (0.0, 0.0), confidence, (), 0.004, 0.1, unlikeness)
-        return told_sigma_n(found, reasons)
+        return told_sigma_n(found, reasons)[0]
 
     assert sigma_n() == pytest.approx(0.004)
     assert sigma_n(unlikeness=3.0) == pytest.approx(0.012)

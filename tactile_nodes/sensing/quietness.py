@@ -34,7 +34,7 @@ MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 OUTLIERS = 0.05
 """Share of the patches that may go further at rest."""
 
-_PLACES = TouchPlaces(PATCHES, np.ones((PATCHES * PATCHES, 2)))
+PLACES = TouchPlaces(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
 
 def loosely_quiet(
@@ -59,9 +59,13 @@ def quiet(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patche
     """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
     if _share_beyond(_squared(left[found]), QUIET_PX) > OUTLIERS:
         return False
-    noise_px = max(median(np.abs(left[found]).reshape(-1)) / MEDIAN_OF_NOISE, LEAST_NOISE_PX)
-    most = _PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
-    return most <= QUIET_NOISE * noise_px
+    most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
+    return most <= QUIET_NOISE * noise_of(left[found])
+
+
+def noise_of(left: Float[np.ndarray, 'n 2'], least_px: float = LEAST_NOISE_PX) -> float:
+    """Standard deviation of a patch's motion along an axis, by the middle one, px."""
+    return max(median(np.abs(left).reshape(-1)) / MEDIAN_OF_NOISE, least_px)
 
 
 def median(values: Float[np.ndarray, ' n']) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
 from tactile_nodes.sensing.quietness import loosely_quiet, median, quiet
@@ -69,7 +70,7 @@ class Registration:
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
     again, or moved too far. `found` is the share of the known patches that were found again, `explained` how well the
     middle one is, beside the rest image itself. `surely`: nothing touched in the last frame; `maybe`: not much did. All
-    follows from the images and their stamps since the rest image.
+    follows from the images and their stamps since the rest image; `dent` is what they say of that.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:
@@ -85,6 +86,7 @@ class Registration:
         self._remainder: PictureMotion | None = None
         self._offset: np.ndarray | None = None
         self._still = np.zeros((PATCHES * PATCHES, 2))
+        self.dent = DentedRest()
 
     @property
     def since_rest(self) -> PictureMotion:
@@ -140,6 +142,7 @@ class Registration:
         self._take(self.motion, settled=True)
         self._rested = SETTLE_FRAMES
         self._forget_offset()
+        self.dent = DentedRest()
         self._last_ns: int | None = None
 
     def straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
@@ -162,6 +165,7 @@ class Registration:
         self._rested = max(self._rested, 1) + 1
         self.settled, self.lost, self.found, self._last_ns = True, False, 1.0, stamp_ns
         self.surely = self.maybe = True
+        self.dent.rested(surely=True)
 
     def look(self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField, stamp_ns: int) -> bool:
         """Take what the flow found in a frame; whether the frame is to be measured again, for the camera was knocked.
@@ -219,8 +223,10 @@ class Registration:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
-        self.maybe = loosely_quiet(left - self._still, found, self.size_px, self.explained)
-        self.surely = self.maybe and quiet(left - self._still, found)
+        beside = self.dent.without(left - self._still, found, settled=self.settled)
+        self.maybe = loosely_quiet(beside, found, self.size_px, self.explained)
+        self.surely = self.maybe and quiet(beside, found)
+        self.dent.rested(self.surely)
         if not (self.surely or (early and self.maybe and not self.settled)):
             if self.maybe and not self.settled:  # something touched in those frames: begin anew
                 self._rested = 0
