@@ -19,6 +19,7 @@ from tactile_nodes.learning.axisymmetric_regions import (
     FIRST_DOUBT,
     Expected,
     Presses,
+    Shared,
     fit_regions,
     measured_doubt,
     views,
@@ -40,6 +41,8 @@ PAIRS = 60_000
 """Of a press and a region each, that a turn takes the profiles from."""
 SMOOTHING = 1e-3
 MARGIN = 1.02
+STREAKS = Shared(np.zeros(4), np.array([0.0, 0.0, 1.0, 0.3]))
+"""Found from the turn on in which other profiles join."""
 DEPTH_SPREAD = 0.2
 """By which shares the regions' markers are thought to differ in depth when second profiles join, and by which what they
 see differs with the angle that they look at when third ones do."""
@@ -119,7 +122,9 @@ def _turn(
     last = turn == config.turns - 1
     chosen = presses.take(slice(0, config.most_presses)) if last else few
     for _ in range(2):
-        response = fit_regions(response, chosen, Expected.around(response), FIRST_DOUBT)
+        response = fit_regions(
+            response, chosen, Expected.around(response), FIRST_DOUBT, STREAKS if turn >= ALONE else None
+        )
     if last:
         return response
     if turn >= ALONE - 1:
@@ -184,7 +189,7 @@ def _profile_design(
     response: AxisymmetricResponse, contacts: Float[np.ndarray, 'n 3'], region: np.ndarray, channel: int
 ) -> scipy.sparse.csr_array:
     """What the motion of a press and a region each is in terms of the profiles' coefficients; 16 a profile count."""
-    away = contacts[:, :2] - response.places[region]
+    away = response.away_of(contacts, region)
     distance = np.hypot(*away.T) + 1e-9
     unit = away / distance[:, None] * np.tanh(distance / CORE_MM)[:, None]
     i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))

@@ -11,11 +11,12 @@ from jaxtyping import Float
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
+from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.network import InputScaling
 
 LARGEST_STEP_MM = 0.6
 LARGEST_SHARED = 0.15
-"""Of a step of the logarithms of softness and width."""
+"""Of a step of what is shared: logarithms of softness and width, mm of a streak's shift, its squeeze."""
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004
 """Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
@@ -103,12 +104,13 @@ def fit_regions(
 ) -> AxisymmetricResponse:
     """One Gauss-Newton step of every region's numbers towards the most probable ones.
 
-    With `shared`, softness and width, which all regions have in common, are found along with them.
+    With `shared`, what all regions have in common is found along with them.
     """
     here = numbers_of(response)
     square = expected.precision.copy()
     down = np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
-    cross, across, along = np.zeros((*here.shape, 2)), np.zeros((2, 2)), np.zeros(2)
+    count = len(shared.free) if shared else 0
+    cross, across, along = np.zeros((*here.shape, count)), np.zeros((count, count)), np.zeros(count)
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
         columns, slopes = response.columns_and_slopes(some.contacts)
@@ -121,7 +123,7 @@ def fit_regions(
         down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
         if shared:
             both = (_shared_levers(response, some.contacts, slopes) * weight[..., None]).transpose(1, 0, 2, 3)
-            both = both.reshape(len(here), -1, 2)
+            both = both[..., shared.free].reshape(len(here), -1, count)
             cross += by_region.transpose(0, 2, 1) @ both
             across += np.einsum('rni,rnj->ij', both, both)
             along += np.einsum('rn,rni->i', left.transpose(1, 0, 2).reshape(len(here), -1), both)
@@ -129,36 +131,61 @@ def fit_regions(
     if shared:
         # Regions given what is shared, put into the equations of what is shared (Schur complement).
         follow = np.linalg.solve(square, cross)
-        prior, now = np.diag(1 / shared.sigma**2), np.log([response.softness, response.width])
+        prior, now = np.diag(1 / shared.sigma[shared.free] ** 2), shared_of(response)
         whole = across + prior - np.einsum('rik,ril->kl', cross, follow)
-        wanted = along + prior @ (shared.expected - now) - np.einsum('rik,ri->k', cross, step)
+        wanted = along + prior @ (shared.expected - now)[shared.free] - np.einsum('rik,ri->k', cross, step)
         move = np.clip(np.linalg.solve(whole, wanted), -LARGEST_SHARED, LARGEST_SHARED)
         step = step - follow @ move
-        softness, width = np.exp(now + move).tolist()
-        response = replace(response, softness=softness, width=width)
+        now[shared.free] += move
+        response = with_shared(response, now)
     step[:, -2:] = np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)
     return with_numbers(response, here + step)
 
 
 @dataclass(frozen=True)
 class Shared:
-    """What the logarithms of softness and width are expected to be, and how far from that."""
+    """What all regions have in common: what it is expected to be, in the order of `shared_of`, and how far from that.
 
-    expected: Float[np.ndarray, ' 2']
-    sigma: Float[np.ndarray, ' 2']
+    Where `sigma` is 0 it stays as it is.
+    """
+
+    expected: Float[np.ndarray, ' 4']
+    sigma: Float[np.ndarray, ' 4']
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which numbers are found."""
+        return np.flatnonzero(self.sigma)
+
+
+def shared_of(response: AxisymmetricResponse) -> Float[np.ndarray, ' 4']:
+    """Logarithms of softness and width, then the streak's shift (mm) and squeeze."""
+    streak = response.streak
+    return np.array([np.log(response.softness), np.log(response.width), streak.shift_mm, streak.squeeze])
+
+
+def with_shared(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' 4']) -> AxisymmetricResponse:
+    """The response with what `shared_of` gives."""
+    softness, width = np.exp(numbers[:2]).tolist()
+    return replace(response, softness=softness, width=width, streak=Streak(*numbers[2:].tolist()))
 
 
 def _shared_levers(
     response: AxisymmetricResponse, contacts: np.ndarray, slopes: Float[np.ndarray, '3 n regions columns']
-) -> Float[np.ndarray, 'n regions 2 2']:
-    """How the motion of each region changes with the logarithms of softness and width.
+) -> Float[np.ndarray, 'n regions 2 4']:
+    """How the motion of each region changes with what is shared.
 
     Softness multiplies the force, so that is F dm/dF; width divides the distance, so that is minus distance dm/d(it).
+    Streaks move a press along themselves; `slopes` are those along its true place.
     """
     along_x, along_y, by_force = (response.seen(each) for each in slopes)
     away = contacts[:, None, :2] - response.places
     by_width = -(along_x * away[..., :1] + along_y * away[..., 1:])
-    return np.stack([by_force * contacts[:, 2, None, None], by_width], axis=-1)
+    streak, plain, aslant = response.streak, away / response.width, response.streak.aslant(response.places)
+    bent = 1 + (streak.slopes(plain, response.places) * aslant).sum(axis=-1)
+    outwards = (along_x * aslant[:, :1] + along_y * aslant[:, 1:]) * (response.width / bent)[..., None]
+    by_streak = [outwards * lever[..., None] for lever in streak.levers(plain, response.places)]
+    return np.stack([by_force * contacts[:, 2, None, None], by_width, *by_streak], axis=-1)
 
 
 def _levers(

@@ -24,6 +24,7 @@ from tactile_nodes.learning.axisymmetric_regions import (
     fit_regions,
     measured_doubt,
     numbers_of,
+    shared_of,
     views,
 )
 from tactile_nodes.learning.dataset import Dataset
@@ -41,8 +42,9 @@ from tactile_nodes.sensing.readout_arrays import AnyReadout
 
 FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
 REGION_TURNS = 4
-SHARED_SIGMA = np.array([0.2, 0.03])
-"""Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them."""
+SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
+"""Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them.
+Streaks are those of the known gel."""
 LEAST_DOUBT = 0.02
 """Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
 FOLDS = 5
@@ -191,7 +193,7 @@ class OtherGel:
         presses = self.presses if chosen is None else self.presses.take(chosen)
         precision, over = self.typical.precision(self.view), powers(self.view)
         smooth = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
-        shared = Shared(np.log([response.softness, response.width]), SHARED_SIGMA)
+        shared = Shared(shared_of(response), SHARED_SIGMA)
         # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
         for _ in range(REGION_TURNS):

@@ -3,18 +3,20 @@
 A soft layer answers a round tip alike wherever it presses: at a distance the gel moves towards or away from the press
 and up or down, by amounts that depend on nothing but that distance and the force (axial symmetry; Johnson, Contact
 Mechanics, 1985, ch. 3). These profiles are functions of two numbers. A region of the image adds where on the surface
-it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them.
+it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them. Seen aslant,
+these lie in a streak, which `axisymmetric_streaks` tells of.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
 
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.sensing.axisymmetric_streaks import NEAR_MM, STREAK_MM, WIDE_MM, Streak
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.splines import SplineAxis
 
@@ -37,7 +39,7 @@ class AxisymmetricResponse:
     force: `lateral` of them are motion away from the press, the others vertical motion. A region at `places` (mm,
     surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
     Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
-    the force times `softness` and the distance over `width`.
+    the force times `softness` and the distance over `width`. `streak` bends that distance by the region's place.
     """
 
     profiles: Float[np.ndarray, 'profiles distances forces']
@@ -47,6 +49,7 @@ class AxisymmetricResponse:
     couplings: Float[np.ndarray, 'regions 2 columns']
     width: float = 1.0
     softness: float = 1.0
+    streak: Streak = field(default_factory=Streak)
 
     @cached_property
     def force(self) -> SplineAxis:
@@ -60,7 +63,7 @@ class AxisymmetricResponse:
 
     @property
     def parameter_count(self) -> int:
-        return int(self.profiles.size + self.places.size + self.couplings.size + 2)
+        return int(self.profiles.size + self.places.size + self.couplings.size + 4)
 
     def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
         """Motion of each region (px) under each contact (x, y in mm and force in N)."""
@@ -88,7 +91,8 @@ class AxisymmetricResponse:
     @cached_property
     def _for_loops(self) -> tuple[np.ndarray, ...]:
         """Places, couplings and profiles, further numbers, and the axes of distance and force, as loops want them."""
-        numbers = self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM
+        numbers = [self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM]
+        numbers += [STREAK_MM, NEAR_MM, WIDE_MM, self.streak.shift_mm, self.streak.squeeze]
         axes = [[each.low, each.high, each.intervals] for each in (DISTANCES, self.force)]
         arrays = self.places, self.couplings, self.profiles, np.array(numbers), np.array(axes)
         return tuple(np.ascontiguousarray(each, float) for each in arrays)
@@ -121,7 +125,7 @@ class AxisymmetricResponse:
                 product = (toward[..., axis] * toward[..., channel])[..., None]
                 slopes[axis, ..., channel : 2 * lateral : 2] = along * product + across * ((axis == channel) - product)
             slopes[axis, ..., 2 * lateral :] = outward[..., lateral:] * toward[..., axis, None]
-        slopes[:2] /= self.width
+        slopes[:2] = self._bent(contacts, slopes[:2]) / self.width
         slopes[2] = self._columns(by_force, unit)
         return self._columns(value, unit), slopes
 
@@ -134,13 +138,28 @@ class AxisymmetricResponse:
         columns[..., 2 * lateral :] = value[..., lateral:]
         return columns
 
+    def _bent(self, contacts: np.ndarray, slopes: Float[np.ndarray, '2 n regions columns']) -> np.ndarray:
+        """Slopes along the contact's x and y, from those along where the streaks show it."""
+        aslant, bend = self.streak.aslant(self.places), self.streak.slopes(self._plain(contacts), self.places)
+        over = aslant[:, :1] * slopes[0] + aslant[:, 1:] * slopes[1]
+        return np.stack([slopes[axis] + over * bend[..., axis, None] for axis in (0, 1)])
+
+    def _plain(self, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2']:
+        away: np.ndarray = (contacts[:, None, :2] - self.places) / self.width
+        return away
+
     def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
-        """From each region to each contact, and how far that is, both over the width."""
-        away = (contacts[:, None, :2] - self.places) / self.width
+        """From each region to each contact as its streak shows it, and how far that is, both over the width."""
+        away = self.streak.shown(self._plain(contacts), self.places)
         return away, np.sqrt(np.square(away).sum(axis=-1) + TINY_MM**2)
 
+    def away_of(self, contacts: Float[np.ndarray, 'n 3'], regions: np.ndarray) -> Float[np.ndarray, 'n 2']:
+        """From one region for each contact to it, as above."""
+        places = self.places[regions]
+        return self.streak.shown((contacts[:, :2] - places) / self.width, places)
+
     def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
-        """From each contact to each region, over the width."""
+        """From each contact to each region as its streak shows it, over the width."""
         return self._away(contacts)[1]
 
     def _values_alone(

@@ -59,14 +59,25 @@ def _columns(value, outward, by_force, toward, core, distance, numbers, columns,
             slopes[0, c], slopes[1, c] = outward[p] * toward[0] / width, outward[p] * toward[1] / width
 
 
+@compiled()
+def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
+    """Where a region's streak shows a press, and its slopes; as `axisymmetric_streaks.Streak`."""
+    square, along = x * x + y * y, x * aslant_x + y * aslant_y
+    near, wide = 1 / (1 + square / numbers[8] ** 2), 1 / (1 + square / numbers[9] ** 2)
+    shift, squeeze = numbers[10] * near, numbers[11] * wide
+    fading = 2 * (along * squeeze * wide / numbers[9] ** 2 - shift * near / numbers[8] ** 2)
+    bend[0], bend[1] = fading * x - squeeze * aslant_x, fading * y - squeeze * aslant_y
+    away[0], away[1] = x + (shift - along * squeeze) * aslant_x, y + (shift - along * squeeze) * aslant_y
+
+
 @compiled(
     'void(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1])'
 )
 def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes):
     """As `AxisymmetricResponse.motion_and_slopes`: fills in (n, regions, 2) and (3, n, regions, 2).
 
-    `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance;
-    `axes` low, high and intervals of the splines over distance and force.
+    `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance,
+    then what streaks are told by; `axes` low, high and intervals of the splines over distance and force.
     """
     hardest, width, softness, bend, least = numbers[1], numbers[2], numbers[3], numbers[4], numbers[6]
     count = profiles.shape[0]
@@ -74,7 +85,7 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
     weights, near, toward = np.empty((2, 4)), np.empty((2, 4)), np.empty(2)
     value, outward, by_force = np.empty(count), np.empty(count), np.empty(count)
     columns, column_slopes = np.empty(couplings.shape[2]), np.empty((3, couplings.shape[2]))
-    region_slopes = np.empty((3, 2))
+    region_slopes, away, bent = np.empty((3, 2)), np.empty(2), np.empty(2)
     for n in range(contacts.shape[0]):
         force = contacts[n, 2] * softness
         k = spline_weights(force, axes[1], weights)
@@ -83,8 +94,10 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
         _along(force, k, weights, profiles, along)
         for r in range(places.shape[0]):
             x, y = (contacts[n, 0] - places[r, 0]) / width, (contacts[n, 1] - places[r, 1]) / width
-            distance = np.sqrt(x * x + y * y + least * least)
-            toward[0], toward[1] = x / distance, y / distance
+            aslant_x, aslant_y = places[r, 0] / numbers[7], places[r, 1] / numbers[7]
+            _shown(x, y, aslant_x, aslant_y, numbers, away, bent)
+            distance = np.sqrt(away[0] * away[0] + away[1] * away[1] + least * least)
+            toward[0], toward[1] = away[0] / distance, away[1] / distance
             i = spline_weights(np.arcsinh(distance / bend), axes[0], near)
             per_mm = 1 / np.sqrt(distance * distance + bend * bend)
             for p in range(count):
@@ -97,5 +110,8 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
             core = np.tanh(distance / numbers[5])
             _columns(value, outward, by_force, toward, core, distance, numbers, columns, column_slopes)
             _seen_along(couplings[r], columns, column_slopes, made[n, r], region_slopes)
-            for axis in range(3):
-                slopes[axis, n, r, 0], slopes[axis, n, r, 1] = region_slopes[axis, 0], region_slopes[axis, 1]
+            for channel in range(2):
+                over = aslant_x * region_slopes[0, channel] + aslant_y * region_slopes[1, channel]
+                for axis in range(2):
+                    slopes[axis, n, r, channel] = region_slopes[axis, channel] + over * bent[axis]
+                slopes[2, n, r, channel] = region_slopes[2, channel]

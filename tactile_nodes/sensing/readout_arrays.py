@@ -10,6 +10,7 @@ import numpy as np
 
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
@@ -117,6 +118,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         'hardest_n': response.hardest_n,
         'width': response.width,
         'softness': response.softness,
+        'streak': asdict(response.streak),
         'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
@@ -125,7 +127,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
 
 def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
     profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
-    numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
+    numbers = said['hardest_n'], places, couplings, said['width'], said['softness'], Streak(**said.get('streak', {}))
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,21 @@ import pytest
 from responding_gel import AXISYMMETRIC, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.axisymmetric_regions import Presses, measured_doubt, views
+from tactile_nodes.learning.axisymmetric_fit import STREAKS, fit_axisymmetric
+from tactile_nodes.learning.axisymmetric_regions import (
+    FIRST_DOUBT,
+    Expected,
+    Presses,
+    fit_regions,
+    measured_doubt,
+    views,
+)
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.train import train
 from tactile_nodes.model_file import load_model
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
 
 
@@ -37,6 +46,23 @@ def test_regions_are_found_where_they_look(readout: AxisymmetricReadout) -> None
     inner = np.abs(views(np.ones((6, 6)))).max(axis=1) < 0.6
     true = np.stack(np.meshgrid(*[np.linspace(-11.0, 11.0, 6)] * 2), axis=-1).reshape(-1, 2)
     assert np.abs(readout.response.places - true)[inner].max() < 0.3
+
+
+def test_no_squeeze_is_found_where_regions_look_straight(readout: AxisymmetricReadout) -> None:
+    """Of a gel whose regions look aslant it is 0.1; this fit is from 240 noisy presses, in four turns."""
+    assert abs(readout.response.streak.squeeze) < 0.05
+
+
+def test_streaks_are_found_with_the_regions(readout: AxisymmetricReadout) -> None:
+    """From motion that a response with streaks tells, a fit that begins without them finds the same."""
+    true = replace(readout.response, streak=Streak(-0.4, 0.1))
+    told = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), readout.scaling)
+    told = replace(told, motion=true.motion(told.contacts))
+    found = readout.response
+    for _ in range(6):
+        found = fit_regions(found, told, Expected.around(found), FIRST_DOUBT, STREAKS)
+    assert found.streak.shift_mm == pytest.approx(-0.4, abs=0.02)
+    assert found.streak.squeeze == pytest.approx(0.1, abs=0.005)
 
 
 def test_presses_that_no_fit_saw_are_read(readout: AxisymmetricReadout) -> None:

@@ -15,6 +15,7 @@ from responding import COMPONENTS, components, features, readout
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.compiling import compiled_loops, use_compiled
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.picture_motion import MotionFit
@@ -159,8 +160,9 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
     profiles = random.normal(size=(3, DISTANCES.count, 9))
     columns = 2 * lateral + len(profiles) - lateral
     gel = AxisymmetricResponse(
-        profiles, lateral, 1.2, random.uniform(-14, 14, (50, 2)), random.normal(size=(50, 2, columns)), 1.1, 0.8
-    )
+        profiles, lateral, 1.2, random.uniform(-14, 14, (50, 2)), random.normal(size=(50, 2, columns)), 1.1, 0.8,
+        Streak(-0.4, 0.1),
+    )  # fmt: skip
     contacts = np.array([(0.0, 0.0, 0.0), (3.0, -11.0, 0.7), (*gel.places[4], 1.4), (-9.0, 2.0, 1.5)])
     plain, compiled = both(lambda: gel.motion_and_slopes(contacts))
     for one, other in zip(plain, compiled, strict=True):
