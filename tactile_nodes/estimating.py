@@ -33,6 +33,9 @@ UNMEASURED = (
 )
 """Nothing is known of such a frame: its numbers are NaN."""
 
+ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
+"""Regions of such a picture show motion a little other than those that the model learned from."""
+
 INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 
@@ -175,7 +178,9 @@ class Estimating:
         estimator, seen = self.now.estimator, conversions.features_array(features)
         if not np.isfinite(seen.values).all():
             return unknown_forces(self.now.loaded.model.bins)
-        return estimator.at_rest(seen) if features.untouched else estimator.predict(seen)
+        if features.untouched:
+            return estimator.at_rest(seen)
+        return estimator.predict(seen, altered=bool(features.reasons & ALTERED))
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

@@ -12,10 +12,12 @@ import numpy as np
 from jaxtyping import Float32
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.altered_reading import read_altered
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read
 from tactile_nodes.sensing.readout_arrays import AnyReadout
+from tactile_nodes.sensing.response_readout import ResponseReadout
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,8 @@ class ForceEstimator:
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
 
-    def predict(self, features: Features) -> ForceMap:
-        """The force distribution for one frame's features.
+    def predict(self, features: Features, *, altered: bool = False) -> ForceMap:
+        """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -92,7 +94,12 @@ class ForceEstimator:
         model = self.model
         if (features.encoding, *features.values.shape) != self._layout:
             raise ModelError(_other_layout(model, features))
-        reading, scaling = model.readout.read(features.values, features.confidence), model.readout.scaling
+        readout, seen = model.readout, (features.values, features.confidence)
+        if altered and isinstance(readout, ResponseReadout):
+            reading = read_altered(readout, *seen)
+        else:
+            reading = readout.read(*seen)
+        scaling = readout.scaling
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         return _force_map(reading, float(textured) / self._trusted)
 

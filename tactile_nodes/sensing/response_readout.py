@@ -122,6 +122,12 @@ class ResponseReadout:
             tuple(float(each) for each in numbers),
         )  # fmt: skip
 
+    @cached_property
+    def mixing(self) -> Float[np.ndarray, 'components inputs']:
+        """Components of each input."""
+        mixed: np.ndarray = self.whitening.astype(float) @ self.likeness.directions
+        return mixed
+
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Seen:
