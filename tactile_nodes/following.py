@@ -6,6 +6,7 @@ Who feeds it, a node, a test or a bench, gets what the node publishes.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,13 +65,15 @@ class FollowingParams(MethodParams):
 class Following:
     """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
 
+    `tell` gets one line when it takes long to begin.
+
     Raises:
         ConfigurationError: compiled loops are asked for, and numba is not installed.
     """
 
-    def __init__(self, params: FollowingParams) -> None:
+    def __init__(self, params: FollowingParams, tell: Callable[[str], None] | None = None) -> None:
         if params.compiled:
-            use_compiled()
+            use_compiled(tell=tell)
         flow, self._encoding = make_methods(params)
         self._method = told(flow)
         self._tracker = FeatureTracker(

@@ -56,7 +56,7 @@ class FlowFeaturesNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
-        self._following = Following(self.params)
+        self._following = Following(self.params, self.log.info)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0
         self._begin(self.params)

@@ -52,7 +52,7 @@ class ForceEstimatorNode(Node):
         self._asked: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
         if self.params.compiled:
-            use_compiled()
+            use_compiled(tell=self.log.info)
         self._estimating = Estimating(self.params.model)
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib.util
 import itertools
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TypeVar
 
 import cv2
@@ -16,7 +18,7 @@ from responding import COMPONENTS, components, features, readout
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
-from tactile_nodes.sensing.compiling import compiled_loops, use_compiled
+from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_of_compiling, use_compiled
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.picture_motion import MotionFit
 from tactile_nodes.sensing.quality import picture_faults, sharpness
@@ -167,6 +169,33 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
     plain, compiled = both(lambda: gel.motion_and_slopes(contacts))
     for one, other in zip(plain, compiled, strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
+
+
+@needs_numba
+def test_compiling_is_told_in_one_line_and_loading_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from numba import config, njit
+
+    monkeypatch.setattr(config, 'CACHE_DIR', str(tmp_path))
+    for times_told in (1, 0):
+        notices: list[str] = []
+        with told_of_compiling(notices.append):
+            njit('i8(i8)', cache=True)(one_more)
+            njit('i8(i8)', cache=True)(one_less)
+        assert notices == times_told * [NOTICE]
+
+
+def one_more(number):
+    return number + 1
+
+
+def one_less(number):
+    return number - 1
+
+
+def test_the_parts_that_are_compiled_ahead_are_those_that_loops_come_from():
+    source = Path(importlib.util.find_spec('tactile_nodes.sensing.loops').origin).read_text()
+    imported = {node.module.rpartition('.')[2] for node in ast.parse(source).body if isinstance(node, ast.ImportFrom)}
+    assert imported == set(PARTS)
 
 
 def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
