@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
-from tactile_nodes.sensing.drift_verdict import Verdict
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
 from tactile_nodes.sensing.picture_motion import TERMS, PictureMotion
 from tactile_nodes.sensing.reading import Contact
+
+if TYPE_CHECKING:
+    from tactile_nodes.sensing.drift_verdict import Verdict
 
 _CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
 _PIXELS = {

@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32
-from scipy.special import j0, j1
 
 from tactile_nodes.simulation.gel import Gel
 
@@ -103,6 +102,8 @@ class Layer:
         self, contact_radius_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
     ) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
         """Radial and vertical displacement under 1 N spread as Hertz's pressure over a contact radius."""
+        from scipy.special import j0, j1  # here, for a camera of a gel that was solved before starts without it
+
         k, weight = wave_numbers(self.thickness_mm, contact_radius_mm)
         radial_k, vertical_k = self.transforms(k, z_mm)
         load = weight * hertz_transform(k * contact_radius_mm) / (2 * np.pi)

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Float32
-from scipy.ndimage import map_coordinates
-from scipy.special import j0, j1, jv
 
 from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
 
@@ -54,6 +52,8 @@ class ShearTable:
         self, contact_mm: float, points_mm: Float32[np.ndarray, 'points 3'], shift_mm: tuple[float, float]
     ) -> Float32[np.ndarray, 'points 3']:
         """Displacement of points (seen from the contact) by its sideways motion, linear between the grid's points."""
+        from scipy.ndimage import map_coordinates  # here, for only a tip that goes sideways needs it
+
         size, distance = float(np.hypot(*shift_mm)), np.hypot(points_mm[:, 0], points_mm[:, 1])
         way = np.array(shift_mm, np.float32) / size
         ahead = points_mm[:, :2] @ way / np.maximum(distance, 1e-6)
@@ -71,6 +71,8 @@ def shear_per_newton(
     layer: Layer, contact_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
 ) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
     """even, twin and lift under 1 N along x over a disc."""
+    from scipy.special import j0, j1, jv  # as above
+
     k, weight = wave_numbers(layer.thickness_mm, contact_mm)
     along, up = layer.transforms(k, z_mm, load=(1.0, 0.0))
     depth = np.outer(k, -z_mm)

@@ -13,15 +13,14 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from jaxtyping import Float, Float32
-from scipy.interpolate import PchipInterpolator
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Mesh, graded, shapes, with_middles
-from tactile_nodes.simulation.finite_strain import Indentation
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter
 from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.monotone import monotone_cubic
 
 RECIPE = 1
 """Raised when the code gives another solution of the same problem."""
@@ -114,8 +113,8 @@ class Solution:
         layer = float(-self.z_mm[0])
         radius = np.arange(0.0, 3.5 * layer, spacing_mm)
         z = np.linspace(-layer, 0.0, round(layer / spacing_mm) + 1)
-        moved = PchipInterpolator(self.depth_mm, self.at(radius, z))(depth).astype(np.float32)
-        force = shear_modulus_mpa * PchipInterpolator(self.depth_mm, self.force_mm2)(depth)
+        moved = monotone_cubic(self.depth_mm, self.at(radius, z), depth).astype(np.float32)
+        force = shear_modulus_mpa * monotone_cubic(self.depth_mm, self.force_mm2, depth)
         contact = np.interp(depth, self.depth_mm, self.contact_mm)
         return ContactTable(depth, radius, z, force, moved[..., 0].copy(), moved[..., 1].copy(), contact)
 
@@ -146,6 +145,8 @@ def solve_gel(gel: Gel) -> ContactTable:
 
 def solve_problem(problem: Problem) -> Solution:
     """Press down the ladder; takes ten to thirty seconds for the default."""
+    from tactile_nodes.simulation.finite_strain import Indentation  # scipy's solvers, for a gel that is not known yet
+
     press = Indentation(
         problem.mesh(), problem.indenter, friction=np.inf if problem.sticking else 0.0, lame=problem.lame
     )

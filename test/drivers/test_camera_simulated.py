@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +113,13 @@ def test_a_camera_of_a_shared_world_shows_the_gel_of_that_world_as_soon_as_it_is
     assert np.mean(before != frame.image) > 0.3
     assert isinstance(camera, KnowsTruth)
     assert camera.truth(frame.stamp_ns).total_n == pytest.approx(world.force_at(frame.stamp_ns))
+
+
+def test_a_camera_of_a_gel_that_is_known_starts_without_scipy() -> None:
+    """Loading scipy takes as long as all the rest of the start, and a camera that ended has to be back soon."""
+    code = (
+        'import sys; from tactile_nodes.nodes import camera; from tactile_nodes.clock import SystemClock; '
+        'source = camera.open_camera(camera.CameraParams(), SystemClock()); source.read(10.0); source.close(); '
+        'sys.exit(any(name.partition(".")[0] == "scipy" for name in sys.modules))'
+    )
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
