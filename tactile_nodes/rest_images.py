@@ -9,10 +9,11 @@ from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.sensing.knocks import KNOCK_PX
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.quality import PictureLikeness, sharpness
 from tactile_nodes.sensing.quietness import EXPLAINED
-from tactile_nodes.sensing.registration import FEW_FOUND, KNOCK_PX, Registration
+from tactile_nodes.sensing.registration import FEW_FOUND, Registration
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
 from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.knocks import KNOCK_PX, Common, judge
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
 from tactile_nodes.sensing.quietness import loosely_quiet, median, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
@@ -24,16 +25,6 @@ FEW_FOUND = 0.95
 
 LEAST_FOUND = 0.3
 """Share of the patches that must be found before their common motion means anything."""
-
-KNOCK_PX = 0.05
-"""Common motion from which the camera was knocked: presses of the tip to 2 mm reach 0.026 px."""
-
-ALIKE_SHARE = 0.5
-"""Share of the patches that must follow the common motion of a knock, to within 0.05 px and a sixth of it."""
-ALIKE_PX, ALIKE_PART = 0.05, 1 / 6
-
-EASED = 0.6
-"""A knock explains what is seen when the median motion falls below this share of what it was."""
 
 NEGLIGIBLE_PX = 0.004
 """Smaller motion is not taken out: it is the noise of the rest image."""
@@ -187,18 +178,21 @@ class Registration:
         terms = self._fit.common(motion, weight, rounds=2, about_none=True)
         if self._fit.size_px(terms) > 0.7 * KNOCK_PX:
             terms = self._fit.common(motion, weight)
-            if self._knocked(motion[found], terms, found):
-                return self._jump(terms)
+            common = judge(motion[found], self._fit.carried(terms)[found], self._fit.size_px(terms))
+            if common is not Common.NONE:
+                return self._jump(terms) if common is Common.KNOCK else self._begin_anew()
         self._follow(motion, found, terms, field, stamp_ns)
         return False
 
-    def _knocked(self, motion: Float[np.ndarray, 'n 2'], terms: Float[np.ndarray, ' terms'], found: np.ndarray) -> bool:
-        """Whether most patches moved alike, and further than any press moves them."""
-        if (size := self._fit.size_px(terms)) < KNOCK_PX:
+    def _begin_anew(self) -> bool:
+        """The gel has another shape and cannot be measured, unless only what is taken out makes it look so."""
+        self.lost = True
+        if self._straightening is None:
             return False
-        left = np.hypot(*(motion - self._fit.carried(terms)[found]).T)
-        alike = (left < ALIKE_PX + ALIKE_PART * size).mean() >= ALIKE_SHARE
-        return bool(alike and np.median(left) < EASED * np.median(np.hypot(*motion.T)))
+        self._forget_offset()
+        self._take(PictureMotion(), settled=False)
+        self._rested = 0
+        return True
 
     def _jump(self, terms: Float[np.ndarray, ' terms']) -> bool:
         moved = self.motion + PictureMotion.of(terms)

@@ -1,0 +1,67 @@
+"""Common motion of patches: a knock, a press, or a gel of another shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from dots import picture, shift
+
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.knocks import Common, judge
+from tactile_nodes.sensing.registration import Registration
+from tactile_nodes.sensing.tracking import FeatureTracker
+
+S = 1_000_000_000
+
+
+def moved(common_px: float, off_px: float, share_off: float) -> Common:
+    """100 patches that move to the right by so much, of which some are off downwards by so much."""
+    carried = np.tile([common_px, 0.0], (100, 1))
+    off = np.where(np.arange(100) < 100 * share_off, off_px, 0.0)
+    return judge(carried + np.column_stack([np.zeros(100), off]), carried, common_px)
+
+
+@pytest.mark.parametrize(
+    ('common_px', 'off_px', 'share_off', 'expected'),
+    [
+        (0.04, 0.0, 0.0, Common.NONE),
+        (0.06, 0.0, 0.0, Common.KNOCK),
+        (0.06, 0.2, 0.45, Common.KNOCK),
+        (0.06, 0.2, 0.55, Common.NONE),
+        (0.3, 0.2, 0.45, Common.KNOCK),
+        (0.9, 0.19, 0.9, Common.KNOCK),  # within 0.05 px and a sixth of 0.9 px
+        (0.5, 0.2, 0.2, Common.KNOCK),
+        (0.5, 0.2, 0.3, Common.MISSHAPEN),
+        (3.0, 0.3, 0.3, Common.MISSHAPEN),
+    ],
+)
+def test_what_patches_do_tells_a_knock_from_a_press_and_from_another_shape(
+    common_px: float, off_px: float, share_off: float, expected: Common
+) -> None:
+    assert moved(common_px, off_px, share_off) is expected
+
+
+def swollen(at: np.ndarray) -> np.ndarray:
+    """The picture shrinks by 0.8 px at the rim, and its rows by 0.6 px more or less, in waves of 100 px."""
+    waves: np.ndarray = np.column_stack([0.6 * np.sin(at[:, 1] / 16), 0 * at[:, 0]])
+    return waves - 0.8 / 220 * (at - 220)
+
+
+@pytest.mark.parametrize('knocked_px', [0.0, 1.3])
+def test_a_gel_of_another_shape_is_lost_at_once_and_found_at_once_when_it_is_as_it_was(knocked_px: float) -> None:
+    registration = Registration()
+    tracker = FeatureTracker(
+        make_flow('inverse_compositional', {'rows': 10, 'cols': 10, 'finest_scale': 1}),
+        make_encoding('cartesian_mean', {'rows': 10, 'cols': 10}), registration=registration,
+    )  # fmt: skip
+    tracker.use_reference(picture())
+    told = []
+    for number, motions in enumerate(
+        [[shift(knocked_px, 0.0)]] * 6 + [[swollen, shift(knocked_px, 0.0)]] * 3 + [[]] * 6
+    ):
+        tracker.field(picture(*motions, number=number), (1 + number) * S)
+        told.append(registration.lost)
+    assert told == [False] * 6 + [True] * 3 + [False] * 6
+    assert registration.settled
+    assert registration.surely
