@@ -116,14 +116,12 @@ def fit_regions(
         columns, slopes = response.columns_and_slopes(some.contacts)
         told = response.seen(columns)
         weight = some.weights(response, doubt, told)
-        lever = _levers(response, columns, slopes) * weight[..., None]
         left = (some.motion - told) * weight
-        by_region = lever.transpose(1, 0, 2, 3).reshape(len(here), -1, here.shape[1])
+        by_region = by_regions(levers(response, columns, slopes) * weight[..., None])
         square += by_region.transpose(0, 2, 1) @ by_region
         down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
         if shared:
-            both = (_shared_levers(response, some.contacts, slopes) * weight[..., None]).transpose(1, 0, 2, 3)
-            both = both[..., shared.free].reshape(len(here), -1, count)
+            both = by_regions(_shared_levers(response, some.contacts, slopes)[..., shared.free] * weight[..., None])
             cross += by_region.transpose(0, 2, 1) @ both
             across += np.einsum('rni,rnj->ij', both, both)
             along += np.einsum('rn,rni->i', left.transpose(1, 0, 2).reshape(len(here), -1), both)
@@ -188,25 +186,36 @@ def _shared_levers(
     return np.stack([by_force * contacts[:, 2, None, None], by_width, *by_streak], axis=-1)
 
 
-def _levers(
+def by_regions(each: Float[np.ndarray, 'n regions 2 numbers']) -> Float[np.ndarray, 'regions motions numbers']:
+    """Presses and channels in one row, for each region."""
+    rows: np.ndarray = each.transpose(1, 0, 2, 3).reshape(each.shape[1], -1, each.shape[3])
+    return rows
+
+
+def levers(
     response: AxisymmetricResponse,
     columns: Float[np.ndarray, 'n regions columns'],
     slopes: Float[np.ndarray, '3 n regions columns'],
 ) -> Float[np.ndarray, 'n regions 2 numbers']:
     """How the motion of each region changes with each of its numbers."""
     count = columns.shape[2]
-    levers = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
+    made = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
     for channel in (0, 1):
-        levers[:, :, channel, channel * count : (channel + 1) * count] = columns
+        made[:, :, channel, channel * count : (channel + 1) * count] = columns
         for axis in (0, 1):
-            levers[:, :, channel, 2 * count + axis] = -(slopes[axis] * response.couplings[:, channel]).sum(axis=-1)
-    return levers
+            made[:, :, channel, 2 * count + axis] = -(slopes[axis] * response.couplings[:, channel]).sum(axis=-1)
+    return made
 
 
 def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np.ndarray, ' distances']:
-    """The share of its motion by which a region is off beyond noise, at the distances `DOUBT_MM` from the press."""
-    told, seen = response.motion(presses.contacts), presses.certainty[..., 0] > 0
+    """The share of its motion by which a region is off, at the distances `DOUBT_MM` from the press.
+
+    That is beyond noise, and beyond what its numbers may be off by.
+    """
+    told, slopes, columns = response.motion_slopes_and_columns(presses.contacts)
+    seen = presses.certainty[..., 0] > 0
     noise = np.divide(2.0, presses.certainty[..., 0], out=np.zeros_like(told[..., 0]), where=seen)
+    noise += response.variance(slopes, columns).sum(axis=-1)
     left = (np.square(presses.motion - told).sum(axis=-1) - noise) / 2
     size, distance = np.square(told).sum(axis=-1), response.distances_mm(presses.contacts)
     borders = np.concatenate([[0.0], (DOUBT_MM[1:] + DOUBT_MM[:-1]) / 2, [np.inf]])

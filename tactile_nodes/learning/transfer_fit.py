@@ -27,6 +27,7 @@ from tactile_nodes.learning.axisymmetric_regions import (
     shared_of,
     views,
 )
+from tactile_nodes.learning.axisymmetric_unsure import with_unsure
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
@@ -201,7 +202,7 @@ class OtherGel:
             # What all regions turn out to share follows their mean, within what the smooth start was off by.
             left = numbers_of(response) - over @ smooth
             smooth = smooth + np.linalg.solve(over.T @ over + np.eye(over.shape[1]), over.T @ left)
-        return response
+        return with_unsure(response, presses, precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
         """Root mean square of what held-out presses leave over, in units of what is expected of them."""

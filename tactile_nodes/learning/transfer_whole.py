@@ -76,7 +76,7 @@ class Typical:
     def at(self, view: Float[np.ndarray, 'regions 2']) -> AxisymmetricResponse:
         """The known gel's response as regions at these places in the image would see it on average."""
         blank = np.zeros((len(view), 2, self.response.couplings.shape[2]))
-        plain = replace(self.response, couplings=blank, places=np.zeros((len(view), 2)))
+        plain = replace(self.response, couplings=blank, places=np.zeros((len(view), 2)), unsure=None)
         return with_numbers(plain, powers(view) @ self.terms)
 
 

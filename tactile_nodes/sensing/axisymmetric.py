@@ -40,6 +40,9 @@ class AxisymmetricResponse:
     surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
     Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
     the force times `softness` and the distance over `width`. `streak` bends that distance by the region's place.
+
+    Where regions are known from a few presses only, `unsure` are factors of the covariance of a region's numbers, apart
+    for what it shows along x and along y: first of its couplings, then of its place.
     """
 
     profiles: Float[np.ndarray, 'profiles distances forces']
@@ -50,6 +53,7 @@ class AxisymmetricResponse:
     width: float = 1.0
     softness: float = 1.0
     streak: Streak = field(default_factory=Streak)
+    unsure: Float[np.ndarray, 'regions 2 numbers factors'] | None = None
 
     @cached_property
     def force(self) -> SplineAxis:
@@ -68,25 +72,48 @@ class AxisymmetricResponse:
     def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
         """Motion of each region (px) under each contact (x, y in mm and force in N)."""
         if compiled_loops() is not None:
-            return self.motion_and_slopes(contacts)[0]
+            return self.motion_slopes_and_columns(contacts)[0]
         return self.seen(self.columns(contacts))
 
     def motion_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
     ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
         """Motion as above, and its slopes along x, y and force."""
+        return self.motion_slopes_and_columns(contacts)[:2]
+
+    def motion_slopes_and_columns(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[
+        Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2'], Float[np.ndarray, 'n regions columns']
+    ]:
+        """With them the profiles' values, of which couplings make that motion."""
         if (loops := compiled_loops()) is not None:
             return self._compiled(loops, contacts)
         columns, slopes = self.columns_and_slopes(contacts)
-        return self.seen(columns), np.stack([self.seen(each) for each in slopes])
+        return self.seen(columns), np.stack([self.seen(each) for each in slopes]), columns
+
+    def variance(
+        self, slopes: Float[np.ndarray, '3 n regions 2'], columns: Float[np.ndarray, 'n regions columns']
+    ) -> Float[np.ndarray, 'n regions 2']:
+        """By what motion with these slopes and columns may be off, squared (px^2), as regions are known no better."""
+        if self.unsure is None:
+            return np.zeros(slopes.shape[1:])
+        if (loops := compiled_loops()) is not None:
+            made = np.empty(slopes.shape[1:])
+            loops.motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), made)
+            return made
+        both = np.broadcast_to(columns[:, :, None], (*slopes.shape[1:], columns.shape[2]))
+        levers = np.concatenate([both, -slopes[:2].transpose(1, 2, 3, 0)], axis=-1)
+        off: np.ndarray = np.square(np.einsum('nrcl,rclf->nrcf', levers, self.unsure)).sum(axis=-1)
+        return off
 
     def _compiled(
         self, loops: ModuleType, contacts: Float[np.ndarray, 'n 3']
-    ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         made = np.empty((len(contacts), len(self.places), 2))
-        slopes = np.empty((3, *made.shape))
-        loops.motion_and_slopes(np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes)
-        return made, slopes
+        slopes, columns = np.empty((3, *made.shape)), np.empty((*made.shape[:2], self.couplings.shape[2]))
+        loops.motion_and_slopes(np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes, columns)
+        return made, slopes, columns
 
     @cached_property
     def _for_loops(self) -> tuple[np.ndarray, ...]:

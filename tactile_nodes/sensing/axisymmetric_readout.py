@@ -195,8 +195,10 @@ class AxisymmetricReadout:
 
     def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
         """How well contacts explain what is seen, the way down, and how improbable they are."""
-        made, slopes = self.response.motion_and_slopes(contacts)
-        certainty = self.weights(seen, contacts, made)
+        made, slopes, columns = self.response.motion_slopes_and_columns(contacts)
+        # Contacts together move a region by its numbers times the sum of what each of them shows.
+        unsure = self.response.variance(slopes.sum(axis=1, keepdims=True), columns.sum(axis=0, keepdims=True))[0]
+        certainty = self.weights(seen, contacts, made, unsure)
         left = seen.motion - made.sum(axis=0)
         count = max(int((certainty > 0).sum()), 1)
         lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
@@ -208,12 +210,16 @@ class AxisymmetricReadout:
         return fit, weighted @ left.reshape(-1), misfit + doubt / count
 
     def weights(
-        self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3'], made: Float[np.ndarray, 'contacts regions 2']
+        self,
+        seen: Seen,
+        contacts: Float[np.ndarray, 'contacts 3'],
+        made: Float[np.ndarray, 'contacts regions 2'],
+        unsure: Float[np.ndarray, 'regions 2'],
     ) -> Float[np.ndarray, 'regions 2']:
-        """One over the variance of each region: of its noise, and of its share of the motion."""
+        """One over the variance of each region: of its noise, of its share of the motion, and as it is not known."""
         share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
         off = (np.square(share) * np.square(made).sum(axis=-1)).sum(axis=0)
-        certainty: np.ndarray = seen.certainty / (1 + seen.certainty * off[:, None])
+        certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
         return certainty
 
     def reading(self, seen: Seen) -> Reading:

@@ -4,7 +4,7 @@ Signatures are given, so importing this module compiles everything, or loads wha
 is compiled while frames come. Sums are made in another order than numpy's, so last digits differ.
 """
 
-from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes
+from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes, motion_variance
 from tactile_nodes.sensing.loops_patches import displacement, match
 from tactile_nodes.sensing.loops_pictures import common, counted, differences, halved
 from tactile_nodes.sensing.loops_response import read as read_response
@@ -20,5 +20,6 @@ __all__ = [
     'match',
     'most_away',
     'motion_and_slopes',
+    'motion_variance',
     'read_response',
 ]

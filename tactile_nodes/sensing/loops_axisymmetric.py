@@ -71,10 +71,11 @@ def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
 
 
 @compiled(
-    'void(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1])'
+    'void(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1], '
+    'f8[:, :, ::1])'
 )
-def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes):
-    """As `AxisymmetricResponse.motion_and_slopes`: fills in (n, regions, 2) and (3, n, regions, 2).
+def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes, columns):
+    """As `AxisymmetricResponse.motion_slopes_and_columns`: fills in (n, regions, 2), (3, n, regions, 2) and columns.
 
     `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance,
     then what streaks are told by; `axes` low, high and intervals of the splines over distance and force.
@@ -84,7 +85,7 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
     along = np.empty((2, count, profiles.shape[1]))
     weights, near, toward = np.empty((2, 4)), np.empty((2, 4)), np.empty(2)
     value, outward, by_force = np.empty(count), np.empty(count), np.empty(count)
-    columns, column_slopes = np.empty(couplings.shape[2]), np.empty((3, couplings.shape[2]))
+    column_slopes = np.empty((3, couplings.shape[2]))
     region_slopes, away, bent = np.empty((3, 2)), np.empty(2), np.empty(2)
     for n in range(contacts.shape[0]):
         force = contacts[n, 2] * softness
@@ -108,10 +109,27 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
                     more += along[1, p, i + j] * near[0, j]
                 value[p], outward[p], by_force[p] = here, out * per_mm, more * softness
             core = np.tanh(distance / numbers[5])
-            _columns(value, outward, by_force, toward, core, distance, numbers, columns, column_slopes)
-            _seen_along(couplings[r], columns, column_slopes, made[n, r], region_slopes)
+            _columns(value, outward, by_force, toward, core, distance, numbers, columns[n, r], column_slopes)
+            _seen_along(couplings[r], columns[n, r], column_slopes, made[n, r], region_slopes)
             for channel in range(2):
                 over = aslant_x * region_slopes[0, channel] + aslant_y * region_slopes[1, channel]
                 for axis in range(2):
                     slopes[axis, n, r, channel] = region_slopes[axis, channel] + over * bent[axis]
                 slopes[2, n, r, channel] = region_slopes[2, channel]
+
+
+@compiled('void(f8[:, :, :, ::1], f8[:, :, ::1], f8[:, :, :, ::1], f8[:, :, ::1])')
+def motion_variance(slopes, columns, unsure, off):
+    """As `AxisymmetricResponse.variance`: fills in (n, regions, 2)."""
+    count = columns.shape[2]
+    for n in range(columns.shape[0]):
+        for r in range(columns.shape[1]):
+            for channel in range(2):
+                total = 0.0
+                for f in range(unsure.shape[3]):
+                    along = -slopes[0, n, r, channel] * unsure[r, channel, count, f]
+                    along -= slopes[1, n, r, channel] * unsure[r, channel, count + 1, f]
+                    for c in range(count):
+                        along += columns[n, r, c] * unsure[r, channel, c, f]
+                    total += along * along
+                off[n, r, channel] = total

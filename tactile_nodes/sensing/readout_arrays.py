@@ -111,6 +111,8 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     response, correction = readout.response, readout.correction
     arrays = _scaling_arrays(readout.scaling)
     arrays |= {name: np.asarray(getattr(response, name), np.float32) for name in ('profiles', 'places', 'couplings')}
+    if response.unsure is not None:
+        arrays['unsure'] = response.unsure.astype(np.float16)
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
     return arrays, {
         **_said(readout.kind, readout.scaling, None),
@@ -127,10 +129,12 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
 
 def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
     profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
-    numbers = said['hardest_n'], places, couplings, said['width'], said['softness'], Streak(**said.get('streak', {}))
+    numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
+    streak = Streak(**said.get('streak', {}))
+    unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
-        AxisymmetricResponse(profiles, said['lateral'], *numbers),
+        AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
         arrays['doubt'].astype(float),
         Correction(arrays['correction'].astype(float), **said['correction']),
         bins,

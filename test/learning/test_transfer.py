@@ -104,6 +104,14 @@ def test_the_form_taken_is_the_simplest_of_those_that_explain_held_out_presses(m
     assert made.reason.startswith(f'{made.form}: ')
 
 
+def test_regions_fitted_to_few_presses_say_how_unsure_they_are(source: AxisymmetricReadout) -> None:
+    few, more = (OtherGel.of(source, other_gel(count, seed=3)) for count in (10, 40))
+    asked = np.array([[0.0, 0.0, 0.4]])
+    made = [each.regions(each.whole('whole').response) for each in (few, more)]
+    off = [each.variance(*each.motion_slopes_and_columns(asked)[1:]).sum() for each in made]
+    assert 0 < off[1] < off[0]
+
+
 def test_the_card_tells_errors_before_and_after(made: Transfer) -> None:
     said = made.as_dict()
     assert said['after']['place_median_mm'] < said['before']['place_median_mm']

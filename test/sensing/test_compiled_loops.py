@@ -166,7 +166,7 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
         Streak(-0.4, 0.1),
     )  # fmt: skip
     contacts = np.array([(0.0, 0.0, 0.0), (3.0, -11.0, 0.7), (*gel.places[4], 1.4), (-9.0, 2.0, 1.5)])
-    plain, compiled = both(lambda: gel.motion_and_slopes(contacts))
+    plain, compiled = both(lambda: gel.motion_slopes_and_columns(contacts))
     for one, other in zip(plain, compiled, strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
 
@@ -196,6 +196,18 @@ def test_the_parts_that_are_compiled_ahead_are_those_that_loops_come_from():
     source = Path(importlib.util.find_spec('tactile_nodes.sensing.loops').origin).read_text()
     imported = {node.module.rpartition('.')[2] for node in ast.parse(source).body if isinstance(node, ast.ImportFrom)}
     assert imported == set(PARTS)
+
+
+@needs_numba
+def test_the_same_is_not_known_of_regions():
+    random = np.random.default_rng(2)
+    profiles, couplings = random.normal(size=(3, DISTANCES.count, 9)), random.normal(size=(50, 2, 5))
+    gel = AxisymmetricResponse(
+        profiles, 2, 1.2, random.uniform(-14, 14, (50, 2)), couplings, unsure=random.normal(size=(50, 2, 7, 3))
+    )
+    _, slopes, columns = gel.motion_slopes_and_columns(np.array([(0.0, 0.0, 0.3), (3.0, -11.0, 0.7)]))
+    plain, compiled = both(lambda: gel.variance(slopes, columns))
+    np.testing.assert_allclose(compiled, plain, rtol=1e-9)
 
 
 def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
