@@ -42,8 +42,9 @@ arrive. The camera reads its pictures from files in turn, four presses and rests
 sensing. Second the highest of {tried_hz} frames a second at which every image is answered for {seconds:g} s: images
 lie in memory, their publisher, flow features, force estimator and a subscriber share one process and one core; a
 rate is held if one of three tries loses nothing. *in contact*: a press in every frame, so that each is measured;
-*mixed*: nothing touches in half of them. Processor time is of all cores; other work on the machine makes everything
-slower."""
+*mixed*: nothing touches in half of them. *CPU a frame* is that of the publisher, both nodes and the subscriber; what is
+left of a frame's time is what a pause may take. Processor time of the nodes is of all cores; other work on the machine
+makes everything slower."""
 
 
 @dataclass
@@ -107,7 +108,10 @@ def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]
 
 def _rates(model: str, compiled: bool, arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     found = highest(model, compiled, sorted(arguments.rates), arguments.seconds, progress)
-    return {kind: {'held': held.rate_hz, 'p99_ms': held.p99_ms, 'next': held.next_hz} for kind, held in found.items()}
+    return {
+        kind: {'held': held.rate_hz, 'p99_ms': held.p99_ms, 'cpu_ms': held.cpu_ms, 'next': held.next_hz}
+        for kind, held in found.items()
+    }
 
 
 def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
@@ -197,7 +201,7 @@ def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
 def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:
     rows = [
         [each['model'], 'compiled' if each['compiled'] else 'numpy', each['frames'], str(each['held']),
-         f'{each["p99_ms"]:.2f}', str(each['next'] or '–')]
+         f'{each["p99_ms"]:.2f}', f'{each["cpu_ms"]:.2f}', str(each['next'] or '–')]
         for each in rates
     ]  # fmt: skip
-    return table(['model', 'loops', 'frames', 'held [Hz]', 'p99 [ms]', 'no longer at [Hz]'], rows)
+    return table(['model', 'loops', 'frames', 'held [Hz]', 'p99 [ms]', 'CPU a frame [ms]', 'no longer at [Hz]'], rows)

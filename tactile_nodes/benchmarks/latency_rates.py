@@ -6,8 +6,9 @@ import math
 import multiprocessing
 import os
 import threading
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,10 +41,14 @@ TRIES = 3
 
 @dataclass(frozen=True)
 class Held:
-    """The highest rate at which nothing was dropped (0: none), stamp to force there, and the next, which was not."""
+    """The highest rate at which nothing was dropped (0: none), and the next, which was not held.
+
+    At that rate, from stamp to force and the processor's time for each frame, its publishing included.
+    """
 
     rate_hz: int
     p99_ms: float
+    cpu_ms: float
     next_hz: int | None
 
 
@@ -74,13 +79,13 @@ def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every
     try:
         _feed(camera, pictures[:rests], 50)
         settle()
-        held = Held(0, math.nan, rates[0])
+        held = Held(0, math.nan, math.nan, rates[0])
         for number, rate in enumerate(rates):
             tries = (_tried(camera, forces, pictures[rests:], rate, round(rate * seconds)) for _ in range(TRIES))
-            dropped, p99_ms = next((each for each in tries if not each[0]), (1, math.nan))
+            dropped, p99_ms, cpu_ms = next((each for each in tries if not each[0]), (1, math.nan, math.nan))
             if dropped:
-                return Held(held.rate_hz, held.p99_ms, rate)
-            held = Held(rate, p99_ms, rates[number + 1] if number + 1 < len(rates) else None)
+                return replace(held, next_hz=rate)
+            held = Held(rate, p99_ms, cpu_ms, rates[number + 1] if number + 1 < len(rates) else None)
         return held
     finally:
         done.set()
@@ -90,17 +95,19 @@ def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every
 
 def _tried(
     camera: Publisher, forces: Subscription, pictures: Sequence[np.ndarray], rate: int, count: int
-) -> tuple[int, float]:
-    """How many images of `count` were not answered, and the 99th percentile from stamp to force (ms)."""
+) -> tuple[int, float, float]:
+    """How many images of `count` were not answered; from stamp to force (99th percentile) and CPU a frame (ms)."""
     clock = SystemClock()
     clock.sleep_until(clock.now_ns() + SETTLES_NS)
     while forces.take() is not None:
         pass
+    begun_ns = time.process_time_ns()
     _feed(camera, [pictures[i % len(pictures)] for i in range(count)], rate)
     late_ms: list[float] = []
     while len(late_ms) < count and (received := forces.get(ANSWERS_WITHIN_S)) is not None:
         late_ms.append((received.source_ns - stamp_ns(received.message.header.stamp)) / 1e6)
-    return count - len(late_ms), float(np.percentile(late_ms or [math.nan], 99))
+    cpu_ms = (time.process_time_ns() - begun_ns) / 1e6 / count
+    return count - len(late_ms), float(np.percentile(late_ms or [math.nan], 99)), cpu_ms
 
 
 def _feed(camera: Publisher, pictures: Sequence[np.ndarray], rate: int) -> None:

@@ -22,16 +22,17 @@ def test_a_slow_rate_from_memory_is_held() -> None:
     for held in highest('fast', False, [2], 2.0, Progress()).values():
         assert held.rate_hz == 2
         assert 0 < held.p99_ms < 10_000
+        assert 0 < held.cpu_ms < 1000
         assert held.next_hz is None
 
 
 def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(latency, '_live', lambda *_: LIVE)
-    held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'next': 400}
+    held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'cpu_ms': 0.8, 'next': 400}
     monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
     monkeypatch.setattr(latency, 'recorded_camera', lambda _: ('source:=somewhere', 'config:=else'))
     asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
     text = latency.page(latency.measure(asked, Progress()))
     assert '$ tactile bench latency --minutes 0.1 --models fast --compiled --seconds 1 --rates 300 400' in text
     assert '600 |       2 |    1 |' in text
-    assert 'compiled |  mixed |       300 |     2.50 |               400 |' in text
+    assert 'compiled |  mixed |       300 |     2.50 |             0.80 |               400 |' in text
