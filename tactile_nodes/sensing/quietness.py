@@ -29,6 +29,9 @@ QUIET_NOISE = 7.5
 
 Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN make 10.8 to 19.
 """
+TOUCHED_NOISE = 10.0
+"""The same from which something of 20 mN may touch: noise reaches it in less than one frame of a hundred."""
+
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
 OUTLIERS = 0.05
@@ -55,12 +58,14 @@ def loosely_quiet(
     return _share_beyond(squared, limit) <= OUTLIERS
 
 
-def quiet(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches']) -> bool:
+def quiet(
+    left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float = QUIET_NOISE
+) -> bool:
     """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
     if _share_beyond(_squared(left[found]), QUIET_PX) > OUTLIERS:
         return False
     most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
-    return most <= QUIET_NOISE * noise_of(left[found])
+    return most <= limit * noise_of(left[found])
 
 
 def noise_of(left: Float[np.ndarray, 'n 2'], least_px: float = LEAST_NOISE_PX) -> float:

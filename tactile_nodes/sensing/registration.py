@@ -17,7 +17,7 @@ from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.knocks import KNOCK_PX, Common, judge
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
-from tactile_nodes.sensing.quietness import loosely_quiet, median, quiet
+from tactile_nodes.sensing.quietness import TOUCHED_NOISE, loosely_quiet, median, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 
 FEW_FOUND = 0.95
@@ -60,7 +60,8 @@ class Registration:
 
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
     again, or moved too far. `found` is the share of the known patches that were found again, `explained` how well the
-    middle one is, beside the rest image itself. `surely`: nothing touched in the last frame; `maybe`: not much did. All
+    middle one is, beside the rest image itself. `surely`: nothing touched in the last frame; `maybe`: not much did; `free`: less
+    than 20 mN, as far as patches beside a flow without any tell. All
     follows from the images and their stamps since the rest image; `dent` is what they say of that.
     """
 
@@ -68,7 +69,7 @@ class Registration:
         self.options = options or RegistrationOptions()
         self.motion = self._base = self._resting = PictureMotion()
         self.settled, self.lost, self.found = True, False, 1.0
-        self.surely, self.maybe = False, False
+        self.surely, self.maybe, self.free = False, False, False
         self._moved_px, self.explained = 0.0, 1.0
         self._reference: np.ndarray | None = None
         self._rest: Registered
@@ -155,7 +156,7 @@ class Registration:
         """Take that nothing touches in a frame, and nothing moved."""
         self._rested = max(self._rested, 1) + 1
         self.settled, self.lost, self.found, self._last_ns = True, False, 1.0, stamp_ns
-        self.surely = self.maybe = True
+        self.surely = self.maybe = self.free = True
         self.dent.rested(surely=True)
 
     def look(self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField, stamp_ns: int) -> bool:
@@ -166,7 +167,7 @@ class Registration:
             field: motion in it without that of the whole picture.
             stamp_ns: when it was taken.
         """
-        self.surely = self.maybe = False
+        self.surely = self.maybe = self.free = False
         if self._rest.known_count < LEAST_FOUND * PATCHES**2:
             return False  # a pattern too sparse to tell
         motion, found = self._patches(straight, field)
@@ -220,6 +221,7 @@ class Registration:
         beside = self.dent.without(left - self._still, found, settled=self.settled)
         self.maybe = loosely_quiet(beside, found, self.size_px, self.explained)
         self.surely = self.maybe and quiet(beside, found)
+        self.free = self.surely or (self.watches and self.maybe and quiet(beside, found, TOUCHED_NOISE))
         self.dent.rested(self.surely)
         if not (self.surely or (early and self.maybe and not self.settled)):
             if self.maybe and not self.settled:  # something touched in those frames: begin anew

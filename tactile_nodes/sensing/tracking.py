@@ -209,7 +209,7 @@ class FeatureTracker:
             self.straight = straight
             field = registration.without(self._flow.displacement(straight))
         # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
-        seen_at_rest = self._check is not None and registration.watches and registration.surely
+        seen_at_rest = self._check is not None and registration.watches and registration.free
         return self._at_rest()[0] if seen_at_rest else field
 
     def untouched(self, field: DisplacementField) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.quietness import loosely_quiet, quiet
+from tactile_nodes.sensing.quietness import PATCHES, PLACES, loosely_quiet, quiet
 
 FOUND = np.ones(100, bool)
 NOISE = np.random.default_rng(2).normal(0, 0.003, (100, 2))
@@ -28,3 +28,13 @@ def test_patches_whose_markers_are_gone_may_seem_to_move() -> None:
     wandering[:8] = [0.12, 0.0]
     assert not loosely_quiet(wandering, FOUND, 0.0, 1.0)
     assert loosely_quiet(wandering, FOUND, 0.0, 0.5)  # half of the middle patch is explained: 0.125 px more
+
+
+def test_a_limit_is_in_units_of_the_noise_of_the_middle_patch() -> None:
+    """Every patch moves by 0.01 px along one axis and not along the other: its noise is half of 0.01 px over 0.6745."""
+    left = np.zeros((PATCHES**2, 2))
+    left[::2, 0], left[1::2, 1] = 0.01, 0.01
+    most = PLACES.most(left.astype(np.float32)) / (0.005 / 0.6745)
+    everywhere = np.ones(PATCHES**2, bool)
+    assert quiet(left, everywhere, 1.01 * most)
+    assert not quiet(left, everywhere, 0.99 * most)
