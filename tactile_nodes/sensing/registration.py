@@ -59,10 +59,10 @@ class Registration:
     """Keeps the motion of the whole picture since the rest image, and takes it out of images and of motion found.
 
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
-    again, or moved too far. `found` is the share of the known patches that were found again, `explained` how well the
-    middle one is, beside the rest image itself. `surely`: nothing touched in the last frame; `maybe`: not much did; `free`: less
-    than 20 mN, as far as patches beside a flow without any tell. All
-    follows from the images and their stamps since the rest image; `dent` is what they say of that.
+    again, moved too far, or has another shape. `found` is the share of the known patches that were found again,
+    `explained` how well the middle one is, beside the rest image itself. `surely`: nothing touched in the last frame;
+    `maybe`: not much did; `free`: less than 20 mN, as patches beside a flow without any tell. All follows from the images
+    and their stamps since the rest image; `dent` is what they say of that.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:

@@ -62,11 +62,10 @@ GUARDED = (
     ('frames dropped', 90), ('stamps jump', -60), ('all black', 0), ('motion exactly zero', 0),
     ('camera shifted as a tip', 0.3), ('gel swollen', 0.1), ('hot spot', 100), ('stuck pixels', 0.1),
     ('deeper than trained', 2.5), ('two contacts', 4), ('touched in its first frames', 8),
+    ('flat punch', 1), ('ball', 1), ('pressed fast', 100), ('dragged', 0.1), ('deeper than trained', 2),
+    ('taken while touched', 0.1), ('gel swollen', 0.3),
 )  # fmt: skip
 """Disturbances under which `fast` is right or says that it is not."""
-
-WINNING = (('flat punch', 1),)
-"""One of those that win: `fast` is wrong there and says ok, as docs/results/stability.md tells."""
 
 
 @pytest.fixture(scope='module')
@@ -84,13 +83,6 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
     found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
     assert found.rmse_ok_n is None or found.rmse_ok_n <= 2 * usual_n + FLOOR_N
     assert found.false_ok_n <= 0.020
-
-
-@pytest.mark.parametrize(('name', 'level'), WINNING)
-def test_what_wins_on_the_page_still_wins(world: World, usual_n: float, name: str, level: float) -> None:
-    found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
-    assert found.rmse_ok_n is not None, 'it says so now: take it off this list, and off the page by a new run'
-    assert found.rmse_ok_n > 2 * usual_n + FLOOR_N, 'it holds now: take it off this list, and off the page by a new run'
 
 
 @settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
