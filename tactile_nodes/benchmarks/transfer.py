@@ -69,8 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--many', type=int, default=8, metavar='N', help='gels that a model without any press learns from (default: 8)'
     )
     parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help='write transfer.json, transfer.md and transfer.png there'
+        '--gels-seed', type=int, default=GELS_SEED, metavar='N', help='other gels than the test gels, to develop on'
     )
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FOLDER',
+        help='write transfer.json, transfer.md and transfer.png there; of other gels transfer_gels_N.*',
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -82,21 +86,24 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.gels < 1 or arguments.many < 0:
         raise ConfigurationError('--gels must be at least 1, and --many at least 0')
-    command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}'
+    seed, name, said = arguments.gels_seed, 'transfer', ''
+    if seed != GELS_SEED:
+        name, said = f'transfer_gels_{seed}', f' --gels-seed {seed}'
+    command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}{said}'
     plain = surroundings(command)
     loaded = load_model(find_model(arguments.model))
-    own, scores = measure(loaded, range(arguments.gels), TerminalProgress(), arguments.many)
-    gels = [other_gel(config_of(loaded).gel, number) for number in range(arguments.gels)]
-    text = page(command, plain, own, scores, gels)
+    own, scores = measure(loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed)
+    gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
+    text = page(command, plain, own, scores, gels, f'{name}.png')
     print(text)
     if arguments.output:
         keep(
             arguments.output,
-            'transfer',
+            name,
             text,
             {**plain, 'own': asdict(own), 'scores': [asdict(each) for each in scores]},
         )
-        draw(own, scores, arguments.output / 'transfer.png')
+        draw(own, scores, arguments.output / f'{name}.png')
     return 0
 
 
@@ -123,7 +130,9 @@ def _within(random: np.random.Generator, most: float) -> float:
     return float(random.uniform(-most, most))
 
 
-def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0) -> tuple[Score, list[Score]]:
+def measure(
+    loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = GELS_SEED
+) -> tuple[Score, list[Score]]:
     """The model's score on its own gel, and all scores on the others; with a model of `many` further gels beside.
 
     Raises:
@@ -137,8 +146,9 @@ def measure(loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: 
     of_many = _of_many(loaded, gel, many, progress) if many else None
     scores = []
     for number in gels:
-        dataset = _presses(loaded, other_gel(gel, number), progress)
-        made = _on_gel(source, _planned(loaded, other_gel(gel, number), progress), dataset, number)
+        other = other_gel(gel, number, seed)
+        dataset = _presses(loaded, other, progress)
+        made = _on_gel(source, _planned(loaded, other, progress), dataset, number)
         if of_many is not None:
             made.append(_score(number, 0, MANY, _at_rest(of_many, dataset), _tested(dataset)))
         scores += made

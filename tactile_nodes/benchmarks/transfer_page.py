@@ -28,11 +28,19 @@ HEADS = [
 ]
 COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1'}
 DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'armse_n': 'aRMSE, N'}
+COMPARED = {'force': 'force_rmse_n', 'place': 'place_median_mm', 'aRMSE': 'armse_n'}
 AIMS = {100: 1.1, 25: 1.5}
 """Times the source's own error, by presses."""
 
 
-def page(command: str, plain: Mapping[str, Any], own: Score, scores: Sequence[Score], gels: Sequence[Gel] = ()) -> str:
+def page(
+    command: str,
+    plain: Mapping[str, Any],
+    own: Score,
+    scores: Sequence[Score],
+    gels: Sequence[Gel] = (),
+    picture: str = 'transfer.png',
+) -> str:
     """The results as a page of documentation."""
     rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
     level = ['own gel', 'all', *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
@@ -50,13 +58,13 @@ def page(command: str, plain: Mapping[str, Any], own: Score, scores: Sequence[Sc
         'gel tested. Presses to calibrate by are the first of `config/plans/calibrate.yaml`. The first row is the',
         'model on its own gel.',
         '',
-        '![error against number of presses](transfer.png)',
+        f'![error against number of presses]({picture})',
         '',
         table(HEADS, [level, *(each for each in rows if each)]),
         '',
         '## Against the source on its own gel',
         '',
-        table(['presses', 'aim', 'force, median gel', 'worst', 'place, median gel', 'worst'], _aims(own, scores)),
+        table(['presses', 'aim', *(f'{of}, median gel (worst)' for of in COMPARED)], _aims(own, scores)),
         '',
         '## The gels',
         '',
@@ -84,18 +92,9 @@ def _aims(own: Score, scores: Sequence[Score]) -> list[list[str]]:
         chosen = [each for each in scores if (each.way, each.presses) == (CALIBRATED, presses)]
         if not chosen:
             continue
-        force, place = (
-            [getattr(each, name) / getattr(own, name) for each in chosen]
-            for name in ('force_rmse_n', 'place_median_mm')
-        )
+        ratios = [[getattr(each, name) / getattr(own, name) for each in chosen] for name in COMPARED.values()]
         aim = f'{AIMS[presses]:.1f}x' if presses in AIMS else ''
-        rows.append(
-            [
-                str(presses),
-                aim,
-                *(f'{float(value):.2f}x' for of in (force, place) for value in (np.median(of), max(of))),
-            ]
-        )
+        rows.append([str(presses), aim, *(f'{float(np.median(of)):.2f}x ({max(of):.2f}x)' for of in ratios)])
     return rows
 
 
