@@ -61,8 +61,8 @@ class Registration:
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
     again, moved too far, or has another shape. `found` is the share of the known patches that were found again,
     `explained` how well the middle one is, beside the rest image itself. `surely`: nothing touched in the last frame;
-    `maybe`: not much did; `free`: less than 20 mN, as patches beside a flow without any tell. All follows from the images
-    and their stamps since the rest image; `dent` is what they say of that.
+    `maybe`: not much did; `free`: less than 20 mN, as patches beside a flow without any tell. All follows from the
+    images and their stamps since the rest image; `dent` is what they say of that.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:
