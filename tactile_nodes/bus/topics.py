@@ -88,7 +88,7 @@ FORCE_DISTRIBUTION = Topic(
 WRENCH = Topic(
     'wrench',
     'geometry_msgs/msg/WrenchStamped',
-    'net force on the gel in the surface frame [N, N m]',
+    'net force on the gel in the surface frame [N, N m]; made while somebody listens',
     _LATEST,
     60.0,
     frame=_SURFACE,
