@@ -11,6 +11,7 @@ IMAGE = np.full((4, 4), 90, np.uint8)
 STILL = Rested(surely=True, maybe=True, like=True, changed=False)
 DIMMER = Rested(surely=False, maybe=True, like=False, changed=True)
 TOUCHED = Rested(surely=False, maybe=False, like=False, changed=True)
+TOUCHED_BESIDE = Rested(surely=False, maybe=False, like=False, changed=False)
 CREPT = Rested(surely=True, maybe=True, like=False, changed=False)
 
 
@@ -59,3 +60,22 @@ def test_a_picture_that_goes_on_changing_is_renewed_less_and_less_often() -> Non
             at_s.append(number / 2)
     assert at_s[:6] == [0.5, 2.5, 6.5, 14.5, 30.5, 62.5]
     assert at_s[7] - at_s[6] == 60.0
+
+
+def test_a_renewed_rest_image_is_taken_once_more_of_frames_at_rest_touches_between_them_or_not() -> None:
+    renewal, found = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=6)), []
+    renewal.taken(0, renewed=False)
+    course = [DIMMER] * 4 + [STILL, TOUCHED_BESIDE, CREPT, STILL] * 4
+    for number, each in enumerate(course, 1):
+        image = renewal.offer(np.full((4, 4), 50 + 2 * number, np.uint8), number * S // 30, each)
+        if image is not None:
+            renewal.taken(number * S // 30, renewed=True)
+            found.append((number, int(image[0, 0])))
+    # Frames 1 to 4, 2.5 in the mean, and 5, 7, 8, 9, 11 and 12, which are 8.67.
+    assert found == [(4, 55), (12, 67)]
+
+
+def test_a_captured_rest_image_and_a_refined_one_are_not_taken_once_more() -> None:
+    renewal = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=6))
+    renewal.taken(0, renewed=True)  # the captured one, which has returned
+    assert all(renewal.offer(IMAGE, number * S // 30, STILL) is None for number in range(1, 60))
