@@ -32,7 +32,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
-from tactile_nodes.learning.transfer_checks import require_better, require_presses, require_tared
+from tactile_nodes.learning.transfer_checks import MOST_OFFSET_N, require_better, require_presses, require_tared
 from tactile_nodes.learning.transfer_correction import carried_share
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
@@ -113,11 +113,10 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
         wholes = {form: other.whole(form) for form in FORMS if form != 'regions'}
         wholes['regions'] = wholes['whole']
-        begin = wholes['whole'].numbers
-        offset = fit_whole(other.start, other.presses, begin=begin, offset=True).offset_n
-        require_tared(offset)
-        bar.advance()
         fold = folds_of(other.presses.contacts)
+        offset = other.offset(wholes['whole'])
+        require_tared(offset, other.offset_spread(wholes['whole'], fold) if abs(offset) > MOST_OFFSET_N else 0.0)
+        bar.advance()
         folds = other.folds(wholes, fold, bar.advance)
         misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
@@ -173,6 +172,15 @@ class OtherGel:
     def whole(self, form: str) -> WholeFit:
         """What differs as a whole, of those numbers that a form leaves open, by all presses."""
         return fit_whole(self.start, self.presses, FORMS[form])
+
+    def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
+        """The force (N) that some presses, or all, seem to begin at."""
+        return fit_whole(self.start, self.presses.take(chosen), begin=whole.numbers, offset=True).offset_n
+
+    def offset_spread(self, whole: WholeFit, fold: Int[np.ndarray, ' presses']) -> float:
+        """The standard deviation of that force, by what it is without each fold (jackknife)."""
+        found = np.array([self.offset(whole, np.flatnonzero(fold != number)) for number in np.unique(fold)])
+        return float(np.sqrt((len(found) - 1) * found.var()))
 
     def folds(
         self, wholes: Mapping[str, WholeFit], fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]

@@ -14,6 +14,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.transfer_calibration import cautious, nearer_by
+from tactile_nodes.learning.transfer_checks import require_tared
 from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
@@ -136,6 +137,22 @@ def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
 def test_presses_in_one_corner_are_refused(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='press all over the surface'):
         transfer(source, other_gel(25, seed=3, reach_mm=3.0))
+
+
+def test_an_offset_that_few_presses_do_not_bear_out_is_no_reason_to_refuse() -> None:
+    require_tared(-0.11, 0.03)
+    with pytest.raises(DatasetError, match=r'forces seem to be -0\.14 N'):
+        require_tared(-0.14, 0.03)
+
+
+def test_the_spread_of_an_offset_is_that_of_fits_without_a_fold_each(
+    source: AxisymmetricReadout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Jackknife: of five estimates that are 0 to 0.4 N, 4/5 of 0.1 N^2 squared off their mean, 0.283 N."""
+    other = OtherGel.of(source, other_gel(10, seed=3))
+    fold = np.arange(10) % 5
+    monkeypatch.setattr(OtherGel, 'offset', lambda _, whole, chosen: 0.1 * ({*range(5)} - {*fold[chosen]}).pop())
+    assert other.offset_spread(other.whole('hardness'), fold) == pytest.approx(np.sqrt(0.8 * 0.1))
 
 
 def test_forces_that_were_never_tared_are_refused(source: AxisymmetricReadout) -> None:
