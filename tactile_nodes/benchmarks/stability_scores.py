@@ -48,6 +48,11 @@ class Answer:
         return self.total_n - self.true_n
 
     @property
+    def said(self) -> bool:
+        """Whether it is not ok, for more than that contact began, which any stream says."""
+        return self.status != OK and self.reasons != FORCE.REASON_BEGINNING
+
+    @property
     def true_mm(self) -> list[tuple[float, float]]:
         return [(each.x_mm + each.shift_mm[0], each.y_mm + each.shift_mm[1]) for each in self.moment.touching]
 
@@ -60,9 +65,9 @@ class Score:
     these. `error_sigmas` is the error in units of the uncertainty told. `place_mm` is the median over contacts,
     `missed` the share of true contacts that no reported one answers to. `rest_n` is the largest force told at rest,
     `false_n` the largest of those told as a contact (0: none), and `false_share` their share. Shares of statuses are
-    over all frames. `until_said` and `until_invalid` count frames from the cause to the first that is not ok, and is
-    invalid (1: at once); `until_left` is the last frame after its end that is still invalid (0: none), None if it does
-    not end.
+    over all frames. `until_said` and `until_invalid` count frames from the cause to the first that is not ok for more
+    than a contact that began, and is invalid (1: at once); `until_left` is the last frame after its end that is still
+    invalid (0: none), None if it does not end.
     """
 
     rmse_n: float | None
@@ -119,7 +124,7 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
         held_invalid=_share(held, [each.status == INVALID for each in held]),
         sigma_n=_median([each.sigma_n for each in held]),
         error_sigmas=_rms_of([each.error_n / each.sigma_n for each in held if each.sigma_n > 0]),
-        until_said=_first(since, (DEGRADED, INVALID)),
+        until_said=next((n for n, each in enumerate(since, 1) if each.said), None),
         until_invalid=_first(since, (INVALID,)),
         until_left=None if endless else _last(after, (INVALID,)),
         reasons=_reasons(during),

@@ -88,6 +88,12 @@ def test_what_is_there_only_in_contact_is_caused_by_the_first_contact() -> None:
     assert found.until_said == 2
 
 
+def test_a_contact_that_begins_says_nothing_of_a_cause() -> None:
+    begun = dataclasses.replace(held(0.5, DEGRADED), reasons=types.ForceDistribution.REASON_BEGINNING)
+    assert score([rest(0.0), begun, held(0.5)]).until_said is None
+    assert score([rest(0.0), dataclasses.replace(begun, reasons=begun.reasons | FOREIGN)]).until_said == 2
+
+
 def test_what_is_in_the_rest_image_counts_to_the_end_and_is_never_left() -> None:
     first = answer(BEFORE, CAPTURE, status=INVALID)
     found = score([first, answer(BEFORE, REST, status=DEGRADED), held(0.5), answer(AFTER, REST)], Change(acts=always))
