@@ -36,10 +36,10 @@ undisturbed stream's; *while ok* the same over those frames whose status is ok; 
 contact; *missed* the share of contacts that none was told for; *false* the largest force told as a contact while
 nothing touches, and the share of frames at rest in which one was; *status* the shares of frames that say ok, degraded
 and invalid (in every stream the first frame of each contact is degraded, as it may have been caught moving, which is
-one in seven, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the error in units of it; *said
-after* and *invalid after* the number of the first frame after the cause that is not ok, and is invalid (1: at once);
-*left after* the last one after its end that is still invalid. Bold: a force more than twice as wrong as undisturbed,
-or a false contact above 20 mN, with status ok."""
+one in seven, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the
+error in units of it; *said after* and *invalid after* the number of the first frame after the cause that is not ok, and
+is invalid (1: at once); *left after* the last one after its end that is still invalid. Bold: a force more than twice as
+wrong as undisturbed, or a false contact above 20 mN, with status ok."""
 
 
 def page(result: Mapping[str, Any]) -> str:
