@@ -33,7 +33,6 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
 from tactile_nodes.learning.transfer_checks import MOST_OFFSET_N, require_better, require_presses, require_tared
-from tactile_nodes.learning.transfer_correction import carried_share
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -130,9 +129,6 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     held = [each for each in held if each.fits]
     if not held:
         raise DatasetError('no press shows enough regions to be read; check the camera and the light')
-    share = carried_share(known.correction, held)
-    readout = other.with_forces_corrected(readout, share)
-    held = [replace(each, readout=other.with_forces_corrected(each.readout, share)) for each in held]
     read = live_errors(source, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
@@ -238,14 +234,12 @@ class OtherGel:
         return np.asarray(np.sqrt(np.mean(np.square(shares), axis=0)))
 
     def readout(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> AxisymmetricReadout:
-        """The source's readout with another response; of its correction that of places alone, due to the lens."""
-        plain = replace(self.source, scaling=self.scaling, response=response, doubt=doubt)
-        return self.with_forces_corrected(plain, 0.0)
+        """The source's readout with another response; of its correction that of places alone, due to the lens.
 
-    def with_forces_corrected(self, readout: AxisymmetricReadout, share: float) -> AxisymmetricReadout:
-        """With a share of the source's correction of forces."""
-        known = self.source.correction
-        return replace(readout, correction=replace(known, terms=known.terms * np.array([1.0, 1.0, share])))
+        What it adds to forces follows from the source's own markers.
+        """
+        places = replace(self.source.correction, terms=self.source.correction.terms * np.array([1.0, 1.0, 0.0]))
+        return replace(self.source, scaling=self.scaling, response=response, doubt=doubt, correction=places)
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
