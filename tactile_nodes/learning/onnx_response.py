@@ -12,10 +12,11 @@ import numpy as np
 
 from tactile_nodes.learning.onnx_graph import Value, Writer
 from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
-from tactile_nodes.learning.onnx_splines import value_and_slopes
+from tactile_nodes.learning.onnx_splines import laplacian, value_and_slopes
+from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.reading import UNKNOWN
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, UNKNOWN
 from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, LARGEST_STEP_MM, MOST_STEPS, WORTHWHILE_GAIN, Response
 from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM
@@ -151,11 +152,15 @@ def _answer(
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
     noise = _gained(response, components, place, misfit) < calibration.least_gain
-    height = place[2] / response.s.high
+    height, force_slope = place[2] / response.s.high, place[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
-    fitted_n = place[2].most(1e-9) ** (1 / response.power - 1) / response.power * variances[2].sqrt()
     sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
-    sigma_n = _factor(calibration.force_factors, height) * hypot(fitted_n, calibration.force_floor_n)
+    sigma_n = _factor(calibration.force_factors, height) * hypot(
+        force_slope * variances[2].sqrt(), calibration.force_floor_n
+    )
+    at_least, off = _beside_training(response, components, place, cofactors / determinant)
+    unlike = noise.where(unlike, unlike.most(at_least))
+    sigma_n = noise.where(sigma_n, hypot(sigma_n, off * force_slope))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
     force = place[2].most(0) ** (1 / response.power)
@@ -163,6 +168,39 @@ def _answer(
     bins = _spread(place, sigma_mm, force, readout.bins)
     contact = writer.concat(place[0], place[1], force)
     return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
+
+
+def _beside_training(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value]:
+    """How unlike the training the contact is at least, by place, force and width, and by how much s may be off for it.
+
+    See `ResponseReadout`; `inverse` is that of the information with its damping.
+    """
+    writer = place.writer
+    low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
+    width, sigma, off = _width(response, components, place, inverse)
+    wide = (width >= WIDE_MM2) & (width >= sigma * SURE_OF_WIDTH)
+    at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
+    beyond, limit, within = (writer.constant(np.float32(each)) for each in (BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, 0.0))
+    near_limit = (place[2] >= response.hard).where(limit, wide.where(limit, within))
+    return at_end.where(beyond, near_limit), wide.where(off, 0.0)
+
+
+def _width(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value]:
+    """How much wider the contact is (mm²), its standard deviation, and by how much s would be another with it.
+
+    A step of least squares by x, y, s and width, the last one set apart; see `added_by_width`.
+    """
+    made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
+    certainty = _certainty(response, place[2]).cast(np.float64)
+    left = (components - made.reshape(-1)).cast(np.float64) * certainty
+    slopes = slopes.cast(np.float64)
+    bend = laplacian(response.axes, response.coefficients, place).cast(np.float64)
+    shared = slopes @ (bend * certainty)
+    known = inverse @ shared
+    own = (bend * bend * certainty).sum() - shared @ known
+    width = (bend @ left - known @ (slopes @ left)) / own
+    further = (inverse @ (slopes @ left - shared * width))[2]
+    return width, 1 / own.sqrt(), further.most(place[2] * -1.0).least(place[2])
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:

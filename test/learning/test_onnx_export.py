@@ -29,6 +29,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, LIMIT_UNLIKENESS
 from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
@@ -138,6 +139,29 @@ def test_a_response_answers_as_numpy_does(power: float) -> None:
     assert found.place_mm < 0.005  # steps end at 0.002 mm
     assert max(found.bin_n, found.force_n) < 1e-3
     assert max(found.sigma_share, found.unlikeness_share) < 1e-3
+
+
+def test_wide_and_hard_contacts_are_as_unlike_the_training_as_in_numpy() -> None:
+    loaded = response(1.0)
+    readout = loaded.model.readout
+    frames = []
+
+    def value(*at: float) -> np.ndarray:
+        return value_and_slopes(readout.response.axes, readout.response.coefficients, at)[0]
+
+    # A quarter of the force in each corner of a square makes a contact wider. The training went hardly beyond an s of
+    # 0.9, and never beyond 1.2: there the response goes on as from 1.1 to 1.2.
+    narrow, wide = value(1, 2, 0.5), sum(value(1 + x, 2 + y, 0.5) for x in (-4, 4) for y in (-4, 4)) / 4
+    for components in (narrow, wide, value(-3, 4, 1.0), 2 * value(-3, 4, 1.2) - value(-3, 4, 1.1)):
+        inputs = np.linalg.solve(readout.whitening, components) @ readout.likeness.directions
+        values = inputs.reshape(SHAPE) / readout.scaling.gain + readout.scaling.mean
+        frames.append(Features('cartesian_mean', values.astype(np.float32), np.ones((4, 5), np.float32)))
+    told = [ForceEstimator(loaded.model).predict(each) for each in frames]
+    assert told[0].unlikeness < 0.5
+    assert [each.unlikeness for each in told[1:]] == [LIMIT_UNLIKENESS, LIMIT_UNLIKENESS, BEYOND_UNLIKENESS]
+    assert told[1].total_sigma_n > told[0].total_sigma_n
+    found = compare(loaded, onnx_bytes(loaded), frames)
+    assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
 
 
 @pytest.mark.parametrize('places', [[(2, 2)], [(1, 1), (2, 3), (3, 4), (0, 0)]])
