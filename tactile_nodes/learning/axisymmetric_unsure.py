@@ -11,8 +11,8 @@ from tactile_nodes.learning.axisymmetric_regions import PRESSES_AT_ONCE, Presses
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 
 FACTORS = 4
-"""Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. On development gels
-with 25 presses forces were 3.29 mN off with four, 3.24 with all eleven."""
+"""Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. With all eleven
+forces are hardly closer."""
 ACROSS = 8
 """Places along x and along y at which a press is asked about."""
 LEAST = 1e-9

@@ -20,8 +20,8 @@ from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import value_and_slopes
 
 ALTERED_SHARE = 0.02
-"""Of a region's motion, by which it is off. With 0.01 forces under a blur of 0.5 px are a fifth further off (`fast`),
-with 0.04 those of `accurate`."""
+"""Of a region's motion, by which it is off. With half of it forces in a blurred picture are further off with
+`fast`, with twice of it with `accurate`."""
 
 STEPS = 6
 

@@ -12,7 +12,8 @@ _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) 
 """Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
 _SLOPE = np.array([[-3, 6, -3, 0], [0, -12, 9, 0], [3, 6, -9, 0], [0, 0, 3, 0]]) / 6
 _BOTH = np.stack([_CUBIC, _SLOPE])
-_ALL = np.stack([_CUBIC, _SLOPE, np.array([[6, -6, 0, 0], [-12, 18, 0, 0], [6, -18, 0, 0], [0, 6, 0, 0]]) / 6])
+_BEND = np.array([[6, -6, 0, 0], [-12, 18, 0, 0], [6, -18, 0, 0], [0, 6, 0, 0]]) / 6
+_ALL = np.stack([*_BOTH, _BEND])
 _VALUE_X_Y_S = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """Of which axis (row) the slope is taken in the value and in the slopes along x, y and s."""
 _AXES = np.arange(3)[:, None]
