@@ -24,12 +24,15 @@
 
 The text of each is one sentence for a person: what was attempted on what, and what to do.
 Foreign errors are translated at the edge (``raise DeviceLostError(...) from error``), so that
-whoever starts a program catches `TactileError`, prints the sentence, and exits with status 1.
+whoever starts a program catches `TactileError`, prints the sentence, and exits with status 1, or with `NOT_AGAIN`.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+
+NOT_AGAIN = 3
+"""Exit status of a program that only a person can set right; a launch does not start it again."""
 
 
 class TactileError(Exception):

@@ -143,8 +143,8 @@ class Collection:
         )
         self._rig.sensor.listen(self._bag.sample)
         outlet = Outlet(
-            self._on_record, self._bag.rest_image, self._bag.say, lambda: None, self._bag.suspect,
-            lambda entry: recalled(session.folder, self._plan.plan_id, entry),
+            self._on_record, self._bag.rest_image, self._bag.say, lambda: True, self._bag.suspect,
+            lambda entry: recalled(session.folder, self._plan.plan_id, entry), lambda: 0,
         )  # fmt: skip
         self._campaign = Campaign(
             self._plan, self._order, self._journal, self._rig.hands, settings, SAFE_Z_MM, outlet

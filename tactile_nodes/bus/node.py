@@ -48,6 +48,8 @@ class Node:
 
     NAME = 'node'
     PARAMS: type[Any] = NodeParams
+    FAILURE_STATUS = 1
+    """With which the program ends after `fail`; `errors.NOT_AGAIN` where starting it again would do harm."""
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         arguments = arguments or NodeArguments()
@@ -134,7 +136,7 @@ class Node:
             {Level.OK: self.log.info, Level.WARN: self.log.warn}.get(level, self.log.error)(f'{part}: {text}')
 
     def fail(self, part: str, error: TactileError) -> None:
-        """End this node because it cannot do its work any more; its program ends with status 1. From any thread."""
+        """End this node, which cannot do its work any more; its program ends with FAILURE_STATUS. From any thread."""
         self.failure = error
         self.report(part, Level.ERROR, str(error))
         self.stop()

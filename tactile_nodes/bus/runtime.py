@@ -103,7 +103,10 @@ def settle() -> None:
 
 
 def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
-    """Spin `nodes` until `done` is set or one of them fails, and close them; 1 when one failed or would not end."""
+    """Spin `nodes` until `done` is set or one of them fails, and close them.
+
+    Returns the exit status: 0, 1 after a bug or when a node would not end, else the FAILURE_STATUS of one that failed.
+    """
     failed: list[Node] = []
 
     def spin(node: Node) -> None:
@@ -129,7 +132,7 @@ def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
             failed.append(node)
     for node in nodes:
         _close(node)
-    return 1 if failed or any(node.failure for node in nodes) else 0
+    return 1 if failed else max((node.FAILURE_STATUS for node in nodes if node.failure), default=0)
 
 
 def _close(node: Node) -> None:

@@ -3,7 +3,8 @@
 The journal says what the rig told the recorder; between that and the disk a power cut may come. So before a run goes
 on, every press that no bag has confirmed yet is looked for. Found whole: verified, even if the journal was cut off
 before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled. An
-attempt that the bag calls suspect later on is not held.
+attempt that the bag calls suspect later on is not held. The same is done when the last press of a plan was told: what
+fell between a recorder that was killed and the next one is done again before the run ends.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from tactile_nodes import messages
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, Topic
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
 
+SETTLE_S = 3.0  # a recorder writes within half a second, if the disk can follow
 Attempt = tuple[int, int]
 
 
@@ -40,6 +43,16 @@ def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[in
         else:
             assert entry.step == STARTED
     return found, missing
+
+
+def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> bool:
+    """Give a recorder time to write what it was told last; false if no bag here holds any press of the plan."""
+    told = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
+    held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
+    while not told <= held and clock.now_ns() < deadline_ns:
+        clock.sleep_until(clock.now_ns() + NS_PER_S // 4)
+        held = attempts_below(folder, plan_id)
+    return bool(held)
 
 
 def bags_below(folder: Path) -> list[Path]:

@@ -99,7 +99,7 @@ class Campaign:
         ended = ''
         try:
             self._prepare()
-            while (left := self._journal.left(self._order, limits.attempts)) and not ended:
+            while not ended and (left := self._left()):
                 self.progress.start(hands.clock.now_ns())
                 ended = self._round(left, end_ns)
             self._check_trust(at_end=True)
@@ -114,13 +114,23 @@ class Campaign:
             self._leave()
         return f'{ended or "the plan is done"}: {self.progress.summary(self._journal)}'
 
+    def _left(self) -> list[Point]:
+        """What is still to be done; when that is nothing, what the bags do not hold after all."""
+        most = self._settings.limits.attempts
+        left = self._journal.left(self._order, most)
+        if left or not (missing := self._outlet.missing()):
+            return left
+        self._outlet.say(f'{missing} presses are in no bag, perhaps told while nobody recorded; doing them again')
+        self.progress.done = self._journal.done
+        return self._journal.left(self._order, most)
+
     def _round(self, left: Sequence[Point], end_ns: int) -> str:
         """Each of these once; why it ended before the last, if it did."""
         for point in left:
             self._wait_while_paused()
             if self._hands.clock.now_ns() > end_ns:
                 return f'stopped after {self._settings.limits.hours:g} hours'
-            self._outlet.require_recorder()
+            self._await_recorder()
             if self._since_reference >= self._settings.reference_every:
                 self._reference()
             if not self._patterns or 0 < self._settings.sync.every <= self._since_pattern:
@@ -250,11 +260,15 @@ class Campaign:
         while self.paused:
             self._hands.wait(0.1)
 
+    def _await_recorder(self) -> None:
+        while not self._outlet.require_recorder():
+            self._hands.wait(0.1)
+
     # Before the first press.
 
     def _prepare(self) -> None:
         hands = self._hands
-        self._outlet.require_recorder()
+        self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
         await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
         self._outlet.say('homing')

@@ -18,7 +18,8 @@ class Outlet:
         record: an attempt is over; returns when it is on its way to the recorder.
         rest_image: a new one, and the stamp of its last frame.
         say: a line for a person.
-        require_recorder: raises when nobody records any more.
+        require_recorder: whether somebody records; raises when nobody has done so for too long.
+        missing: looks for what was recorded in the bags, and says how many presses it has marked as to be done again.
         suspect: an attempt that was recorded was perhaps not at its place, and why.
         recall: the attempt of an entry as it was recorded, with its images; None where they are no more.
     """
@@ -26,6 +27,7 @@ class Outlet:
     record: Callable[[Record], None]
     rest_image: Callable[[Picture, int], None]
     say: Callable[[str], None]
-    require_recorder: Callable[[], None]
+    require_recorder: Callable[[], bool]
     suspect: Callable[[Entry, str], None]
     recall: Callable[[Entry], Record | None]
+    missing: Callable[[], int]

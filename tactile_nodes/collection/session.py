@@ -11,8 +11,9 @@ from tactile_nodes.bus.log import Log
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.audit import audit
+from tactile_nodes.collection.audit import audit, await_recorded
 from tactile_nodes.collection.campaign import Campaign
+from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
@@ -43,7 +44,7 @@ class RigSettings(CollectionSettings):
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
-    wait_s: float = parameter(20.0, 'how long camera and recorder may take to come', minimum=0.0)
+    wait_s: float = parameter(20.0, 'how long camera and recorder may take to come, or to come back', minimum=0.0)
     require_recorder: bool = parameter(True, 'press only while somebody records')
     sensor_frame_id: str = parameter('force_torque_sensor', 'frame of the force samples')
     machine_frame_id: str = parameter('rig', "frame of the machine's coordinates")
@@ -89,14 +90,15 @@ class Session:
         names = Names(*frames, self.plan.plan_id, s.press.indenter)
         self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm))
         self._runner: threading.Thread | None = None
+        self._alone_ns = 0
         self._station: Station | None = None
         self._journal = Journal(Path(s.folder) / f'{self.plan.plan_id}.jsonl', self.plan)
         try:
             self._audit()
             self._station = self.station = station = self._opened()
             outlet = Outlet(
-                voice.record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
-                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry),
+                self._record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
+                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
             )  # fmt: skip
             order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
             self.campaign = Campaign(
@@ -149,15 +151,41 @@ class Session:
 
     def _await_partners(self) -> None:
         """Camera and recorder; whether they came, the campaign finds out."""
-        deadline_ns = self._clock.now_ns() + round(self._settings.wait_s * NS_PER_S)
+        self._alone_ns = self._clock.now_ns()
+        deadline_ns = self._alone_ns + round(self._settings.wait_s * NS_PER_S)
         while self._clock.now_ns() < deadline_ns and not self.station.hands.asked_to_stop:
-            if self.station.readings.frames(0) and (self._voice.is_recorded or not self._settings.require_recorder):
+            if self.station.readings.frames(0) and self._is_recorded:
                 return
             self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 20)
 
-    def _require_recorder(self) -> None:
-        if self._settings.require_recorder and not self._voice.is_recorded:
+    @property
+    def _is_recorded(self) -> bool:
+        return self._voice.is_recorded or not self._settings.require_recorder
+
+    def _require_recorder(self) -> bool:
+        """See `Outlet.require_recorder`: a recorder that was killed is started again by its launch."""
+        now_ns, wait_s = self._clock.now_ns(), self._settings.wait_s
+        if self._is_recorded:
+            self._alone_ns = 0
+        elif not self._alone_ns:
+            self._alone_ns = now_ns
+            self._log.warn(f'nobody records; the tip stays up and waits {wait_s:g} s at most for a recorder')
+        elif now_ns - self._alone_ns > wait_s * NS_PER_S:
             raise BusError('nobody records press, press_image and force_torque; start a recorder, then this again')
+        return self._is_recorded
+
+    def _record(self, record: Record) -> None:
+        """Tell it; an attempt that fell between two recorders is one to be made again."""
+        if self._settings.require_recorder and not record.reason and self._voice.unheard_ns >= record.start_ns:
+            record.reason = 'nobody recorded the force while it was pressed'
+        self._voice.record(record)
+
+    def _missing(self) -> int:
+        """See `Outlet.missing`. Where no bag of the folder holds any press, all are recorded elsewhere."""
+        folder, plan_id = Path(self._settings.folder), self.plan.plan_id
+        if not self._settings.require_recorder or not await_recorded(self._journal, plan_id, folder, self._clock):
+            return 0
+        return audit(self._journal, plan_id, folder, self._clock.now_ns())[1]
 
     def _audit(self) -> None:
         if self._journal.repaired:

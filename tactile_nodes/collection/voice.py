@@ -60,6 +60,8 @@ class Voice:
         self._clock = clock
         self._gel_mm = gel_mm
         self._edges = 0
+        self.unheard_ns = 0
+        """Stamp of the last force sample to which nobody listened."""
 
     @property
     def is_recorded(self) -> bool:
@@ -68,7 +70,10 @@ class Voice:
 
     def sample(self, sample: Sample) -> None:
         """A force sample."""
-        self._publishers[FORCE_TORQUE].publish(telling.sample_message(sample, self._names.sensor_frame))
+        publisher = self._publishers[FORCE_TORQUE]
+        if not publisher.listeners:
+            self.unheard_ns = sample.stamp_ns
+        publisher.publish(telling.sample_message(sample, self._names.sensor_frame))
 
     def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
         """Where the machine is, and which press is under way."""

@@ -15,7 +15,8 @@ class ProcessPlan:
         command: program and arguments; joined by spaces where `shell` is true.
         output: where its lines go: log, screen, both, own_log or full.
         respawn_max_retries: how often to start it again; below zero without end.
-        required: the launch ends with it; if `respawn` too, only when it ends by itself, or fails soon after its start.
+        required: the launch ends with it; if `respawn` too, only when it ends by itself, fails soon after its start, or
+            fails in a way that a person has to see to (`errors.NOT_AGAIN`).
         sigterm_timeout: seconds from SIGINT to SIGTERM, as the text in which it was given.
         sigkill_timeout: seconds from SIGTERM to SIGKILL, likewise.
     """

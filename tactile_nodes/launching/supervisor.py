@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable
 
 from tactile_nodes import clock
+from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.launching.agenda import Agenda, Appointment
 from tactile_nodes.launching.output import LaunchLog
 from tactile_nodes.launching.plan import ProcessPlan
@@ -114,7 +115,7 @@ class Supervisor:
 
     def _may_respawn(self, code: int, quick: bool) -> bool:
         plan = self.plan
-        if plan.required and (code == 0 or (code > 0 and quick)):
+        if plan.required and (code in {0, NOT_AGAIN} or (code > 0 and quick)):
             return False
         left = plan.respawn_max_retries < 0 or self._respawns < plan.respawn_max_retries
         return plan.respawn and left and not self._stopping

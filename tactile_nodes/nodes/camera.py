@@ -20,10 +20,10 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Publisher
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth
+from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame, KnowsTruth
 from tactile_nodes.drivers.camera_light import CameraLight, LightSettings
 from tactile_nodes.drivers.camera_opening import open_camera
-from tactile_nodes.errors import DeviceTimeoutError, TactileError
+from tactile_nodes.errors import DeviceError, DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
@@ -43,6 +43,9 @@ class CameraParams(CameraSettings, NodeParams):
     wait_s: float = parameter(
         0.0, 'wait so long at most for somebody to listen before starting the source', minimum=0.0, maximum=10.0
     )
+    open_within_s: float = parameter(
+        0.0, 'try so long to open a source that is not there yet or answers nothing', minimum=0.0, maximum=60.0
+    )
     frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
     surface_frame_id: str = parameter('gel_surface', 'frame of the true force of a simulated camera')
     light: LightSettings = field(default_factory=LightSettings)
@@ -59,7 +62,7 @@ class CameraNode(Node):
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
-        self._camera = open_camera(self.params, self.clock)
+        self._camera = self._opened()
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
@@ -78,6 +81,17 @@ class CameraNode(Node):
         deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
         while (now_ns := self.clock.now_ns()) < deadline_ns and not self._image.listeners:
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
+
+    def _opened(self) -> Camera:
+        deadline_ns = self.clock.now_ns() + round(self.params.open_within_s * NS_PER_S)
+        while True:
+            try:
+                return open_camera(self.params, self.clock)
+            except DeviceError as error:
+                if self.clock.now_ns() >= deadline_ns:
+                    raise
+                self.log.warn(f'waiting for the camera: {error}', once=type(error).__name__)
+            self.clock.sleep_until(self.clock.now_ns() + NS_PER_S // 4)
 
     def _read(self) -> None:
         while self._running:

@@ -2,6 +2,7 @@
 
 Publishes ``force_torque``, ``rig_state``, ``sync_edge``, ``press``, ``press_image`` and ``reference_image``; takes
 ``image_raw``; offers ``~/pause``, ``~/resume`` and ``~/stop`` (std_srvs/Trigger). It ends by itself with the plan.
+Killed, it may be started again at once, and goes on with the next press; where a run failed, a person has to look.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.session import RigSettings, Session
 from tactile_nodes.collection.voice import TOPICS
-from tactile_nodes.errors import TactileError
+from tactile_nodes.errors import NOT_AGAIN, TactileError
 from tactile_nodes.messages import stamp_ns
 
 STATUS_S = 1.0
+_PAUSED = 'paused'
 SELDOM_S = 10.0  # how often the progress is said where nobody looks at a terminal
 
 
@@ -41,11 +43,13 @@ class RigNode(Node):
 
     NAME = 'rig'
     PARAMS = RigParams
+    FAILURE_STATUS = NOT_AGAIN
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
         self._session = Session(self.params, publishers, self.clock, self.log)
+        self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/pause', lambda: self._pause(True))
         self.create_trigger('~/resume', lambda: self._pause(False))
@@ -84,6 +88,10 @@ class RigNode(Node):
 
     def _pause(self, paused: bool) -> str:
         self._session.campaign.paused = paused
+        if paused:
+            self.kept.put(_PAUSED, b'')  # else a rig that is killed while it pauses would press again by itself
+        else:
+            self.kept.drop(_PAUSED)
         return 'pausing after this press' if paused else 'going on'
 
     def _stop_run(self) -> str:

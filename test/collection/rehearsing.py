@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_nodes.collection.campaign import Campaign
 from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.journal import Entry, Journal
+from tactile_nodes.collection.journal import MISSING, Entry, Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
 from tactile_nodes.collection.plan import Plan, PlanSettings, make_plan
@@ -88,13 +88,15 @@ class Run:
         self.journal = Journal(folder / 'journal.jsonl', self.plan)
         self.suspects: list[tuple[int, int]] = []
         self.earlier: list[Record] = []
+        self.unrecorded: set[int] = set()
         outlet = Outlet(
             record=self._record,
             rest_image=lambda image, at_ns: self.rests.append(at_ns),
             suspect=lambda entry, reason: self.suspects.append((entry.press, entry.attempt)),
             recall=self._recall,
             say=self.said.append,
-            require_recorder=lambda: None,
+            require_recorder=lambda: True,
+            missing=self._missing,
         )
         order = ordered(self.plan, plan)
         self.campaign = Campaign(self.plan, order, self.journal, self.rig.hands, settings, SAFE_Z_MM, outlet)
@@ -138,6 +140,14 @@ class Run:
     def _recall(self, entry: Entry) -> Record | None:
         wanted = (entry.press, entry.attempt)
         return next((each for each in self.earlier if (each.point.press, each.attempt) == wanted), None)
+
+    def _missing(self) -> int:
+        """The presses of `unrecorded` were told while nobody recorded."""
+        lost, self.unrecorded = self.unrecorded, set()
+        for press in lost:
+            attempt = self.journal.next_attempt(press) - 1
+            self.journal.note(press, attempt, MISSING, self.rig.clock.now_ns(), 'not in the bag')
+        return len(lost)
 
     def _record(self, record: Record) -> None:
         self.told.append(record)

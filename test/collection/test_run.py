@@ -83,6 +83,15 @@ def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes
     assert sorted(run.recorded) == [press for press in ALL if press % 2]
 
 
+def test_presses_that_no_bag_holds_are_made_again_before_the_run_ends(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.unrecorded = {4, 7}
+    assert '12 of 12 presses recorded' in run.campaign.run()
+    assert sorted(run.recorded) == sorted([*ALL, 4, 7])
+    assert [record.attempt for record in run.told if record.point.press in {4, 7}][-2:] == [2, 2]
+    assert any('2 presses are in no bag' in line for line in run.said)
+
+
 def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
     limits: dict[str, object] = {'bearable_n': 9.0, 'force_rate_n_s': 3.0, 'attempts': 1, 'rejects_in_a_row': 20}
     run = Run(tmp_path, changed(limits=limits, motion={'press_mm_min': 600.0}))

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.launching import supervisor
 from tactile_nodes.launching.output import Line
 from tactile_nodes.launching.service import LaunchService
 
 KILLED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; kill -9 $$'
-FAILED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; exit 3'
+FAILED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; exit 1'
 
 
 def run(folder: Path, actions: str, stop_at: int = 2) -> tuple[int, list[str], list[float]]:
@@ -67,6 +68,14 @@ def test_a_needed_process_that_ends_cleanly_ends_the_launch(tmp_path: Path, monk
     monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
     status, shown, _ = run(tmp_path, action('exit 0', tmp_path))
     assert (status, starts(shown)) == (0, 1)
+
+
+def test_a_needed_process_that_only_a_person_can_set_right_ends_the_launch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, 'SETTLED_S', 0.0)
+    status, shown, _ = run(tmp_path, action(f'exit {NOT_AGAIN}', tmp_path))
+    assert (status, starts(shown)) == (1, 1)
 
 
 def test_a_process_that_is_killed_each_time_is_given_twice_the_time_each_time(tmp_path: Path) -> None:

@@ -103,6 +103,22 @@ def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNod
         start('source:=/dev/video97')
 
 
+def test_camera_that_comes_a_little_later_is_waited_for(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    images, source = listen(bus, topics.IMAGE), tmp_path / 'frames'
+
+    class Later(SystemClock):
+        def sleep_until(self, at_ns: int) -> None:
+            source.mkdir(exist_ok=True)  # while the node waits
+            cv2.imwrite(str(source / '1.png'), PATTERN)
+
+    words = ['--ros-args', '-p', f'source:={source}', '-p', 'crop:=160', '-p', 'open_within_s:=30.0']
+    node = CameraNode(bus, parse_arguments(words), Later())
+    assert first(images).message.width == 160
+    node.close()
+
+
 def test_picture_of_another_size_than_asked_names_both(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
     with pytest.raises(ImageError, match=r'160x160.*640x480'):

@@ -13,11 +13,13 @@ from tactile_nodes import conversions, messages, params
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.keeping import VARIABLE
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.runtime import run_until
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
 
@@ -29,7 +31,7 @@ rig:
   ros__parameters:
     folder: {folder}
     plan: {{columns: 2, rows: 1, pitch_mm: 2.0, depths_mm: [0.5]}}
-    wait_s: 5.0
+    wait_s: 60.0
     world:
       {{start_mm: [-2.0, -2.0, -1.0], room_mm: [20.0, 20.0, 20.0], gel_x_mm: -10.0, gel_y_mm: -10.0, gel_z_mm: -4.0}}
     cnc: {{safe_z_mm: -2.5}}
@@ -174,6 +176,48 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
     node.close()
     assert 'nobody records' in str(node.failure)
     assert not drained(states)
+
+
+def test_what_ends_a_run_keeps_a_launch_from_starting_it_again(bus: InProcessBus, tmp_path: Path) -> None:
+    node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
+    assert run_until([node], threading.Event()) == NOT_AGAIN
+
+
+def test_rig_that_is_started_again_while_it_pauses_goes_on_pausing(
+    bus: InProcessBus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / 'kept'))
+    paused = []
+    for call in ('pause', 'resume', 'pause'):
+        node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 60.0'), SystemClock())
+        paused.append(node._session.campaign.paused)
+        spinning = threading.Thread(target=node.spin)
+        spinning.start()
+        assert bus.call(f'/rig/{call}', services.TRIGGER, types.Trigger_Request(), PATIENCE_S).success
+        node.stop()
+        spinning.join()
+        node.close()
+    assert paused == [False, True, False]
+
+
+def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_press(
+    bus: InProcessBus, start: Callable[[], Rig], tmp_path: Path
+) -> None:
+    names = (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)
+    states = listen(bus, topics.RIG_STATE)
+    first = [listen(bus, topic) for topic in names]
+    rig = start()
+    wait_until(lambda: any(state.homed and state.position.z < -4.1e-3 and state.press for state in drained(states)))
+    for subscription in first:
+        subscription.close()
+    wait_until(lambda: rig.node._session._voice.unheard_ns > 0)
+    heard = listen(bus, topics.RIG_STATE)
+    wait_until(lambda: any(state.press == 0 and state.position.z > -2.6e-3 for state in drained(heard)))
+    again = [listen(bus, topic) for topic in names]
+    wait_until(lambda: not rig.node.spinning)
+    assert rig.node.failure is None
+    told = drained(again[0])
+    assert sorted(each.press for each in told if each.status == types.Press.STATUS_RECORDED) == [1, 2]
 
 
 def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[[], Rig]) -> None:
