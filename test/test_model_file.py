@@ -24,6 +24,7 @@ from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
 from tactile_nodes.sensing.uncertainty import Calibration
+from tactile_nodes.sensing.witness import Witness
 
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},
@@ -88,7 +89,15 @@ def layered_model() -> ForceModel:
     return replace(model, readout=replace(model.readout, layer=layer))
 
 
-@pytest.mark.parametrize('make', [small_model, layered_model, small_response])
+def witnessed_model() -> ForceModel:
+    """The small network with the small response as its witness."""
+    model, response = small_model(), small_response().readout
+    assert isinstance(response, ResponseReadout)
+    witness = Witness(replace(response, most_contacts=1), 'cartesian_mean', 0.03)
+    return replace(model, readout=replace(model.readout, witness=witness))
+
+
+@pytest.mark.parametrize('make', [small_model, layered_model, small_response, witnessed_model])
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
     save_model(file, make(), CARD)
@@ -99,6 +108,23 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
     assert after.contacts == before.contacts
     assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
+
+
+def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):
+    file, made = tmp_path / 'witnessed.safetensors', witnessed_model().readout.witness
+    save_model(file, witnessed_model(), CARD)
+    found = load_model(file).model.readout.witness
+    assert (found.encoding, found.margin_n, found.hardest_n) == ('cartesian_mean', 0.03, made.hardest_n)
+    random = np.random.default_rng(1)
+    seen = random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32)
+    assert found.read(*seen).contacts == made.read(*seen).contacts
+    assert found.read(*seen).unlikeness == made.read(*seen).unlikeness
+
+
+def test_a_network_without_a_witness_is_the_file_that_it_always_was(file: Path):
+    """Models that were trained before networks had one are read on."""
+    assert load_model(file).model.readout.witness is None
+    assert 'witness' not in load_model(file).card['readout']
 
 
 def test_a_layer_has_a_version_that_earlier_releases_refuse(file: Path, tmp_path: Path):

@@ -28,6 +28,7 @@ from tactile_nodes.learning.network_layers import as_mlp, import_torch
 from tactile_nodes.learning.network_scores import Validation
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.runs import Run
+from tactile_nodes.learning.witness_fit import with_witness
 from tactile_nodes.sensing.network import NetworkReadout
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ MOST_RESTARTS = 3
 def fit_network(
     dataset: Dataset, held_out: np.ndarray, config: TrainConfig, progress: Progress, run: Run | None = None
 ) -> tuple[NetworkReadout, dict[str, Any]]:
-    """The readout, its uncertainty judged by the samples held out, and what the card says of the training.
+    """The readout with its witness, its uncertainty judged by the samples held out; and what the card says.
 
     Ctrl-C ends the training and keeps the best network so far.
 
@@ -57,7 +58,8 @@ def fit_network(
         training.counters.ended = 'interrupted'
     readout = training.readout()
     learned, judges = shown_samples(dataset, held_out, config), judging_samples(dataset, held_out, config)
-    return calibrated(readout, dataset, learned, judges), training.report()
+    readout = calibrated(readout, dataset, learned, judges)
+    return with_witness(readout, dataset, held_out, config.encoding.name, progress), training.report()
 
 
 def prepare_torch(config: TrainConfig) -> torch.device:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_nodes.learning.onnx_graph import Value, Writer
-from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
+from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot, scale
+from tactile_nodes.learning.onnx_response import write_response
+from tactile_nodes.sensing.features import PolarMean
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import Mlp, NetworkReadout
-from tactile_nodes.sensing.reading import UNKNOWN
+from tactile_nodes.sensing.network import CONTRADICTED_SIGMAS, TINY_N, Mlp, NetworkReadout
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN
+from tactile_nodes.sensing.witness import Witness
 
 _ACTIVATIONS = {'logistic': 'Sigmoid', 'relu': 'Relu'}
 
@@ -18,14 +21,41 @@ def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> An
     """Scaled features to forces, place, and what the readout knows of its errors."""
     forces = _layers(writer, readout.network, inputs.scaled) * readout.output_scale_n
     total, spread = forces.cast(np.float64).sum(), readout.spread
+    sigma = hypot(total * spread.share, spread.floor_n)
     unlike = writer.constant(np.float32(UNKNOWN))
+    if readout.likeness:
+        unlike = _unlikeness(readout.likeness, inputs.scaled)
+    if isinstance(readout.witness, Witness):
+        unlike = _heard(writer, readout.witness, inputs, total, sigma, unlike)
     return Answer(
         forces.reshape(readout.bins.rows, readout.bins.cols),
         writer.concat(_place(forces, readout.bins), total),
         writer.constant(np.float32(UNKNOWN)),
-        hypot(total * spread.share, spread.floor_n),
-        _unlikeness(readout.likeness, inputs.scaled) if readout.likeness else unlike,
+        sigma,
+        unlike,
     )
+
+
+def _heard(writer: Writer, witness: Witness, inputs: Inputs, total: Value, sigma: Value, unlike: Value) -> Value:
+    """The largest of the unlikenesses that are known, with those that a witness tells; see `NetworkReadout.read`."""
+    motion = _as_motion(inputs.features) if witness.encoding == PolarMean.name else inputs.features
+    heard = write_response(writer, witness.readout, scale(motion, inputs.confidence, witness.readout.scaling))
+    force = heard.contact[2]
+    beyond = (force >= witness.hardest_n - witness.margin_n).where(writer.constant(np.float64(BEYOND_UNLIKENESS)), 0.0)
+    own = heard.unlikeness.cast(np.float64).most(beyond)
+    apart = writer.op('Abs', total - force) / (sigma * CONTRADICTED_SIGMAS).most(TINY_N)
+    told = [each.cast(np.float64) for each in (unlike, own, apart)]
+    lowest = writer.constant(np.float64(-1))
+    known = [writer.op('IsNaN', each, dtype=bool).where(lowest, each) for each in told]
+    largest = known[0].most(known[1]).most(known[2])
+    return (largest < 0).where(writer.constant(np.float64(UNKNOWN)), largest)
+
+
+def _as_motion(features: Value) -> Value:
+    """Mean magnitude and angle as motion along x and y; see `as_motion`."""
+    writer = features.writer
+    magnitude, angle = (writer.op('Gather', features, writer.constant(np.array([each])), axis=-1) for each in (0, 1))
+    return writer.op('Concat', *(magnitude * writer.op(kind, angle) for kind in ('Cos', 'Sin')), axis=-1)
 
 
 def _layers(writer: Writer, network: Mlp, values: Value) -> Value:

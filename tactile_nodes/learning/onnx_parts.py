@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,8 +14,13 @@ from tactile_nodes.sensing.network import CalibrationLayer, InputScaling
 
 @dataclass(frozen=True)
 class Inputs:
-    """The scaled features of a frame, which of them are missing (1 or 0), and the share of known regions seen."""
+    """The scaled features of a frame, which of them are missing (1 or 0), and the share of known regions seen.
 
+    `features` and `confidence` are what they were made of.
+    """
+
+    features: Value
+    confidence: Value
     scaled: Value
     missing: Value
     seen: Value
@@ -43,14 +48,21 @@ def write_inputs(
     meaning = f'{layout.encoding} of each region, row by row'
     features = writer.input('features', np.float32, (1, *grid, layout.channels), meaning)
     confidence = writer.input('confidence', np.float32, grid, 'how far each region can be believed, 0 to 1')
+    adjusted = _adjusted(features, layer).reshape(1, *grid, layout.channels) if layer else features
+    return replace(scale(adjusted, confidence, scaling), features=features)
+
+
+def scale(features: Value, confidence: Value, scaling: InputScaling) -> Inputs:
+    """Features as a scaling makes them; see `InputScaling`."""
+    writer, (*grid, channels) = features.writer, scaling.mean.shape
     followed = (confidence >= float(scaling.confidence_floor)).cast(np.float32)
     used = followed * scaling.trusted
-    adjusted = _adjusted(features, layer).reshape(1, *grid, layout.channels) if layer else features
-    scaled = (adjusted - scaling.mean) * scaling.gain
+    scaled = (features - scaling.mean) * scaling.gain
     each = used.reshape(*grid, 1)
     lost = (1 - followed) * (scaling.trusted > 0).astype(np.float32)
-    missing = writer.op('Expand', lost.reshape(*grid, 1), writer.constant(np.array((*grid, layout.channels))))
-    return Inputs((scaled * each).reshape(-1), missing.reshape(-1), used.sum() / max(float(scaling.trusted.sum()), 1.0))
+    missing = writer.op('Expand', lost.reshape(*grid, 1), writer.constant(np.array((*grid, channels))))
+    seen = used.sum() / max(float(scaling.trusted.sum()), 1.0)
+    return Inputs(features, confidence, (scaled * each).reshape(-1), missing.reshape(-1), seen)
 
 
 def _adjusted(features: Value, layer: CalibrationLayer) -> Value:

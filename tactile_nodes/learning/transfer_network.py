@@ -149,12 +149,15 @@ def shuffled_parts(
 
 
 def stated_anew(readout: NetworkReadout, judges: Dataset) -> NetworkReadout:
-    """The readout with its uncertainty and its limit of likeness measured on presses that it did not learn from."""
+    """The readout with its uncertainty and its limit of likeness measured on presses that it did not learn from.
+
+    The witness of the other gel knows nothing of this one.
+    """
     inputs = np.stack([readout.inputs(*frame) for frame in _frames(judges)])
     total_n = np.array([readout.network(each).sum() for each in inputs]) * readout.output_scale_n
     spread = fit_spread(total_n, total_n - judges.presses[:, 3])
     likeness = None if readout.likeness is None else fit_limit(readout.likeness, inputs)
-    return replace(readout, spread=spread, likeness=likeness)
+    return replace(readout, spread=spread, likeness=likeness, witness=None)
 
 
 def _frames(dataset: Dataset) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -128,6 +128,21 @@ class CartesianMean(RegionMeans):
         return Features(self.name, self._means(*cv2.split(motion)), self._confidence(field))
 
 
+def as_motion(
+    encoding: str, values: Float32[np.ndarray, '*batch rows cols channels']
+) -> Float32[np.ndarray, '*batch rows cols channels']:
+    """Features as motion along x and y, which changes smoothly with a press; of other encodings they are that already.
+
+    Mean magnitude and mean angle of (5, 0.9273) give (3, 4). An angle that is noise, as where nothing moves, is so no
+    longer.
+    """
+    if encoding != PolarMean.name:
+        return values
+    values = np.asarray(values, np.float32)
+    magnitude, angle = values[..., 0], values[..., 1]
+    return np.stack([magnitude * np.cos(angle), magnitude * np.sin(angle)], axis=-1)
+
+
 def block_means(values: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Float32[np.ndarray, 'rows cols']:
     """Mean of each of rows x cols equal blocks: [[1, 3], [5, 7]] as one block is [[4]].
 

@@ -15,6 +15,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.altered_reading import read_altered
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
@@ -85,8 +86,10 @@ class ForceEstimator:
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
 
-    def predict(self, features: Features, *, altered: bool = False) -> ForceMap:
+    def predict(self, features: Features, *, altered: bool = False, blurred: bool = False) -> ForceMap:
         """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
+
+        `blurred`: and of another sharpness.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -96,7 +99,9 @@ class ForceEstimator:
             raise ModelError(_other_layout(model, features))
         readout, seen = model.readout, (features.values, features.confidence)
         if altered and isinstance(readout, ResponseReadout):
-            reading = read_altered(readout, *seen)
+            reading = read_altered(readout, *seen, blurred=blurred)
+        elif altered and isinstance(readout, NetworkReadout):
+            reading = readout.read_altered(*seen)
         else:
             reading = readout.read(*seen)
         scaling = readout.scaling
@@ -113,7 +118,7 @@ class ForceEstimator:
         """
         known = self._at_rest
         if known is None or not np.array_equal(known[0].confidence, features.confidence):
-            found = self.predict(features)
+            found = self.predict(features, altered=True)  # as there is no force, none can be contradicted
             none = np.zeros_like(found.normal_force_n)
             self._at_rest = known = features, replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
         return known[1]

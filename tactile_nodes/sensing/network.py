@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float16, Float32
@@ -11,7 +12,7 @@ from jaxtyping import Bool, Float16, Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading
+from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, Readout
 
 
 def logistic(values: Float32[np.ndarray, '*shape']) -> Float32[np.ndarray, '*shape']:
@@ -111,6 +112,13 @@ class InputScaling:
         return scaled
 
 
+CONTRADICTED_SIGMAS = math.sqrt(3.0)
+"""A witness that finds a force so many standard deviations from the network's contradicts it: with the difference as
+another part of it the uncertainty is twice what the network states by itself."""
+
+TINY_N = 1e-9
+
+
 @dataclass(frozen=True)
 class TotalSpread:
     """How far the total force may be off: the standard deviation for a total of F is hypot(floor, share F)."""
@@ -130,6 +138,8 @@ class NetworkReadout:
     Its one contact is the force-weighted mean of the strongest bin and its neighbours. With the paper's labels (all
     force in the bin of the indentation's centre) it says in which bin the contact lies and hints at the side of it:
     expect an error of about a millimetre, which it does not know (`sigma_mm` is NaN).
+
+    A `witness` reads the same features: what it calls unlike the training is so, and so is a force that it contradicts.
     """
 
     scaling: InputScaling
@@ -139,6 +149,7 @@ class NetworkReadout:
     spread: TotalSpread = TotalSpread()
     likeness: Likeness | None = None
     layer: CalibrationLayer | None = None
+    witness: Readout | None = None
 
     kind = 'network'
 
@@ -155,6 +166,8 @@ class NetworkReadout:
                 f'a network of {sizes[0]} inputs and {sizes[-1]} outputs does not fit {features} features and '
                 f'{bins.count} bins; train it again or use another model file'
             )
+        if self.witness is not None:
+            self.witness.require_fit(features, bins)
 
     def inputs(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -174,8 +187,37 @@ class NetworkReadout:
         total_n = float(forces.sum(dtype=np.float64))
         sigma_n = self.spread.sigma_n(total_n)
         contact = Contact(*contact_position_mm(forces, self.bins.centres_mm), total_n, UNKNOWN, sigma_n)
-        unlike = self.likeness.unlikeness(inputs) if self.likeness is not None else UNKNOWN
+        unlike = self._left_over(inputs)
+        if self.witness is not None and math.isfinite(total_n):
+            heard = self.witness.read(values, confidence)
+            apart = abs(total_n - heard.contacts[0].force_n) / max(CONTRADICTED_SIGMAS * sigma_n, TINY_N)
+            unlike = _largest(unlike, heard.unlikeness, apart)
         return Reading(forces, (contact,), sigma_n, unlike)
+
+    def read_altered(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        """Of a picture of another light or sharpness, in which a witness is less far off: its forces, if there is one.
+
+        They are no surer than those of the network.
+        """
+        inputs = self.inputs(values, confidence)
+        if self.witness is None or not np.isfinite(inputs).all():
+            return self.read(values, confidence)
+        heard = self.witness.read(values, confidence)
+        force_n = heard.contacts[0].force_n
+        if not math.isfinite(force_n):
+            return self.read(values, confidence)
+        sigma_n = float(np.fmax(self.spread.sigma_n(force_n), heard.total_sigma_n))
+        return replace(heard, total_sigma_n=sigma_n, unlikeness=_largest(self._left_over(inputs), heard.unlikeness))
+
+    def _left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> float:
+        return self.likeness.unlikeness(inputs) if self.likeness is not None else UNKNOWN
+
+
+def _largest(*unlike: float) -> float:
+    """Of those that are known; NaN if none is."""
+    return max((each for each in unlike if not math.isnan(each)), default=UNKNOWN)
 
 
 def contact_position_mm(forces_n: Float32[np.ndarray, 'rows cols'], centres_mm: np.ndarray) -> tuple[float, float]:

@@ -14,12 +14,15 @@ from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.reading import Readout
 from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
 from tactile_nodes.sensing.uncertainty import Calibration
+from tactile_nodes.sensing.witness import Witness
 
 Arrays = dict[str, np.ndarray]
+WITNESS = 'witness.'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
 
 
@@ -52,7 +55,8 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
         arrays[f'layer{i}.bias'] = bias
     if readout.layer:
         arrays |= {'calibration.change': readout.layer.change, 'calibration.bias': readout.layer.bias}
-    return arrays, {
+    heard, told = _witness_arrays(readout.witness)
+    return arrays | heard, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'sizes': list(readout.network.sizes),
         'hidden': readout.network.hidden,
@@ -60,7 +64,24 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
         'output_scale_n': readout.output_scale_n,
         'spread': _finite(asdict(readout.spread)),
         **({'calibration_layer': 'relu'} if readout.layer else {}),
+        **told,
     }
+
+
+def _witness_arrays(witness: Readout | None) -> tuple[Arrays, dict[str, Any]]:
+    """Under a prefix of their own; files of networks without one are as they always were."""
+    if not isinstance(witness, Witness):
+        return {}, {}
+    arrays, said = _response_arrays(witness.readout)
+    said |= {'encoding': witness.encoding, 'margin_n': witness.margin_n}
+    return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said}
+
+
+def _witness(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid) -> Witness | None:
+    if said is None:
+        return None
+    own = {name.removeprefix(WITNESS): each for name, each in arrays.items() if name.startswith(WITNESS)}
+    return Witness(_response(own, said, bins), said['encoding'], said['margin_n'])
 
 
 def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
@@ -75,7 +96,10 @@ def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: Bi
     layer = None
     if 'calibration_layer' in said:
         layer = CalibrationLayer.of_change(arrays['calibration.change'], arrays['calibration.bias'])
-    return NetworkReadout(_scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer)
+    witness = _witness(arrays, said.get('witness'), bins)
+    return NetworkReadout(
+        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer, witness
+    )
 
 
 def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:

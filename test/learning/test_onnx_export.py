@@ -34,6 +34,7 @@ from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
 from tactile_nodes.sensing.uncertainty import Calibration
+from tactile_nodes.sensing.witness import Witness
 
 LAYOUT = FeatureLayout('cartesian_mean', 4, 5, 2)
 SHAPE = (4, 5, 2)
@@ -123,6 +124,33 @@ def test_a_calibration_layer_answers_as_numpys_does() -> None:
 
 def _bins(loaded: LoadedModel, frames: list[Features]) -> np.ndarray:
     return np.stack([ForceEstimator(loaded.model).predict(each).normal_force_n for each in frames])
+
+
+def witnessed(encoding: str) -> LoadedModel:
+    """The network beside the response, whose contact of the hardest tenth is beyond the training."""
+    loaded, watching = network(), response(1.0).model.readout
+    witness = Witness(watching, encoding, margin_n=0.12)
+    return replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, witness=witness)))
+
+
+def seen_by_witness(encoding: str) -> list[Features]:
+    """Frames of single contacts as the encoding has them."""
+    made = shown(response(1.0))
+    if encoding != 'polar_mean':
+        return made
+    parts = [np.moveaxis(each.values, -1, 0) for each in made]
+    polar = [np.stack([np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)], axis=-1) for x, y in parts]
+    return [replace(each, values=values.astype(np.float32)) for each, values in zip(made, polar, strict=True)]
+
+
+@pytest.mark.parametrize('encoding', ['cartesian_mean', 'polar_mean'])
+def test_what_a_witness_calls_unlike_is_so_in_the_graph(encoding: str) -> None:
+    loaded, frames = witnessed(encoding), seen_by_witness(encoding)
+    found = compare(loaded, onnx_bytes(loaded), frames)
+    told = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
+    without = [ForceEstimator(network().model).predict(each).unlikeness for each in frames]
+    assert any(mine > alone for mine, alone in zip(told, without, strict=True))
+    assert found.unlikeness_share < 1e-3
 
 
 def test_a_network_that_knows_no_uncertainty_does_not_make_one_up() -> None:

@@ -23,7 +23,12 @@ from tactile_nodes.learning.transfer_layer import (  # noqa: E402
     fit_layer,
     load_layer_config,
 )
-from tactile_nodes.learning.transfer_network import NetworkTransfer, shuffled_parts, transfer_network  # noqa: E402
+from tactile_nodes.learning.transfer_network import (  # noqa: E402
+    NetworkTransfer,
+    shuffled_parts,
+    stated_anew,
+    transfer_network,
+)
 from tactile_nodes.model_file import LoadedModel, load_model, save_model  # noqa: E402
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel  # noqa: E402
 from tactile_nodes.sensing.network import NetworkReadout  # noqa: E402
@@ -134,6 +139,12 @@ def test_stated_uncertainty_is_that_of_the_new_gel(source: NetworkReadout, made:
     sigma = np.array([made.readout.spread.sigma_n(float(each)) for each in total_n])
     assert 0.75 < (np.abs(total_n - fresh.presses[:, 3]) <= 1.645 * sigma).mean() <= 1.0
     assert made.readout.spread != source.spread
+
+
+def test_the_witness_of_the_other_gel_is_left_behind(source: NetworkReadout, harder: Dataset) -> None:
+    presses = harder.take(np.flatnonzero(harder.presses[:, 3] > 0))
+    witnessed = dataclasses.replace(source, witness=source)  # any readout of the same features
+    assert stated_anew(witnessed, presses).witness is None
 
 
 def test_a_calibrated_model_comes_back_from_its_file_with_the_same_answers(

@@ -1,0 +1,89 @@
+"""The witness that training gives a network: it finds the force of one contact, and knows two from one."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+from responding_gel import CONFIG, motion, presses
+
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.witness_fit import with_witness
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+
+BINS = BinGrid()
+SHAPE = (6, 6, 2)
+SURE = np.ones(SHAPE[:2], np.float32)
+NETWORK = NetworkReadout(
+    InputScaling(np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.float32), SURE),
+    Mlp((np.zeros((BINS.count, 72), np.float32),), (np.zeros(BINS.count, np.float32),)),
+    BINS,
+    spread=TotalSpread(0.03, 0.08),
+)
+
+
+def polar(field: np.ndarray) -> np.ndarray:
+    """Magnitude, and angle from 0 to 2 pi."""
+    x, y = np.moveaxis(field, -1, 0)
+    return np.stack([np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)], axis=-1).astype(np.float32)
+
+
+def of_contacts(*contacts: tuple[float, float, float]) -> np.ndarray:
+    """What contacts (x, y, N) cause together."""
+    return sum(motion(np.array([each[:2]]), np.array(each[2:]))[0] for each in contacts)  # type: ignore[return-value]
+
+
+class Told(Progress):
+    """Remembers what is said; on request Ctrl-C comes with the first step."""
+
+    def __init__(self, stopped: bool = False) -> None:
+        self.said: list[str] = []
+        self.stopped = stopped
+
+    def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
+        return nullcontext(self)
+
+    def advance(self, steps: int = 1, text: str = '') -> None:
+        if self.stopped:
+            raise KeyboardInterrupt
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+
+def made(data: Dataset, encoding: str, progress: Progress) -> NetworkReadout:
+    return with_witness(NETWORK, data, np.zeros(len(data.presses), bool), encoding, progress, CONFIG)
+
+
+def test_a_witness_of_polar_features_finds_force_and_place_of_one_contact_and_is_not_content_with_two():
+    data, told = presses(700, 1), Told()
+    witness = made(replace(data, features=polar(data.features)), 'polar_mean', told).witness
+    one = witness.read(polar(of_contacts((3.0, -2.0, 0.4))), SURE)
+    contact = one.contacts[0]
+    assert abs(contact.force_n - 0.4) < 0.02
+    assert np.hypot(contact.x_mm - 3, contact.y_mm + 2) < 0.1
+    assert one.unlikeness < 1
+    assert witness.read(polar(of_contacts((-5.0, -2.0, 0.4), (5.0, 0.0, 0.3))), SURE).unlikeness > 2
+    assert (witness.margin_n, told.said) == (0.03, [])
+
+
+def test_the_hardest_force_is_that_of_the_presses():
+    data = presses(700, 1)
+    witness = made(data, 'cartesian_mean', Told()).witness
+    assert abs(witness.hardest_n - data.presses[:, 3].max()) < 1e-6
+
+
+def test_presses_without_the_untouched_gel_give_no_witness_and_say_so():
+    data, told = presses(300, 1, still=0.0), Told()
+    assert made(data, 'cartesian_mean', told).witness is None
+    assert 'no witness' in told.said[0]
+    assert '12 images of the untouched gel' in told.said[0]
+
+
+def test_who_does_not_wait_for_the_witness_keeps_the_network():
+    told = Told(stopped=True)
+    assert made(presses(700, 1), 'cartesian_mean', told).witness is None
+    assert told.said[0].endswith('stopped')

@@ -1,0 +1,139 @@
+"""A witness beside a network: what it calls unlike the training, and whose word counts in which picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from responding import BINS, components, features, readout
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.features import Features, as_motion
+from tactile_nodes.sensing.likeness import Likeness, alike
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.network import Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS
+from tactile_nodes.sensing.witness import Witness
+
+WITNESS = Witness(readout(1), 'cartesian_mean')
+SURE = np.ones((6, 6), np.float32)
+SPREAD = TotalSpread(0.03, 0.0)
+
+
+def network(says_n: float, **more: object) -> NetworkReadout:
+    """One that says so much of whatever it is shown, all in one bin."""
+    bias = np.zeros(BINS.count, np.float32)
+    bias[40] = says_n
+    layer = np.zeros((BINS.count, 72), np.float32)
+    made = NetworkReadout(WITNESS.readout.scaling, Mlp((layer,), (bias,)), BINS, spread=SPREAD, witness=WITNESS)
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+def shown(*contacts: tuple[float, float, float]) -> np.ndarray:
+    """Features of which the witness sees these contacts (x, y, N)."""
+    return features(WITNESS.readout, components(WITNESS.readout.response, *contacts))
+
+
+def test_magnitude_and_angle_are_motion_along_x_and_y():
+    polar = np.array([[[5.0, 0.927295], [2.0, np.pi], [0.0, 4.0]]], np.float32)
+    np.testing.assert_allclose(as_motion('polar_mean', polar), [[[3, 4], [-2, 0], [0, 0]]], atol=1e-5)
+
+
+def test_motion_along_x_and_y_is_motion_already():
+    values = shown((1.0, 2.0, 0.5))
+    assert as_motion('cartesian_mean', values) is values
+
+
+def test_a_force_that_the_witness_finds_too_is_like_the_training():
+    reading = network(0.5).read(shown((2.0, -3.0, 0.5)), SURE)
+    assert reading.unlikeness < 0.5
+    assert alike('network', reading.unlikeness, reading.contacts)
+
+
+@pytest.mark.parametrize(('says_n', 'unlike'), [(0.5519, 0), (0.5521, 1), (0.3, 1)])
+def test_a_force_off_by_more_than_the_root_of_three_of_its_uncertainty_is_unlike_the_training(says_n, unlike):
+    """0.03 N times 1.7320 is 0.05196 N; the contact of 0.5 N is found to 1e-5 N."""
+    reading = network(says_n).read(shown((2.0, -3.0, 0.5)), SURE)
+    assert (reading.unlikeness > 1) == unlike
+    assert reading.unlikeness == pytest.approx(abs(says_n - 0.5) / (3**0.5 * 0.03), rel=2e-3)
+    assert alike('network', reading.unlikeness, reading.contacts) == (not unlike)
+
+
+def test_two_contacts_are_unlike_the_training_whatever_force_is_said():
+    pair = shown((-4.0, 0.0, 0.5), (4.0, 1.0, 0.5))
+    alone = WITNESS.read(pair, SURE)
+    assert alone.unlikeness > 1
+    assert network(alone.contacts[0].force_n).read(pair, SURE).unlikeness == alone.unlikeness
+
+
+def test_a_contact_near_the_hardest_of_the_training_may_be_harder():
+    near = replace(WITNESS, margin_n=0.03)
+    assert near.hardest_n == 1.0
+    assert near.read(shown((0.0, 1.0, 0.98)), SURE).unlikeness == BEYOND_UNLIKENESS
+    assert near.read(shown((0.0, 1.0, 0.96)), SURE).unlikeness < BEYOND_UNLIKENESS
+    assert WITNESS.read(shown((0.0, 1.0, 0.98)), SURE).unlikeness < BEYOND_UNLIKENESS
+
+
+def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
+    values = shown((2.0, -3.0, 0.5))
+    alone = network(0.9, witness=None).read(values, SURE)
+    beside = network(0.9).read(values, SURE)
+    assert beside.normal_force_n.tobytes() == alone.normal_force_n.tobytes()
+    assert (beside.contacts, beside.total_sigma_n) == (alone.contacts, alone.total_sigma_n)
+
+
+def test_what_directions_leave_over_counts_beside_the_witness():
+    directions = np.eye(72, dtype=np.float32)[:1]
+    strict = Likeness(np.zeros(72, np.float32), directions, 1e-3, 0.0)
+    values = shown((2.0, -3.0, 0.5))
+    reading = network(0.5, likeness=strict).read(values, SURE)
+    assert reading.unlikeness == strict.unlikeness(values.reshape(-1)) > 1
+
+
+def test_in_an_altered_picture_the_witness_is_believed():
+    reading = network(0.9).read_altered(shown((2.0, -3.0, 0.5)), SURE)
+    contact = reading.contacts[0]
+    assert (contact.x_mm, contact.y_mm, contact.force_n) == pytest.approx((2.0, -3.0, 0.5), abs=1e-3)
+    assert reading.normal_force_n.sum() == pytest.approx(0.5, abs=1e-3)
+    assert reading.total_sigma_n >= SPREAD.floor_n  # no surer than the network
+
+
+def test_without_a_witness_an_altered_picture_is_read_as_any():
+    values, alone = shown((2.0, -3.0, 0.5)), network(0.9, witness=None)
+    plain, altered = alone.read(values, SURE), alone.read_altered(values, SURE)
+    assert altered.normal_force_n.tobytes() == plain.normal_force_n.tobytes()
+    assert np.isnan(altered.unlikeness)
+
+
+def test_where_too_few_regions_are_seen_for_the_witness_the_network_answers():
+    few = np.zeros((6, 6), np.float32)
+    few[0, 0] = 1.0
+    made = replace(network(0.9), witness=replace(WITNESS, readout=replace(WITNESS.readout, scaling=_lost(few))))
+    reading = made.read_altered(shown((2.0, -3.0, 0.5)), few)
+    assert reading.normal_force_n.sum() == pytest.approx(0.9)
+    assert np.isnan(reading.unlikeness)
+
+
+def _lost(confidence: np.ndarray):
+    return replace(WITNESS.readout.scaling, trusted=np.ones_like(confidence), confidence_floor=0.5)
+
+
+def test_features_that_are_no_numbers_give_no_force_in_an_altered_picture():
+    values = shown((2.0, -3.0, 0.5))
+    values[0, 0, 0] = np.inf
+    assert np.isnan(network(0.9).read_altered(values, SURE).normal_force_n).all()
+
+
+def test_at_rest_no_force_is_contradicted():
+    """A network that says 0.3 N of no motion is not asked there, so nothing is unlike the training."""
+    model = ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), BINS, network(0.3))
+    still = Features('cartesian_mean', np.zeros((6, 6, 2), np.float32), SURE)
+    found = ForceEstimator(model).at_rest(still)
+    assert (found.total_n, found.total_sigma_n) == (0.0, pytest.approx(0.03))
+    assert found.unlikeness < 1
+
+
+def test_a_witness_of_other_features_is_refused():
+    with pytest.raises(ModelError, match='does not fit'):
+        network(0.5).witness.require_fit(50, BINS)  # type: ignore[union-attr]
