@@ -13,7 +13,7 @@ import numpy as np
 from tactile_nodes.learning.onnx_graph import Value, Writer
 from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
 from tactile_nodes.learning.onnx_splines import laplacian, value_and_slopes
-from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2
+from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, UNKNOWN
@@ -152,43 +152,48 @@ def _answer(
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
     noise = _gained(response, components, place, misfit) < calibration.least_gain
-    height, force_slope = place[2] / response.s.high, place[2].most(1e-9) ** (1 / response.power - 1) / response.power
+    told, at_least, off = _beside_training(response, components, place, cofactors / determinant)
+    at, told = place[2], noise.where(place, told)
+    height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
     sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
     sigma_n = _factor(calibration.force_factors, height) * hypot(
         force_slope * variances[2].sqrt(), calibration.force_floor_n
     )
-    at_least, off = _beside_training(response, components, place, cofactors / determinant)
+    off_n = off * at.most(1e-9) ** (1 / response.power - 1) / response.power
     unlike = noise.where(unlike, unlike.most(at_least))
-    sigma_n = noise.where(sigma_n, hypot(sigma_n, off * force_slope))
+    sigma_n = noise.where(sigma_n, hypot(sigma_n, off_n))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
-    force = place[2].most(0) ** (1 / response.power)
+    force = told[2].most(0) ** (1 / response.power)
     force = noise.where(force * 0, force)
-    bins = _spread(place, sigma_mm, force, readout.bins)
-    contact = writer.concat(place[0], place[1], force)
+    bins = _spread(told, sigma_mm, force, readout.bins)
+    contact = writer.concat(told[0], told[1], force)
     return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
 
 
-def _beside_training(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value]:
-    """How unlike the training the contact is at least, by place, force and width, and by how much s may be off for it.
+def _beside_training(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value]:
+    """The contact with a usual width, how unlike the training it is at least, and by how much s may be off for a width.
 
     See `ResponseReadout`; `inverse` is that of the information with its damping.
     """
     writer = place.writer
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
-    width, sigma, off = _width(response, components, place, inverse)
+    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
+    width, sigma, step, off = _width(response, components, place, inverse)
     wide = (width >= WIDE_MM2) & (width >= sigma * SURE_OF_WIDTH)
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
+    moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
     beyond, limit, within = (writer.constant(np.float32(each)) for each in (BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, 0.0))
     near_limit = (place[2] >= response.hard).where(limit, wide.where(limit, within))
-    return at_end.where(beyond, near_limit), wide.where(off, 0.0)
+    return at_end.where(place, moved), at_end.where(beyond, near_limit), wide.where(off, 0.0)
 
 
-def _width(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value]:
-    """How much wider the contact is (mm²), its standard deviation, and by how much s would be another with it.
+def _width(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value, Value]:
+    """How much wider the contact is (mm²), its standard deviation, and by how much x, y and s are another with it.
 
-    A step of least squares by x, y, s and width, the last one set apart; see `added_by_width`.
+    A step of least squares by x, y, s and width, the last one set apart; with a usual width, and by how much further s
+    is with any; see `added_by_width`.
     """
     made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
@@ -199,8 +204,10 @@ def _width(response: Response, components: Value, place: Value, inverse: Value) 
     known = inverse @ shared
     own = (bend * bend * certainty).sum() - shared @ known
     width = (bend @ left - known @ (slopes @ left)) / own
-    further = (inverse @ (slopes @ left - shared * width))[2]
-    return width, 1 / own.sqrt(), further.most(place[2] * -1.0).least(place[2])
+    usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
+    plain, least, most = inverse @ (slopes @ left), place[2] * -1.0, place[2]
+    step, further = plain - known * usual, (plain - known * width)[2]
+    return width, 1 / own.sqrt(), step, further.most(least).least(most) - step[2].most(least).least(most)
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:

@@ -31,7 +31,8 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
-    errors, sigmas = _errors(raw, presses, [fit for fit, press in zip(fits, touched, strict=True) if press])
+    told = [raw.mended(*each) for each, press in zip(zip(components, fits, strict=True), touched, strict=True) if press]
+    errors, sigmas = _errors(raw, presses, told)
     heights = np.maximum(presses[:, 3], 0.0) ** raw.response.power / raw.response.s.high
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
     force_floor, force_factors = spread_of(errors[:, 2], sigmas[:, 1], heights)
@@ -51,8 +52,9 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
     if len(judges) < LEAST_JUDGES:
         return readout.calibration
     judges, seen = _readable(readout, dataset, judges)
-    fits = [readout.fit(readout.whitening @ each.scores) for each in seen]
-    errors, sigmas = _errors(readout, dataset.presses[judges], fits)
+    components = [readout.whitening @ each.scores for each in seen]
+    told = [readout.mended(each, readout.fit(each)) for each in components]
+    errors, sigmas = _errors(readout, dataset.presses[judges], told)
     place = to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
     force = to_coverage(errors[:, 2], sigmas[:, 1])
     c = readout.calibration

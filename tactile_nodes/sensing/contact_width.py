@@ -2,18 +2,23 @@
 
 A wider contact is many of the training's side by side, and motions add up. So what it adds is, to the second order, the
 bend of the response along x and y (its Laplacian), times half the mean square of how far they lie apart: no other body
-need be known. A tip of the training has none of it, a ball or a flat punch has, and so have two contacts close together
-that came out as one. The force that comes out of such a contact is another, by how much follows from the same fit.
+need be known. A tip of the training has next to none of it, a ball or a flat punch has, and so have two contacts close
+together that came out as one. The force that comes out of such a contact is another, by how much follows from the same
+fit.
+
+A little of it every contact has: what splines and regions miss of a response is mostly how sharp its peak is. So place
+and force are those of a fit that also knows a width, which lies so near none as the training's own do.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
-from tactile_nodes.sensing.response import Fit, Response, damping
+from tactile_nodes.sensing.response import Fit, Response, at_an_end, damping
 from tactile_nodes.sensing.splines import laplacian, value_and_slopes
 
 WIDE_MM2 = 0.1
@@ -26,11 +31,35 @@ from 0.1 and 0.15 N on.
 SURE_OF_WIDTH = 3.0
 """Standard deviations by which it must lie above none at all."""
 
+USUAL_MM2 = 0.015
+"""Standard deviation of the width of contacts that are as those of the training.
 
-def added_by_width(
-    response: Response, components: Float32[np.ndarray, ' components'], fit: Fit
-) -> Float[np.ndarray, 'contacts 3']:
-    """How much wider each contact is (mm²), its standard deviation, and by how much s would be another with it."""
+Half of it and twice as much take less of the error away, on presses at random places that no model was trained with.
+"""
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Of each contact: how much wider it is (mm²), its standard deviation, and what that does to it.
+
+    `steps` is what x, y and s are another by with a width as usual as the training's, `off` by how much further s is
+    with any width.
+    """
+
+    mm2: Float[np.ndarray, ' contacts']
+    sigma_mm2: Float[np.ndarray, ' contacts']
+    steps: Float[np.ndarray, 'contacts 3']
+    off: Float[np.ndarray, ' contacts']
+
+    @property
+    def wide(self) -> Bool[np.ndarray, ' contacts']:
+        """Which contacts are wider than those of the training."""
+        which: np.ndarray = (self.mm2 >= WIDE_MM2) & (self.mm2 >= SURE_OF_WIDTH * self.sigma_mm2)
+        return which
+
+
+def added_by_width(response: Response, components: Float32[np.ndarray, ' components'], fit: Fit) -> Widths:
+    """What a width of its own adds to each contact."""
     made = [value_and_slopes(response.axes, response.coefficients, each) for each in fit.contacts.tolist()]
     left = components - sum(each[0] for each in made)
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
@@ -38,22 +67,26 @@ def added_by_width(
         _added(at[2], each, laplacian(response.axes, response.coefficients, at), left, certainty)
         for each, at in zip(made, fit.contacts.tolist(), strict=True)
     ]
-    return np.array(found)
+    mm2, sigma_mm2, steps, off = zip(*found, strict=True)
+    return Widths(np.array(mm2), np.array(sigma_mm2), np.array(steps), np.array(off))
 
 
 def _added(
     s: float, made: np.ndarray, bend: np.ndarray, left: np.ndarray, certainty: np.ndarray
-) -> tuple[float, float, float]:
+) -> tuple[float, float, np.ndarray, float]:
     """One step of least squares by x, y, s and width, from a fit by the first three; s is off by itself at most."""
     slopes = np.concatenate([made[1:], bend[None]], dtype=np.float64)
     information = (slopes * certainty) @ slopes.T
     information[:3, :3] += damping(1)
     spread = np.linalg.inv(information)
     step = spread @ (slopes @ (left * certainty))
-    return float(step[3]), math.sqrt(spread[3, 3]), min(max(float(step[2]), -s), s)
+    width, variance = float(step[3]), float(spread[3, 3])
+    usual: np.ndarray = step[:3] - spread[:3, 3] * (width / (variance + USUAL_MM2**2))
+    return width, math.sqrt(variance), usual, min(max(float(step[2]), -s), s) - min(max(float(usual[2]), -s), s)
 
 
-def wide(added: Float[np.ndarray, 'contacts 3']) -> np.ndarray:
-    """Which contacts are wider than those of the training."""
-    which: np.ndarray = (added[:, 0] >= WIDE_MM2) & (added[:, 0] >= SURE_OF_WIDTH * added[:, 1])
-    return which
+def mended(response: Response, fit: Fit, widths: Widths) -> Fit:
+    """The fit with each contact where it is with a usual width; one that lies where the splines end stays there."""
+    _, largest, low, high = response.limits_array
+    moved = np.clip(fit.contacts + np.clip(widths.steps, -largest, largest), low, high)
+    return replace(fit, contacts=np.where(at_an_end(response, fit.contacts)[:, None], fit.contacts, moved))

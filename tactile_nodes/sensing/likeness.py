@@ -19,7 +19,7 @@ A response is a sharper test than what networks learned from: of 80 presses at r
 Tips of other shapes (0.5 to 0.9), a drag of 0.1 mm (0.8 to 1.5) and presses at the rim of the training lie above it.
 """
 
-CLOSE_MM = 13.0
+CLOSE_MM = 15.0
 """Contacts that are nearer to each other do not just add up."""
 
 

@@ -161,14 +161,18 @@ def _fit(components, response, table, ends, levels, power, limit, most):
 
 
 @compiled()
-def _at_an_end(contacts, limits, converged):
-    """As `ResponseReadout._at_an_end`."""
+def _stay_at_ends(contacts, limits, converged, moved):
+    """As `response.at_an_end`: whether any contact lies at an end; those that do stay there."""
+    any_does = False
     for n in range(contacts.shape[0]):
+        does = False
         for axis in range(3):
-            beyond = contacts[n, axis] >= limits[3, axis] - converged
-            if beyond or (axis < 2 and contacts[n, axis] <= limits[2, axis] + converged):
-                return True
-    return False
+            does = does or contacts[n, axis] >= limits[3, axis] - converged
+            does = does or (axis < 2 and contacts[n, axis] <= limits[2, axis] + converged)
+        if does:
+            copy(contacts[n : n + 1], moved[n : n + 1])
+        any_does = any_does or does
+    return any_does
 
 
 @compiled()
@@ -204,7 +208,7 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'UniTuple(f8, 17), f8[:, ::1], f4[:, ::1])'
+    'UniTuple(f8, 18), f8[:, ::1], f4[:, ::1])'
 )
 def read(values, confidence, scaling, directions, whitening, response, table, factors, ends, numbers, contacts, forces):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
@@ -222,20 +226,21 @@ def read(values, confidence, scaling, directions, whitening, response, table, fa
     found, information, misfit = _fit(
         components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
     )
-    count = found.shape[0]
-    _tell(found, information, limits, axes[2, 1], power, nowhere, (place_floor, force_floor), factors, contacts)
+    count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
-    if _gained(components, growth, found, misfit, axes[2, 1]) < ends[3]:
-        count = 1
-        contacts[0, 2], contacts[0, 3] = 0.0, nowhere
-        total = 0.0
-    else:
-        near, hard, wide, sure = numbers[13:]
-        surely, total = off_by_width(components, found, response, power, wide, sure)
-        if _at_an_end(found, limits, ends[0]):
+    total, touching = 0.0, _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
+    if touching:
+        near, hard = numbers[13:15]
+        told = np.empty_like(found)
+        surely, total = off_by_width(components, found, response, power, numbers[15:], told)
+        if _stay_at_ends(found, limits, ends[0], told):
             unlike = max(unlike, beyond)
         elif surely or _hard(found, hard):
             unlike = max(unlike, near)
+    _tell(told, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
+    if not touching:
+        count = 1
+        contacts[0, 2], contacts[0, 3] = 0.0, nowhere
     for n in range(count):
         total += contacts[n, 4] * contacts[n, 4]
     spread_over_bins(contacts, count, numbers[11:13], forces)

@@ -86,9 +86,13 @@ def _added(made, left, certainty, granted, column, step):
 
 
 @compiled()
-def off_by_width(components, contacts, response, power, wide, sure):
-    """Whether any contact is surely wider than the training's, and the square of what N forces are off by for that."""
+def off_by_width(components, contacts, response, power, numbers, moved):
+    """Whether any contact is surely wider than the training's, and the square of what N forces are off by for that.
+
+    Fills in contacts as they are with a usual width (n, 3); see `contact_width`. `numbers` are its limits.
+    """
     axes, coefficients, growth, limits = response
+    wide, sure, usual = numbers
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
@@ -106,9 +110,14 @@ def off_by_width(components, contacts, response, power, wide, sure):
     surely, total = False, 0.0
     for n in range(count):
         _added(made[n], left, certainty, limits[0], column, step)
+        share, s = step[3] / (column[3] + usual * usual), contacts[n, 2]
+        by_s = step[2] - column[2] * share
+        for i in range(3):
+            by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
+            moved[n, i] = min(max(contacts[n, i] + by, limits[2, i]), limits[3, i])
         if step[3] >= wide and step[3] >= sure * math.sqrt(column[3]):
             surely = True
-            s = contacts[n, 2]
-            off = min(max(step[2], -s), s) * max(s, 1e-9) ** (1 / power - 1) / power
+            off = min(max(step[2], -s), s) - min(max(by_s, -s), s)
+            off *= max(s, 1e-9) ** (1 / power - 1) / power
             total += off * off
     return surely, total

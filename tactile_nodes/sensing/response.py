@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.sensing.splines import SplineAxis, cubes, value_and_slopes
 
@@ -165,6 +165,14 @@ def locate(
         here = moved
     assert best is not None
     return best
+
+
+def at_an_end(response: Response, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
+    """Which contacts lie where the splines end: they may as well lie beyond, or be harder."""
+    _, _, low, high = response.limits_array
+    ends = (contacts >= high - CONVERGED_MM) | (contacts <= [low[0] + CONVERGED_MM, low[1] + CONVERGED_MM, -1.0])
+    which: np.ndarray = ends.any(axis=1)
+    return which
 
 
 def ends(least_gain: float) -> Float[np.ndarray, ' 4']:

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2, added_by_width, wide
+from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2, Widths, added_by_width, mended
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
@@ -25,7 +25,7 @@ from tactile_nodes.sensing.reading import (
     nothing_read,
     spread_over_bins,
 )
-from tactile_nodes.sensing.response import CONVERGED_MM, START_LEVELS, Fit, Response, ends, gained, locate
+from tactile_nodes.sensing.response import START_LEVELS, Fit, Response, at_an_end, ends, gained, locate
 from tactile_nodes.sensing.splines import value_and_slopes
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
 
@@ -115,6 +115,7 @@ class ResponseReadout:
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
             self.bins.width_mm, self.bins.height_mm, LIMIT_UNLIKENESS, response.hard, WIDE_MM2, SURE_OF_WIDTH,
+            USUAL_MM2,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
@@ -170,27 +171,26 @@ class ResponseReadout:
         if self.gain(components, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
-            at_least, off_n = self._beside_training(components, fit)
+            widths = added_by_width(self.response, components, fit)
+            contacts = self.contacts(mended(self.response, fit, widths))
+            at_least, off_n = self._beside_training(fit, widths)
             unlike = max(unlike, at_least)
         sigma_n = math.hypot(off_n, *(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
-    def _beside_training(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> tuple[float, float]:
+    def _beside_training(self, fit: Fit, widths: Widths) -> tuple[float, float]:
         """How unlike the training contacts are at least, by place, force and width, and what N a width stands for."""
-        added, response = added_by_width(self.response, components, fit), self.response
-        surely = wide(added)
+        response, surely = self.response, widths.wide
         slopes = [response.force_slope(s) for s in fit.contacts[surely, 2].tolist()]
-        off_n = float(np.linalg.norm(added[surely, 2] * slopes))
-        if self._at_an_end(fit.contacts):
+        off_n = float(np.linalg.norm(widths.off[surely] * slopes))
+        if at_an_end(response, fit.contacts).any():
             return BEYOND_UNLIKENESS, off_n
         hard = bool((fit.contacts[:, 2] >= response.hard).any())
         return LIMIT_UNLIKENESS * (hard or bool(surely.any())), off_n
 
-    def _at_an_end(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
-        """Whether a contact lies where the splines end: it may as well lie beyond, or be harder."""
-        _, _, low, high = self.response.limits_array
-        ends = (contacts >= high - CONVERGED_MM) | (contacts <= [low[0] + CONVERGED_MM, low[1] + CONVERGED_MM, -1.0])
-        return bool(ends.any())
+    def mended(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
+        """A fit's contacts as they are told; see `contact_width`."""
+        return mended(self.response, fit, added_by_width(self.response, components, fit))
 
     def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
         """See `gained`."""

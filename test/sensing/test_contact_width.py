@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from responding import COMPONENTS, GRID, components, features, readout, response
 
-from tactile_nodes.sensing.contact_width import added_by_width, wide
+from tactile_nodes.sensing.contact_width import USUAL_MM2, Widths, added_by_width, mended
 from tactile_nodes.sensing.response import locate
 
 GEL = response()
@@ -25,28 +27,59 @@ def pressed(apart_mm: float, s: float = 0.6) -> np.ndarray:
 def test_a_wider_contact_adds_half_the_mean_square_of_its_places_along_an_axis(apart_mm: float) -> None:
     """Two of four places are apart_mm away along an axis: (1/2) (1/2) apart_mm²; s is that of all four together."""
     seen = pressed(apart_mm)
-    (mm2, _, off), contact = (
-        added_by_width(GEL, seen, fit := locate(GEL, seen, GEL.start(seen)[None]))[0],
-        fit.contacts[0],
-    )
-    assert mm2 == pytest.approx(apart_mm**2 / 4, rel=0.1)
-    assert contact[2] + off == pytest.approx(0.6, abs=0.02)
-    assert abs(contact[2] + off - 0.6) < 0.2 * abs(contact[2] - 0.6)
+    found, contact = added_by_width(GEL, seen, fit := locate(GEL, seen, GEL.start(seen)[None])), fit.contacts[0]
+    s = contact[2] + found.steps[0, 2] + found.off[0]
+    assert found.mm2[0] == pytest.approx(apart_mm**2 / 4, rel=0.1)
+    assert s == pytest.approx(0.6, abs=0.02)
+    assert abs(s - 0.6) < 0.2 * abs(contact[2] - 0.6)
 
 
 def test_noise_adds_no_width_beyond_its_standard_deviation() -> None:
     random, found = np.random.default_rng(3), []
     for _ in range(200):
         seen = components(GEL, (2.0, -1.0, 0.6)) + random.normal(size=COMPONENTS).astype(np.float32)
-        found.append(added_by_width(GEL, seen, locate(GEL, seen, GEL.start(seen)[None]))[0, :2])
+        widths = added_by_width(GEL, seen, locate(GEL, seen, GEL.start(seen)[None]))
+        found.append((widths.mm2[0], widths.sigma_mm2[0]))
     mm2, sigma_mm2 = np.array(found).T
     # 1 within sqrt(1 / 400), and four times that is an even chance of one in 16 000
     assert np.sqrt(np.mean((mm2 / sigma_mm2) ** 2)) == pytest.approx(1.0, abs=4 * 0.05)
 
 
 def test_what_is_wide_but_may_be_noise_is_not_called_wide() -> None:
-    added = np.array([[0.2, 0.05, 0.0], [0.2, 0.1, 0.0], [0.05, 0.001, 0.0], [-0.5, 0.01, 0.0]])
-    assert wide(added).tolist() == [True, False, False, False]
+    mm2, sigma_mm2 = np.array([[0.2, 0.05], [0.2, 0.1], [0.05, 0.001], [-0.5, 0.01]]).T
+    assert Widths(mm2, sigma_mm2, np.zeros((4, 3)), np.zeros(4)).wide.tolist() == [True, False, False, False]
+
+
+def test_contacts_of_a_usual_width_are_read_better_with_it_than_without() -> None:
+    """Places of a pair lie so far apart that the width is one standard deviation of the usual ones, or minus that.
+
+    Noise lets width be known to a tenth of that here, so what a contact is off by for it is nearly all taken out.
+    """
+    gel, found, random = response(scale=20_000.0), [], np.random.default_rng(7)
+    for x, y in random.uniform(-6, 6, (40, 2)).tolist():
+        apart_mm = (4 * USUAL_MM2) ** 0.5
+        places = [(x + apart_mm, y), (x - apart_mm, y), (x, y + apart_mm), (x, y - apart_mm)]
+        seen = components(gel, *[(*place, 0.15) for place in places])
+        seen += random.normal(size=COMPONENTS).astype(np.float32)
+        fit = locate(gel, seen, gel.start(seen)[None])
+        told = mended(gel, fit, added_by_width(gel, seen, fit))
+        found.append((fit.contacts[0, 2] - 0.6, told.contacts[0, 2] - 0.6))
+    without, with_it = np.sqrt(np.square(found).mean(axis=0))
+    assert with_it < 0.5 * without
+
+
+def test_a_contact_of_no_width_stays_what_it_is() -> None:
+    seen = components(GEL, (2.0, -1.0, 0.6))
+    fit = locate(GEL, seen, GEL.start(seen)[None])
+    assert mended(GEL, fit, added_by_width(GEL, seen, fit)).contacts[0] == pytest.approx([2.0, -1.0, 0.6], abs=2e-3)
+
+
+def test_a_contact_where_the_splines_end_stays_there() -> None:
+    seen = components(GEL, (12.0, 0.0, 0.5), (11.0, 1.0, 0.2))
+    fit = replace(locate(GEL, seen, GEL.start(seen)[None]), contacts=np.array([[12.0, 0.1, 0.6]]))
+    widths = added_by_width(GEL, seen, fit)
+    assert np.abs(widths.steps).max() > 1e-3
+    assert mended(GEL, fit, widths).contacts.tolist() == [[12.0, 0.1, 0.6]]
 
 
 def test_a_wide_contact_is_unlike_the_training_and_less_sure() -> None:

@@ -64,6 +64,6 @@ def test_where_nothing_presses_noise_alone_is_left_over_and_that_is_alike_up_to_
 
 
 def test_contacts_that_are_close_are_unlike_the_single_ones_of_a_training() -> None:
-    far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (14.0, 7.0))
+    far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (16.0, 14.0))
     assert alike('response', 0.4, far)
     assert not alike('response', 0.4, near)
