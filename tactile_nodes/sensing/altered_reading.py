@@ -1,9 +1,13 @@
 """A response read in a picture that is not the training's: of another light or sharpness, with markers gone.
 
 Markers that run into each other, or are lost, show regions another mean of the same motion: each is off by a share of
-its own motion, and the more the nearer to the contact. So the errors of a frame are those of the training and, beside
-them, some in proportion to what each region moved; a few more steps from the contacts that were found make the best of
-both. It is least squares as before, but components are no longer independent.
+its own motion, and the more the nearer to the contact. So the errors of a frame are those of the training (and of a
+width as usual as the training's, see `contact_width`) and, beside them, some in proportion to what each region moved; a
+few more steps from the contacts that were found make the best of all. It is least squares as before, but components are
+no longer independent.
+
+A blurred picture shows motion flatter about a contact than it is, as a wider one would be. There a width of its own
+would take more away from the force than it mends.
 """
 
 from __future__ import annotations
@@ -14,10 +18,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Float32
 
+from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.reading import Reading, spread_over_bins
 from tactile_nodes.sensing.response import CONVERGED_MM, Fit, damping
 from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import value_and_slopes
+from tactile_nodes.sensing.splines import laplacian, value_and_slopes
 
 ALTERED_SHARE = 0.02
 """Of a region's motion, by which it is off. With half of it forces in a blurred picture are further off with
@@ -30,8 +35,10 @@ def read_altered(
     readout: ResponseReadout,
     values: Float32[np.ndarray, 'rows cols channels'],
     confidence: Float32[np.ndarray, 'rows cols'],
+    *,
+    blurred: bool = False,
 ) -> Reading:
-    """As the readout reads it, with regions trusted the less the more they moved.
+    """As the readout reads it, with regions trusted the less the more they moved; `blurred` ones with no width.
 
     What is unlike the training is told as it was, and the force is no surer than it was.
     """
@@ -44,7 +51,7 @@ def read_altered(
     off = np.broadcast_to(ALTERED_SHARE**2 * np.square(moved).mean(axis=-1, keepdims=True), moved.shape).reshape(-1)
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])
-    contacts = readout.contacts(_refined(readout, components, begin, off))
+    contacts = readout.contacts(_refined(readout, components, begin, off, 0.0 if blurred else USUAL_MM2))
     sigma_n = max(plain.total_sigma_n, math.hypot(*(each.sigma_n for each in contacts)))
     return replace(
         plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, total_sigma_n=sigma_n
@@ -56,11 +63,17 @@ def _refined(
     components: Float[np.ndarray, ' components'],
     begin: Float[np.ndarray, 'contacts 3'],
     off: Float[np.ndarray, ' inputs'],
+    width_mm2: float,
 ) -> Fit:
-    """Gauss-Newton with the covariance of all components, whose part of `off` is that of the inputs' variances."""
+    """Gauss-Newton with the covariance of all components, whose part of `off` is that of the inputs' variances.
+
+    `width_mm2` is the standard deviation of each contact's width.
+    """
     response, mixing = readout.response, readout.mixing
     _, largest, low, high = response.limits_array
-    sure = np.linalg.inv(np.diag(1 / response.certainty(float(begin[:, 2].max()))) + (mixing * off) @ mixing.T)
+    bends = width_mm2 * np.array([laplacian(response.axes, response.coefficients, each) for each in begin.tolist()])
+    known = np.diag(1 / response.certainty(float(begin[:, 2].max())))
+    sure = np.linalg.inv(known + (mixing * off) @ mixing.T + bends.T @ bends)
     here, granted = begin, damping(len(begin))
     for _ in range(STEPS):
         made = [value_and_slopes(response.axes, response.coefficients, each) for each in here.tolist()]

@@ -118,6 +118,21 @@ class InverseCompositionalFlow:
             (OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale),
         )  # fmt: skip
 
+    @property
+    def answers(self) -> Float32[np.ndarray, 'rows cols 2 4']:
+        """What each patch finds (px) of slopes of motion; see `Templates`."""
+        rows, cols = self._options.rows, self._options.cols
+        answers: np.ndarray = self._templates.answers.reshape(rows, cols, 2, 4) * np.float32(
+            2**self._options.finest_scale
+        )
+        return answers
+
+    @property
+    def known(self) -> Float32[np.ndarray, 'rows cols']:
+        """How surely each patch is found by its texture, from 0 to 1."""
+        known: np.ndarray = self._known.reshape(self._options.rows, self._options.cols)
+        return known
+
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
         if (loops := compiled_loops()) is not None:

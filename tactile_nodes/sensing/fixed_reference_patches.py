@@ -79,13 +79,14 @@ class Templates:
     """The patches of a rest image, ready to be found in other images.
 
     `texture_grey` is the root mean square gradient of each patch in its weaker direction, in grey levels per pixel,
-    without what a change of light could explain.
+    without what a change of light could explain. `answers` is what each patch finds of slopes of motion of one pixel
+    per pixel: of motion right along right and down, of motion down along right and down.
     """
 
     def __init__(self, grid: PatchGrid, moved: Moved) -> None:
         """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
         self.grid = grid
-        basis, triangle = np.linalg.qr(self._model(moved))
+        basis, triangle = np.linalg.qr(model := self._model(moved))
         self._whole, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._basis = self._whole * self._unit[:, :, None]
         scale = np.abs(np.einsum('pkk->pk', triangle))
@@ -94,6 +95,7 @@ class Templates:
         )
         self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
         self._mend = self._calibrated(moved)
+        self.answers = self._answers(model)
         self._numbers = np.arange(len(self._basis))
 
     def _model(self, moved: Moved) -> np.ndarray:
@@ -106,6 +108,19 @@ class Templates:
         model = np.stack([still, (right - left) / (2 * step), (down - up) / (2 * step)], axis=-1)
         centred: np.ndarray = model - model.mean(axis=1, keepdims=True)
         return centred
+
+    def _answers(self, model: np.ndarray) -> Float32[np.ndarray, 'patches 2 4']:
+        """Of motion that is none in the middle of a patch's region and grows evenly from there."""
+        grid, side = self.grid, self.grid.window_px
+        sides = (grid.cols, grid.shape[1]), (grid.rows, grid.shape[0])
+        x, y = ((np.arange(count) + 0.5) * length / count for count, length in sides)
+        first = grid.corner + 0.5 - np.stack(np.meshgrid(x, y)).reshape(2, -1)
+        down, right = (each.reshape(-1) for each in np.indices((side, side)))
+        away = np.stack([first[0][:, None] + right, first[1][:, None] + down], axis=-1)
+        change = (model[:, :, 1:, None] * away[:, :, None, :]).reshape(*model.shape[:2], 4)
+        part = np.einsum('pkn,png->pkg', self._basis, change - change.mean(axis=1, keepdims=True))
+        answers: np.ndarray = np.einsum('jkp,pkg->pjg', self._unmix, part)[:, 1:].astype(np.float32)
+        return answers
 
     def _calibrated(self, moved: Moved) -> Float32[np.ndarray, '2 terms patches']:
         """Coefficients of what to add to the linear answers, so that the rest image's own motions come out true."""

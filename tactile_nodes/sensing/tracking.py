@@ -18,6 +18,7 @@ from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
+from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class FeatureTracker:
         self.registration = registration
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
+        self._first_flow: FlowMethod | None = None
+        self._other: OtherTexture | None = None
         self._flow = flow
         self._encoding = encoding
         self._rest_frames = rest_frames
@@ -163,6 +166,8 @@ class FeatureTracker:
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
         self.rest, self._still, self._seen, self._own = rest, None, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
+        self._first_flow = rest.flow if offset is None else self._first_flow
+        self._other = other_texture(rest.flow, self._first_flow, rest.image.shape)
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset, motion)
 
@@ -210,7 +215,9 @@ class FeatureTracker:
             field = registration.without(self._flow.displacement(straight))
         # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
         seen_at_rest = self._check is not None and registration.watches and registration.free
-        return self._at_rest()[0] if seen_at_rest else field
+        if seen_at_rest:
+            return self._at_rest()[0]
+        return self._other.as_first(field) if self._other else field
 
     def untouched(self, field: DisplacementField) -> bool:
         """Whether that field is the one of all frames in which nothing touches, whose motion is not asked for."""

@@ -15,9 +15,12 @@ RADIUS_PX, REACH = 1.1, 4
 Motion = Callable[[np.ndarray], np.ndarray]
 
 
-def picture(*motions: Motion, number: int = 0, light: float = 1.0) -> np.ndarray:
-    """The dots after some motions, one after another (places in px, motion in px), under noise `number`."""
-    at = DOTS
+def picture(*motions: Motion, number: int = 0, light: float = 1.0, gone: float = 0.0) -> np.ndarray:
+    """The dots after some motions, one after another (places in px, motion in px), under noise `number`.
+
+    `gone`: that share of them is not there.
+    """
+    at = DOTS[round(gone * len(DOTS)) :]
     for each in motions:
         at = at + each(at)
     whole = np.rint(at).astype(int)
