@@ -100,13 +100,35 @@ class DisFlow:
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
         self._reference = np.ascontiguousarray(image).copy()
+        self._levels = np.maximum(_block_levels(image), 1.0)
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
-        flow = self._search.calc(reference, np.ascontiguousarray(image), None)  # type: ignore[call-overload]
+        flow = self._search.calc(reference, self._in_its_light(image), None)  # type: ignore[call-overload]
         return DisplacementField(flow)
+
+    def _in_its_light(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The image as bright as the rest image, for the search takes brightness for motion; itself if it nearly is."""
+        share = float(np.median(_block_levels(image) / self._levels))
+        if abs(share - 1) <= SAME_LIGHT or not share > 0:
+            return np.ascontiguousarray(image)
+        return cv2.convertScaleAbs(image, alpha=1 / share)
+
+
+SAME_LIGHT = 0.01
+"""Share of light by which a picture may differ before it is made as bright as the rest image; presses reach 0.002."""
+
+LIGHT_BLOCKS = (8, 8)
+"""Of so many blocks the middle one tells how much light there is: a hot spot or dirt in some of them is none."""
+
+
+def _block_levels(image: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, '8 8']:
+    """Mean grey level of each block, of every other pixel of every other row."""
+    sample = np.ascontiguousarray(image[::2, ::2], np.float32)  # of whole numbers the means would be whole numbers
+    levels: np.ndarray = cv2.resize(sample, LIGHT_BLOCKS, interpolation=cv2.INTER_AREA)
+    return levels
 
 
 def _dis(options: DisOptions) -> cv2.DISOpticalFlow:

@@ -86,8 +86,9 @@ FAR_LIGHT = (0.4, 1.4)
 SHARPNESS_OFF = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
 
-NEAR_LIGHT = {'dis': (0.96, 1.04)}
-"""Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it."""
+NEAR_LIGHT = {'dis': (0.98, 1.02)}
+"""Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Presses change it by 0.6 % at most, a
+camera shifted by 5 px by 0.8 %."""
 
 NEAR_LIGHT_OF_PATCHES = (0.8, 1.2)
 """Patches know light apart, but not that markers are brighter than the camera can tell."""

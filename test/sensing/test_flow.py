@@ -40,6 +40,25 @@ def test_the_rest_image_against_itself_does_not_move(speckle: np.ndarray):
     np.testing.assert_array_equal(flow.displacement(speckle).displacement_px, 0)
 
 
+@pytest.mark.parametrize('light', [0.5, 0.7, 0.9, 1.1])
+def test_more_or_less_light_is_no_motion_for_dis(speckle: np.ndarray, light: float):
+    """Nothing that moved by 1.5 and -0.8 px moves otherwise in another light (half of it: 1.67 px if uncorrected)."""
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    image = np.clip(np.round(shifted(speckle, 1.5, -0.8) * light), 0, 255).astype(np.uint8)
+    middle = flow.displacement(image).displacement_px[40:-40, 40:-40]
+    np.testing.assert_allclose(middle.mean(axis=(0, 1)), [1.5, -0.8], atol=0.03)
+    assert middle.std(axis=(0, 1)).max() < 0.03  # 0.17 px uncorrected
+
+
+def test_what_is_bright_in_one_place_is_no_light_for_dis(speckle: np.ndarray):
+    flow = make_flow('dis')
+    flow.set_reference(speckle)
+    spot = speckle.copy()
+    spot[:60, :60] = 255
+    np.testing.assert_array_equal(flow.displacement(spot).displacement_px[200:, 200:], 0)
+
+
 def test_displacement_is_float32_per_pixel(speckle: np.ndarray):
     flow = make_flow('dis')
     flow.set_reference(speckle)
