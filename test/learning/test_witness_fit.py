@@ -6,11 +6,12 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from responding_gel import CONFIG, motion, presses
 
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.witness_fit import with_witness
+from tactile_nodes.learning.witness_fit import config_for, with_witness
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 
@@ -68,6 +69,15 @@ def test_a_witness_of_polar_features_finds_force_and_place_of_one_contact_and_is
     assert one.unlikeness < 1
     assert witness.read(polar(of_contacts((-5.0, -2.0, 0.4), (5.0, 0.0, 0.3))), SURE).unlikeness > 2
     assert (witness.margin_n, told.said) == (0.03, [])
+
+
+@pytest.mark.parametrize(('count', 'apart_mm'), [(10952, 2.0), (392, 27 / 7)])
+def test_splines_lie_as_close_as_presses_can_tell(count: int, apart_mm: float):
+    """392 presses are eight at each of 7 x 7 places, 27 / 7 mm apart."""
+    random = np.random.default_rng(0)
+    rows = np.column_stack([random.uniform(-13.5, 13.5, (count, 2)), np.ones((count, 2))]).astype(np.float32)
+    rows[0, :2], rows[1, :2] = -13.5, 13.5
+    assert config_for(rows).spacing_mm == pytest.approx(apart_mm)
 
 
 def test_the_hardest_force_is_that_of_the_presses():
