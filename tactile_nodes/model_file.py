@@ -27,8 +27,11 @@ from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION, LAYERED_VERSION, AXISYMMETRIC_VERSION = 2, 3, 4
-"""Readouts that earlier releases would take for another have versions of their own."""
+FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION = 2, 3, 5
+"""Readouts that earlier releases would take for another, or misread, have versions of their own.
+
+Axisymmetric ones were written as version 4 before they knew streaks; those files are read on.
+"""
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
 NO_IMAGE = np.zeros((0, 0), np.uint8)
@@ -121,10 +124,10 @@ def load_model(path: Path | str) -> LoadedModel:
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
-    if card.get('format_version') not in range(FORMAT_VERSION, AXISYMMETRIC_VERSION + 1):
+    if card.get('format_version') not in range(FORMAT_VERSION, STREAKED_VERSION + 1):
         raise ModelError(
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
-            f'to {AXISYMMETRIC_VERSION}; update tactile_nodes or train the model again'
+            f'to {STREAKED_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12])
 
@@ -143,7 +146,7 @@ def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
 
 def _version(readout: Mapping[str, Any]) -> int:
     if readout['kind'] == AxisymmetricReadout.kind:
-        return AXISYMMETRIC_VERSION
+        return STREAKED_VERSION
     return LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION
 
 

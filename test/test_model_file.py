@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import pickle
@@ -14,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -131,6 +132,20 @@ def test_a_layer_has_a_version_that_earlier_releases_refuse(file: Path, tmp_path
     save_model(tmp_path / 'layered.safetensors', layered_model(), CARD)
     assert load_model(file).card['format_version'] == 2
     assert load_model(tmp_path / 'layered.safetensors').card['format_version'] == 3
+
+
+def test_a_response_with_streaks_has_a_version_that_earlier_releases_refuse(tmp_path: Path):
+    """They would read it as if there were none. What was written before there were streaks, version 4, is read on."""
+    shipped = load_model(find_model('portable'))
+    save_model(tmp_path / 'again.safetensors', shipped.model, shipped.card)
+    assert load_model(tmp_path / 'again.safetensors').card['format_version'] == 5
+    old = (tmp_path / 'again.safetensors').read_bytes().replace(b'format_version\\": 5', b'format_version\\": 4')
+    entry = json.loads(json.loads(old[8 : 8 + int.from_bytes(old[:8], 'little')])['__metadata__'][FORMAT])
+    blank = old.replace(entry['sha256'].encode(), NO_CHECKSUM.encode(), 1)
+    (tmp_path / 'old.safetensors').write_bytes(
+        blank.replace(NO_CHECKSUM.encode(), hashlib.sha256(blank).hexdigest().encode(), 1)
+    )
+    assert load_model(tmp_path / 'old.safetensors').card['format_version'] == 4
 
 
 def test_a_network_that_knows_no_uncertainty_comes_back_not_knowing(tmp_path: Path):

@@ -13,15 +13,17 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.simulation.other_gels import LEARNED_SEED, TESTED_SEED, other_gel
 
 if TYPE_CHECKING:
+    from tactile_nodes.learning.config import TrainConfig
     from tactile_nodes.learning.dataset import Dataset
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
@@ -30,14 +32,12 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.response_readout import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
-GELS_SEED, PRESSES_SEED = 77, 5001
-FRAMES, WITHOUT_CONTACT, TESTED, UNTOUCHED = 625, 0.2, 300, 20
+FRAMES, TESTED, UNTOUCHED = 625, 300, 20
 COUNTS = 10, 25, 50, 100
-PLAN = 'calibrate'
 MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'd_loc_mm', 'rmse_mc_n')
 AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
-MANY_SEED, MANY_PRESSES = 1077, 400
-"""Of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
+MANY_PRESSES = 400
+"""On each of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
 REFUSED = 'refused'
 
 
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--many', type=int, default=8, metavar='N', help='gels that a model without any press learns from (default: 8)'
     )
     parser.add_argument(
-        '--gels-seed', type=int, default=GELS_SEED, metavar='N', help='other gels than the test gels, to develop on'
+        '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
     )
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FOLDER',
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.gels < 1 or arguments.many < 0:
         raise ConfigurationError('--gels must be at least 1, and --many at least 0')
     seed, name, said = arguments.gels_seed, 'transfer', ''
-    if seed != GELS_SEED:
+    if seed != TESTED_SEED:
         name, said = f'transfer_gels_{seed}', f' --gels-seed {seed}'
     command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}{said}'
     plain = surroundings(command)
@@ -107,31 +107,8 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def other_gel(gel: Gel, number: int, seed: int = GELS_SEED) -> Gel:
-    """A gel that differs from another as makes of one sensor do; thickness in three steps."""
-    random = np.random.default_rng([seed, number])
-    stiffer = _within(random, 0.3)
-    thicker = 0.3 * float(random.integers(-1, 2))
-    shift = _within(random, 1.0), _within(random, 1.0)
-    tilt = _within(random, 2.0), _within(random, 2.0)
-    return dataclasses.replace(
-        gel,
-        seed=100 + number + (seed - GELS_SEED),
-        shear_modulus_mpa=gel.shear_modulus_mpa * (1 + stiffer),
-        soft_mm=gel.soft_mm + thicker,
-        camera_shift_mm=shift,
-        camera_tilt_deg=tilt,
-        focal_px_per_rad=gel.focal_px_per_rad * (1 + _within(random, 0.03)),
-        camera_roll_deg=_within(random, 3.0),
-    )
-
-
-def _within(random: np.random.Generator, most: float) -> float:
-    return float(random.uniform(-most, most))
-
-
 def measure(
-    loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = GELS_SEED
+    loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED
 ) -> tuple[Score, list[Score]]:
     """The model's score on its own gel, and all scores on the others; with a model of `many` further gels beside.
 
@@ -161,7 +138,7 @@ def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> Ax
     from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
     from tactile_nodes.learning.config import AxisymmetricConfig
 
-    parts = [_presses(loaded, other_gel(gel, number, MANY_SEED), progress, MANY_PRESSES) for number in range(many)]
+    parts = [_presses(loaded, other_gel(gel, number, LEARNED_SEED), progress, MANY_PRESSES) for number in range(many)]
     centred = [part.features - _rest_of(part) for part in parts]
     begins = np.cumsum([0, *(len(part.confidence) for part in parts)])
     pooled = dataclasses.replace(
@@ -189,54 +166,39 @@ def _at_rest(readout: AxisymmetricReadout, dataset: Dataset) -> AxisymmetricRead
 
 def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int = FRAMES) -> Dataset:
     """Presses at random places and depths."""
-    return _simulated(
-        loaded, gel, progress, presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
-        without_contact=WITHOUT_CONTACT,
-    )  # fmt: skip
+    from tactile_nodes.learning.pressed_gels import anywhere
+
+    return anywhere(_config(loaded, gel), progress, frames)
 
 
 def _planned(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
     """As many presses of the plan of a calibration as the longest one has, about a rest image of their own."""
-    from tactile_nodes.collection.plan import load_plan_settings, plan_path
+    from tactile_nodes.learning.pressed_gels import planned
 
-    plan = load_plan_settings(plan_path(PLAN))
-    presses = max(COUNTS)
-    return _simulated(
-        loaded, gel, progress, plan=plan.kind, presses=presses, seed=plan.seed, reach_mm=plan.reach_mm,
-        shallowest_mm=min(plan.depths_mm), deepest_mm=max(plan.depths_mm),
-        without_contact=UNTOUCHED / (presses + UNTOUCHED),
-    )  # fmt: skip
+    return planned(_config(loaded, gel), progress)
 
 
-def _simulated(loaded: LoadedModel, gel: Gel, progress: Progress, **data: Any) -> Dataset:
+def _config(loaded: LoadedModel, gel: Gel) -> TrainConfig:
     from tactile_nodes.learning.config import DataConfig
-    from tactile_nodes.learning.dataset import simulate
     from tactile_nodes.learning.evaluate import config_of
 
-    settings = DataConfig(presses_per_rest_image=0, processes=1, crop=loaded.card['crop_px'], **data)
-    return simulate(dataclasses.replace(config_of(loaded), data=settings, gel=gel), progress)
+    return dataclasses.replace(config_of(loaded), data=DataConfig(crop=loaded.card['crop_px']), gel=gel)
 
 
 def _tested(dataset: Dataset) -> Dataset:
     return dataset.take(np.flatnonzero(dataset.presses[:, 2] > 0)[-TESTED:])
 
 
-def _few(dataset: Dataset, presses: int) -> Dataset:
-    """The first presses, and some images of the untouched gel, which cost a rig nothing."""
-    touched = dataset.presses[:, 2] > 0
-    chosen = np.concatenate([np.flatnonzero(touched)[:presses], np.flatnonzero(~touched)[:UNTOUCHED]])
-    return dataset.take(np.sort(chosen))
-
-
 def _on_gel(source: AnyReadout, planned: Dataset, dataset: Dataset, number: int) -> list[Score]:
     """Scores of all that `planned` presses make of the source, on the presses of another data set."""
+    from tactile_nodes.learning.pressed_gels import first_presses
     from tactile_nodes.learning.transfer_fit import transfer
 
     tested = _tested(dataset)
     scores = [_score(number, 0, AS_IT_IS, source, tested)]
     readout: AnyReadout
     for presses in COUNTS:
-        few = _few(planned, presses)
+        few = first_presses(planned, presses)
         begun = clock.perf_ns()
         try:
             made = transfer(source, few)

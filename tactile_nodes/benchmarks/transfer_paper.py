@@ -115,8 +115,8 @@ def _counts(arguments: argparse.Namespace) -> list[int]:
 
 def pressed(loaded: LoadedModel, number: int, progress: Progress) -> Presses:
     """The presses on one of the other gels, or on the model's own."""
-    from tactile_nodes.benchmarks.transfer import other_gel
     from tactile_nodes.learning.evaluate import config_of
+    from tactile_nodes.simulation.other_gels import other_gel
 
     own = config_of(loaded).gel
     gel = own if number == OWN else other_gel(own, number)

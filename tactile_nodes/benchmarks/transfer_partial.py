@@ -16,8 +16,9 @@ import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings, table
-from tactile_nodes.benchmarks.transfer import FRAMES, GELS_SEED, PRESSES_SEED, UNTOUCHED, WITHOUT_CONTACT, other_gel
+from tactile_nodes.benchmarks.transfer import FRAMES, UNTOUCHED
 from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.simulation.other_gels import TESTED_SEED, other_gel
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.dataset import Dataset
@@ -69,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--model', default='portable', help='an axisymmetric model (default: portable)')
     parser.add_argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)')
     parser.add_argument(
-        '--gels-seed', type=int, default=GELS_SEED, metavar='N', help='other gels than the test gels, to develop on'
+        '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
     )
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write transfer_partial.json and .md there')
 
@@ -81,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.gels < 1:
         raise ConfigurationError('--gels must be at least 1')
-    seed = '' if arguments.gels_seed == GELS_SEED else f' --gels-seed {arguments.gels_seed}'
+    seed = '' if arguments.gels_seed == TESTED_SEED else f' --gels-seed {arguments.gels_seed}'
     command = f'tactile bench transfer_partial --model {arguments.model} --gels {arguments.gels}{seed}'
     plain = surroundings(command)
     loaded, progress = load_model(find_model(arguments.model)), TerminalProgress()
@@ -95,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, runs: Sequence[tuple[str, int]] = RUNS,
-    seed: int = GELS_SEED, frames: int = FRAMES,
+    seed: int = TESTED_SEED, frames: int = FRAMES,
 ) -> list[Score]:  # fmt: skip
     """The scores of some ways, each with a number of presses; `frames` pictures of a gel are pens and test presses.
 
@@ -120,16 +121,12 @@ def _pressed(
     loaded: LoadedModel, other: Gel, frames: int, runs: Sequence[tuple[str, int]], progress: Progress
 ) -> _Pressed:
     from tactile_nodes.learning.config import DataConfig
-    from tactile_nodes.learning.dataset import simulate
     from tactile_nodes.learning.evaluate import config_of
+    from tactile_nodes.learning.pressed_gels import anywhere
     from tactile_nodes.sensing.outline import outline_map
 
     crop = loaded.card['crop_px']
-    data = DataConfig(
-        presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
-        without_contact=WITHOUT_CONTACT, presses_per_rest_image=0, processes=1, crop=crop,
-    )  # fmt: skip
-    presses = simulate(replace(config_of(loaded), data=data, gel=other), progress)
+    presses = anywhere(replace(config_of(loaded), data=DataConfig(crop=crop), gel=other), progress, frames)
     # The shipped models hold no rest image, and their card names the gel: one of the same gel is rendered.
     outline = outline_map(*(_optics(each).render((), WEIGHTS_SEED) for each in (config_of(loaded).gel, other)))
     return _Pressed(presses, _weighed(loaded, other, max(count for _, count in runs)), outline, crop / 2)

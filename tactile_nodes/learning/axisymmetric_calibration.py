@@ -65,14 +65,21 @@ def with_correction(judged: Judged) -> AxisymmetricReadout:
     readout, found = judged.readout, judged.found
     if len(judged.fits) < LEAST_JUDGES:
         return readout
-    correction = readout.correction
+    terms = correcting(found, judged.truth, readout.correction)
+    return replace(readout, correction=replace(readout.correction, terms=terms))
+
+
+def correcting(
+    found: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3'], correction: Correction
+) -> Float[np.ndarray, 'terms 3']:
+    """The terms that bring what was found closest to the truth, in polynomials as far as a correction's reach."""
     powers = Correction.powers(found, correction.reach_mm, correction.hardest_n)
-    wanted = judged.truth - found
+    wanted = truth - found
     wanted[:, 2] /= np.maximum(found[:, 2], LEAST_FORCE_N)
     terms = [
         typical * _robust(powers, column / typical) for column, typical in zip(wanted.T, TYPICAL.tolist(), strict=True)
     ]
-    return replace(readout, correction=replace(correction, terms=np.stack(terms, axis=1)))
+    return np.stack(terms, axis=1)
 
 
 def _robust(powers: Float[np.ndarray, 'n terms'], wanted: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' terms']:

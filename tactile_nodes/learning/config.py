@@ -145,6 +145,9 @@ class AxisymmetricConfig:
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
     contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
     seed: int = parameter(1, 'seed of which presses each turn takes, and of those that judge')
+    other_gels: int = parameter(
+        0, 'other gels, simulated, that tell what calibrations from this one get wrong alike', minimum=0
+    )
 
 
 READOUTS = 'network', 'response', 'axisymmetric'

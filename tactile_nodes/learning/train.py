@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tactile_nodes import __version__, clock
+from tactile_nodes.learning.axisymmetric_carried import learned_carried
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
@@ -16,11 +17,13 @@ from tactile_nodes.learning.network_fit import fit_network
 from tactile_nodes.learning.network_inputs import judging_samples
 from tactile_nodes.learning.network_layers import import_torch
 from tactile_nodes.learning.network_scores import Validation
+from tactile_nodes.learning.pressed_gels import pressed_gels
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.runs import Run, RunFolder
 from tactile_nodes.learning.source import TrainingData, training_data
 from tactile_nodes.model_file import save_model
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 
@@ -87,12 +90,25 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     readout: AnyReadout
     if config.readout == 'axisymmetric':
         settings = config.axisymmetric
-        readout = fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress)
+        readout = _with_carried(
+            fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress), config, progress
+        )
     else:
         settings = config.response
         readout = fit_response(dataset, data.held_out, settings, config.bins, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
+
+
+def _with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
+    """With what calibrations for other gels get wrong alike, where the gel is simulated and others like it can be."""
+    gels = config.axisymmetric.other_gels
+    if not gels or config.data.file:
+        return readout
+    with progress.bar('calibrating other gels', gels) as bar:
+        # A bar within a bar cannot be drawn, so that the rendering shows none.
+        carried = learned_carried(readout, pressed_gels(config, gels, Progress()), advance=bar.advance)
+    return replace(readout, carried=carried)
 
 
 def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:

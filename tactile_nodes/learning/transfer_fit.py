@@ -120,9 +120,10 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
         misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
         whole, doubt = wholes[form], other.doubt(folds[form], fold)
-        readout = other.readout(whole.response if form != 'regions' else other.regions(whole.response), doubt)
+        response = whole.response if form != 'regions' else other.regions(whole.response)
+        readout = other.readout(response, doubt, form)
         held = [
-            Judged.of(other.readout(made, doubt), dataset, other.rows[fold == number])
+            Judged.of(other.readout(made, doubt, form), dataset, other.rows[fold == number])
             for number, made in zip(np.unique(fold), folds[form], strict=True)
         ]
         bar.advance()
@@ -233,13 +234,22 @@ class OtherGel:
         ]
         return np.asarray(np.sqrt(np.mean(np.square(shares), axis=0)))
 
-    def readout(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> AxisymmetricReadout:
-        """The source's readout with another response; of its correction that of places alone, due to the lens.
+    def readout(
+        self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], form: str = 'regions'
+    ) -> AxisymmetricReadout:
+        """The source's readout with another response, and a correction for what such calibrations get wrong alike.
 
-        What it adds to forces follows from the source's own markers.
+        Where nobody measured that, its own one serves for places, whose errors are due to the lens. What that adds to
+        forces follows from the source's own markers.
         """
-        places = replace(self.source.correction, terms=self.source.correction.terms * np.array([1.0, 1.0, 0.0]))
-        return replace(self.source, scaling=self.scaling, response=response, doubt=doubt, correction=places)
+        source, presses = self.source, len(self.presses)
+        terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
+        if source.carried is not None and form == 'regions':
+            terms = source.carried.after(presses)
+        correction = replace(source.correction, terms=terms)
+        return replace(
+            source, scaling=self.scaling, response=response, doubt=doubt, correction=correction, carried=None
+        )
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:

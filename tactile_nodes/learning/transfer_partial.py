@@ -203,7 +203,9 @@ class _Gel:
 
     def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
         """The known gel's readout with another response."""
-        return replace(self.other.source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT)
+        return replace(
+            self.other.source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT, carried=None
+        )
 
     @staticmethod
     def _tells_force(presses: Presses) -> bool:

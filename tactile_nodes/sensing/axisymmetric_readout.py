@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
@@ -88,7 +89,7 @@ class AxisymmetricReadout:
 
     `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
     response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
-    distances `DOUBT_MM` from the press.
+    distances `DOUBT_MM` from the press. `carried` has no say in a reading; calibrations for other gels begin with it.
     """
 
     scaling: InputScaling
@@ -98,6 +99,7 @@ class AxisymmetricReadout:
     bins: BinGrid
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
+    carried: Carried | None = None
 
     kind = 'axisymmetric'
 
@@ -253,9 +255,13 @@ class AxisymmetricReadout:
 
     def corrected(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
         """With the correction, which is told in distances and forces of the gel that it was measured on."""
-        unit = np.array([self.response.width, self.response.width, 1 / self.response.softness])
-        corrected: np.ndarray = self.correction(contacts / unit) * unit
+        corrected: np.ndarray = self.correction(contacts / self.unit) * self.unit
         return corrected
+
+    @property
+    def unit(self) -> Float[np.ndarray, ' 3']:
+        """What 1 mm and 1 N of the gel that the profiles were measured on are on this one."""
+        return np.array([self.response.width, self.response.width, 1 / self.response.softness])
 
     def _contact(self, place: list[float], variance: list[float]) -> Contact:
         (x, y, force_n), c = place, self.calibration

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
@@ -138,6 +139,10 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     if response.unsure is not None:
         arrays['unsure'] = response.unsure.astype(np.float16)
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
+    carried = {}
+    if readout.carried is not None:
+        arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
+        carried = {'carried': list(readout.carried.presses)}
     return arrays, {
         **_said(readout.kind, readout.scaling, None),
         'lateral': response.lateral,
@@ -148,6 +153,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
+        **carried,
     }
 
 
@@ -156,6 +162,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
     streak = Streak(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
+    carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
@@ -164,6 +171,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
+        carried,
     )
 
 

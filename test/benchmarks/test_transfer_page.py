@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, MANY_SEED, Score, other_gel
+from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, Score
 from tactile_nodes.benchmarks.transfer_page import draw, page
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
 PLAIN = {'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.5]}, 'commit': 'abc'}
 
@@ -53,7 +54,7 @@ def test_gels_to_develop_on_are_none_of_those_tested() -> None:
 
 def test_gels_to_learn_from_are_none_of_those_tested() -> None:
     tested = {other_gel(Gel(), number).gel_id for number in range(10)}
-    assert not tested & {other_gel(Gel(), number, MANY_SEED).gel_id for number in range(10)}
+    assert not tested & {other_gel(Gel(), number, LEARNED_SEED).gel_id for number in range(10)}
 
 
 def test_the_figure_is_written(tmp_path: Path) -> None:
