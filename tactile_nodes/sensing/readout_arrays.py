@@ -74,7 +74,7 @@ def _witness_arrays(witness: Readout | None) -> tuple[Arrays, dict[str, Any]]:
     if not isinstance(witness, Witness):
         return {}, {}
     arrays, said = _response_arrays(witness.readout)
-    said |= {'encoding': witness.encoding, 'margin_n': witness.margin_n}
+    said |= {'encoding': witness.encoding, 'margin_n': witness.margin_n, 'rim_mm': witness.rim_mm}
     return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said}
 
 
@@ -82,7 +82,7 @@ def _witness(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, b
     if said is None:
         return None
     own = {name.removeprefix(WITNESS): each for name, each in arrays.items() if name.startswith(WITNESS)}
-    return Witness(_response(own, said, bins), said['encoding'], said['margin_n'])
+    return Witness(_response(own, said, bins), said['encoding'], said['margin_n'], said['rim_mm'])
 
 
 def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
