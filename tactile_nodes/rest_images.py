@@ -9,13 +9,14 @@ from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.sensing.coming import Coming
 from tactile_nodes.sensing.knocks import KNOCK_PX
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.quality import PictureLikeness, sharpness
 from tactile_nodes.sensing.quietness import EXPLAINED
 from tactile_nodes.sensing.registration import FEW_FOUND, Registration
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
-from tactile_nodes.sensing.tracking import Coming, FeatureTracker, PreparedRest
+from tactile_nodes.sensing.tracking import FeatureTracker, PreparedRest
 
 FORCE = types.ForceDistribution
 GROWN_PX = 0.15
@@ -99,7 +100,7 @@ class RestImages:
         self._changed = False
         if not still:
             reasons |= self._unlike(image, level, head)
-        reasons |= self._look_closer()
+        reasons |= self._look_closer() | self._tracker.banded * FORCE.REASON_LIGHT_CHANGED
         self._offer_renewal(stamp_ns(head.stamp), still)
         return reasons
 
@@ -155,7 +156,8 @@ class RestImages:
             return
         apart = self._apart(registration) or self._dented
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
-        like, changed = (still and not apart, changed) if registration.settled else (True, False)
+        fit = registration.settled and not self._tracker.banded
+        like, changed = (still and not apart, changed) if fit else (True, False)
         rested = Rested(registration.surely, registration.maybe, like, changed)
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:

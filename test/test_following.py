@@ -32,6 +32,7 @@ class Stream:
         self.following.begin_capture()
         self.announced: list[str] = []
         self.spot: tuple[slice, slice] | None = None
+        self.bands_grey = 0.0
 
     def feed(self, frames: int, *motions: object, light: float = 1.0, age_s: float = 0.001) -> types.FlowFeatures:
         for _ in range(frames):
@@ -39,6 +40,9 @@ class Stream:
             image = picture(*motions, number=self.number, light=light)  # type: ignore[arg-type]
             if self.spot is not None:
                 image[self.spot] //= 6
+            if self.bands_grey:
+                rows = self.bands_grey * (1 + np.sin(np.arange(len(image)) / 10 + 2 * self.number))
+                image = np.minimum(image + rows[:, None], 255).astype(np.uint8)
             head = conversions.header(S + self.number * S // 30, 'camera')
             told = self.following.answer(image, head, acquire_s=0.0, waited_s=age_s)
             if self.following.announced() is not None:
@@ -74,6 +78,17 @@ def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_end
     stream.feed(1)
     assert stream.feed(1).reasons == 0
     assert stream.announced[2] == stream.announced[0]
+
+
+def test_bands_that_roll_over_the_picture_are_told_while_they_last_and_make_no_rest_image() -> None:
+    stream = Stream()
+    stream.feed(8)
+    stream.bands_grey = 25.0
+    assert {stream.feed(1).reasons & FORCE.REASON_LIGHT_CHANGED for _ in range(30)} == {FORCE.REASON_LIGHT_CHANGED}
+    assert len(stream.announced) == 1
+    stream.bands_grey = 0.0
+    stream.feed(2)
+    assert stream.feed(1).reasons == 0
 
 
 def test_the_rest_image_is_not_renewed_while_something_presses() -> None:

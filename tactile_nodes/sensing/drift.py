@@ -27,6 +27,7 @@ from tactile_nodes.sensing.force_check import (
 )
 from tactile_nodes.sensing.picture_change import PictureChange, PictureComparison
 from tactile_nodes.sensing.picture_motion import PictureMotion, Straightening
+from tactile_nodes.sensing.rolling_bands import RollingBands
 
 STANDARD_GRAVITY = 9.80665
 MOVED_CLEARLY_PX = 0.15
@@ -82,6 +83,7 @@ class DriftMonitor:
         self._rest: PictureComparison | None = None
         self._calibration: PictureComparison | None = None
         self._last_rest: np.ndarray | None = None
+        self._bands: RollingBands | None = None
         self._since_rest: PictureChange | None = None
         self._since_calibration: PictureChange | None = None
         self._splitter, self._comparison = ContactSplitter(), ForceComparison()
@@ -115,17 +117,21 @@ class DriftMonitor:
         self._rest = None
         self._rest = PictureComparison(picture)
         self._last_rest = np.array(picture)
+        self._bands = RollingBands(self._last_rest)
         self._compare_rest(picture)
 
     def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
         """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
 
         Motion of the whole picture that is taken out of the forces is no fault of theirs: what is left of it counts.
+        Nor are bands that roll over it.
         """
         if self._rest is None or self._last_rest is None:
             return
         if taken_out is not None and picture.shape == self._last_rest.shape:
             picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
+        if self._bands is not None and picture.shape == self._last_rest.shape:
+            picture = self._bands.without(picture)
         self.change(stamp_ns, self._rest.of(picture))
 
     def change(self, stamp_ns: int, since_rest: PictureChange) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from jaxtyping import Float32
 
@@ -21,7 +22,17 @@ picture are 0.025 px apart, one with light of 1.3 times as much 0.13 and more, o
 """
 
 LEAST_KNOWN = 0.5
-"""Patches that texture lets be found less surely than this are left as they are."""
+"""Patches that texture lets be found less surely than this, and those beside them, are left as they are."""
+
+
+LEAST_FOUND = 0.2
+"""Motion of patches that are found less surely than this in a frame makes no slopes."""
+
+STEEP_PX = 1.0
+"""Where motion changes by so much from the middle of a patch to its rim, half of what the first order says is believed:
+markers that go further than they are wide from where the rest of a patch goes no longer count in it."""
+
+_CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 class OtherTexture:
@@ -42,7 +53,8 @@ class OtherTexture:
         known: Float32[np.ndarray, 'rows cols'],
         shape: tuple[int, ...],
     ) -> None:
-        sure = known >= LEAST_KNOWN
+        # Slopes are told by the patches beside.
+        sure = cv2.erode((known >= LEAST_KNOWN).astype(np.uint8), _CROSS, borderValue=1) > 0
         apart = np.where(sure[:, :, None, None], answers - first, np.float32(0))
         self.apart_px = math.sqrt(float(np.square(apart[sure]).mean())) if sure.any() else 0.0
         rows, cols = known.shape
@@ -59,7 +71,10 @@ class OtherTexture:
         motion = field.displacement_px
         right, down = sloping(motion, 1), sloping(motion, 0)
         slopes = np.stack([right[:, :, 0], down[:, :, 0], right[:, :, 1], down[:, :, 1]], axis=-1)
-        off: np.ndarray = np.matmul(self._apart, slopes[:, :, :, None])[:, :, :, 0]
+        steep = np.square(slopes).sum(axis=-1, keepdims=True) / (2 * STEEP_PX) ** 2
+        off: np.ndarray = np.matmul(self._apart, slopes[:, :, :, None])[:, :, :, 0] / (1 + steep)
+        if field.confidence is not None:
+            off[cv2.erode(field.confidence, _CROSS, borderValue=1) < LEAST_FOUND] = 0
         return DisplacementField(motion - off, field.confidence)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
 
 import cv2
@@ -17,6 +16,7 @@ from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
+from tactile_nodes.sensing.rolling_bands import RollingBands
 from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
 from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
 
@@ -35,6 +35,9 @@ class PreparedRest:
 
 PATIENCE = 4
 """A capture waits so many times as long as it takes for frames that show the same."""
+
+LEAST_CONFIDENT = 0.93
+"""Share of the rest image's confidence in itself below which a frame is looked at for bands: presses leave 0.96."""
 
 KNOCK_ROUNDS = 3
 """How often a frame is measured anew when the camera was knocked."""
@@ -72,6 +75,7 @@ class FeatureTracker:
         self._seen: Stillness | None = None
         self._first_flow: FlowMethod | None = None
         self._other: OtherTexture | None = None
+        self._bands: RollingBands
         self._flow = flow
         self._encoding = encoding
         self._rest_frames = rest_frames
@@ -166,6 +170,7 @@ class FeatureTracker:
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
         self.rest, self._still, self._seen, self._own = rest, None, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
+        self._bands = RollingBands(rest.image)
         self._first_flow = rest.flow if offset is None else self._first_flow
         self._other = other_texture(rest.flow, self._first_flow, rest.image.shape)
         if self.registration and rest.registering:
@@ -180,7 +185,7 @@ class FeatureTracker:
         if self.reference is None:
             raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
         require_like(self.reference, image)
-        straight = self.straight = self.registration.straightened(image) if self.registration else image
+        straight = self._straightened(image)
         self.still, self._seen = self._check.judged(straight) if self._check else (False, None)
         if self.still:
             if self.registration:
@@ -206,18 +211,40 @@ class FeatureTracker:
         stamp_ns: int,
     ) -> DisplacementField:
         """What moved beside the whole picture; measured again where that turns out to have moved since."""
-        field = registration.without(self._flow.displacement(straight))
+        found = self._flow.displacement(straight)
+        if self._begin_bands(straight, found):
+            straight = self._straightened(image)
+            found = self._flow.displacement(straight)
+        field = registration.without(found)
         for _ in range(KNOCK_ROUNDS):
             if not registration.look(straight, field, stamp_ns):
                 break
-            straight, self._seen = registration.straightened(image), None
-            self.straight = straight
+            straight, self._seen = self._straightened(image), None
             field = registration.without(self._flow.displacement(straight))
         # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
         seen_at_rest = self._check is not None and registration.watches and registration.free
         if seen_at_rest:
             return self._at_rest()[0]
         return self._other.as_first(field) if self._other else field
+
+    def _straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The image where the rest image has it, and without bands while there are any."""
+        straight = self.registration.straightened(image) if self.registration else image
+        self.straight = self._bands.without(straight) if self._bands.seen else straight
+        return self.straight
+
+    def _begin_bands(self, straight: UInt8[np.ndarray, 'h w'], found: DisplacementField) -> bool:
+        """Whether bands are there that were not there before, asked where little is found again."""
+        if self._bands.seen or found.confidence is None or self._own.confidence is None:
+            return False
+        if found.confidence.sum() < LEAST_CONFIDENT * self._own.confidence.sum():
+            self._bands.without(straight)
+        return self._bands.seen
+
+    @property
+    def banded(self) -> bool:
+        """Whether bands were taken out of the last frame."""
+        return self._bands.seen
 
     def untouched(self, field: DisplacementField) -> bool:
         """Whether that field is the one of all frames in which nothing touches, whose motion is not asked for."""
@@ -235,40 +262,6 @@ class FeatureTracker:
             field = DisplacementField(np.zeros_like(own.displacement_px), own.confidence)
             self._still = field, self._encoding.encode(field)
         return self._still
-
-
-class Coming:
-    """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
-
-    `offset` is where it lies beside the first rest image.
-    """
-
-    def __init__(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], due_ns: int) -> None:
-        self.due_ns = due_ns
-        registration = tracker.registration
-        self.offset = registration.beside_frame if registration else None
-        self.motion = registration.motion if registration else None
-        self._found: PreparedRest | ImageError | None = None
-        self._thread = threading.Thread(target=self._prepare, args=(tracker, image), name='rest image', daemon=True)
-        self._thread.start()
-
-    def prepared(self) -> PreparedRest:
-        """What came of it.
-
-        Raises:
-            ImageError: nothing can be measured against it.
-        """
-        self._thread.join()
-        if isinstance(self._found, ImageError):
-            raise self._found
-        assert self._found is not None
-        return self._found
-
-    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w']) -> None:
-        try:
-            self._found = tracker.prepared(image)
-        except ImageError as error:
-            self._found = error
 
 
 def overlay(

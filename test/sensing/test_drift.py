@@ -100,6 +100,14 @@ def test_a_knock_is_as_grave_as_the_false_force_that_it_makes(monitor: DriftMoni
     assert verdict.moved_px == pytest.approx(px, rel=0.1, abs=0.002)
 
 
+def test_bands_that_roll_over_the_picture_are_no_drift(monitor: DriftMonitor, plain: Seen) -> None:
+    for number in range(12):
+        bands = 30 * np.sin(np.arange(440) / 9.5 + 2.3 * number)
+        picture = np.clip(plain.picture(seed=number) + bands[:, None], 0, 255).astype(np.uint8)
+        monitor.frame(number * S, picture)
+    assert monitor.verdict.level == Level.VALID
+
+
 def test_a_knock_is_seen_while_something_presses(monitor: DriftMonitor) -> None:
     verdict = watched(monitor, [knocked(2.0).picture(PRESSED)]).verdict
     assert verdict.reasons == Reason.PICTURE_MOVED

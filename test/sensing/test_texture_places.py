@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from dots import SIDE, picture, press
+from dots import SIDE, Motion, picture, press
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -50,18 +50,39 @@ def test_what_a_patch_finds_of_slopes_of_motion_is_known_beforehand(direction: t
     assert float((seen * told).sum() / np.square(told).sum()) == pytest.approx(1.0, abs=0.4)
 
 
+def pushed(x_px: float, y_px: float) -> Motion:
+    """Outwards from a place by 4 px at most, 60 px from it: as much and as wide as a press on a gel."""
+
+    def away(at: np.ndarray) -> np.ndarray:
+        apart = (at - [x_px, y_px]) / 60
+        return 4 * apart * np.exp(0.5 - 0.5 * np.square(apart).sum(axis=1, keepdims=True))
+
+    return away
+
+
 def test_motion_among_fewer_dots_is_what_all_would_have_shown() -> None:
     """A third of the mean square by which patches beside a press are off is of the first order."""
     full, left = flow_of(FIRST, 20), flow_of(FEWER, 20)
     other, off, plain = other_texture(left, full, FIRST.shape), [], []
     assert other is not None
     for x, y in ((150, 150), (220, 240), (300, 180)):
-        push = press(x, y, 4.0)
-        expected = full.displacement(picture(push, number=3)).displacement_px
-        seen = left.displacement(picture(push, number=3, gone=0.3))
+        expected = full.displacement(picture(pushed(x, y), number=3)).displacement_px
+        seen = left.displacement(picture(pushed(x, y), number=3, gone=0.3))
         plain.append(seen.displacement_px - expected)
         off.append(other.as_first(seen).displacement_px - expected)
     assert np.square(off).mean() < 0.75 * np.square(plain).mean()
+
+
+def test_steep_motion_among_fewer_dots_is_hardly_touched() -> None:
+    """Within 26 px of a press the first order of patches 44 px wide means nothing: alone it makes twice of it."""
+    other, off, plain = other_texture(LEFT, FULL, FIRST.shape), [], []
+    assert other is not None
+    for x, y in ((150, 150), (220, 240), (300, 180)):
+        expected = FULL.displacement(picture(press(x, y, 4.0), number=3)).displacement_px
+        seen = LEFT.displacement(picture(press(x, y, 4.0), number=3, gone=0.3))
+        plain.append(seen.displacement_px - expected)
+        off.append(other.as_first(seen).displacement_px - expected)
+    assert np.square(off).mean() < 1.2 * np.square(plain).mean()
 
 
 def test_two_rest_images_of_one_texture_do_not_differ() -> None:
