@@ -16,7 +16,7 @@ from tactile_nodes.benchmarks.stability import QUICK, follow, measure, read
 from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
 from tactile_nodes.benchmarks.stability_page import page, picture_of
 from tactile_nodes.benchmarks.stability_plots import draw as draw_plots
-from tactile_nodes.benchmarks.stability_scores import OK
+from tactile_nodes.benchmarks.stability_scores import FORCE, OK
 from tactile_nodes.benchmarks.stability_stream import DURING, HELD, REST, Change, Plan, World
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
@@ -83,6 +83,30 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
     found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
     assert found.rmse_ok_n is None or found.rmse_ok_n <= 2 * usual_n + FLOOR_N
     assert found.false_ok_n <= 0.020
+
+
+@pytest.mark.parametrize(
+    ('name', 'level'),
+    [
+        ('two contacts', 7),
+        ('three contacts', 7),
+        ('in the corners', 14.5),
+        ('deeper than trained', 2.2),
+        ('dragged', 1),
+    ],
+)
+def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(world: World, name: str, level: float) -> None:
+    held = [each for each in read(world, named(name)[0].at(level), ['paper'], FEW)['paper'] if each.moment.kind == HELD]
+    assert len(held) == 4
+    assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
+
+
+@pytest.mark.parametrize(('name', 'level'), [('brightness', 0.7), ('flicker', 30), ('blur', 1), ('noise', 4)])
+def test_a_network_holds_in_altered_pictures(world: World, name: str, level: float) -> None:
+    """Within 30 mN, which is its least uncertainty: its witness answers."""
+    found = follow(world, named(name)[0].at(level), ['paper'], FEW)['paper']
+    assert found.rmse_n is not None
+    assert found.rmse_n < 0.030
 
 
 @settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
