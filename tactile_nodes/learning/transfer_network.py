@@ -21,6 +21,7 @@ from tactile_nodes.learning.split import by_position
 from tactile_nodes.learning.transfer_checks import LEAST_SPREAD
 from tactile_nodes.learning.transfer_fit import Errors
 from tactile_nodes.learning.transfer_layer import FittedLayer, LayerConfig, fit_layer
+from tactile_nodes.learning.witness_fit import with_witness
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.network import NetworkReadout
 
@@ -70,7 +71,7 @@ class NetworkTransfer:
 def transfer_network(
     loaded: LoadedModel, dataset: Dataset, config: LayerConfig | None = None, progress: Progress | None = None
 ) -> NetworkTransfer:
-    """The network of a model with a layer for the gel of a data set.
+    """The network of a model with a layer for the gel of a data set, and a witness of that gel.
 
     Raises:
         ModelError: the model is none that the layer can be put before; says which can.
@@ -88,6 +89,8 @@ def transfer_network(
     made = stated_anew(replace(source, layer=fitted.layer), judges)
     before, after = (_read(readout, judges) for readout in (source, made))
     _require_better(before.paper, after.paper)
+    held_out = np.isin(np.arange(len(dataset.presses)), touched[split.test])
+    made = with_witness(made, dataset, held_out, ENCODING, progress or Progress())
     return NetworkTransfer(
         made, fitted, before.errors, after.errors, before.paper, after.paper, len(touched), len(split.test), config
     )

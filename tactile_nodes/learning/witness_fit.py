@@ -12,7 +12,6 @@ from jaxtyping import Float, Float32
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.network_inputs import prepare
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.sensing.features import as_motion
@@ -69,11 +68,10 @@ def judged(
 ) -> tuple[Float[np.ndarray, ' judges'], Float32[np.ndarray, 'judges 4']]:
     """The network's errors of the total on presses held out, and these presses."""
     chosen = np.flatnonzero(held_out & (dataset.presses[:, 2] > 0))
-    part = dataset.take(chosen)
-    if not len(chosen):
-        return np.zeros(0), part.presses
-    found_n = [readout.network(each).sum() * readout.output_scale_n for each in prepare(part, readout.scaling)]
-    return np.array(found_n, float) - part.presses[:, 3], part.presses
+    features, confidence = dataset.features[chosen].astype(np.float32), dataset.confidence[dataset.rest[chosen]]
+    inputs = [readout.inputs(*each) for each in zip(features, confidence, strict=True)]
+    found_n = [readout.network(each).sum() * readout.output_scale_n for each in inputs]
+    return np.array(found_n, float) - dataset.presses[chosen, 3], dataset.presses[chosen]
 
 
 def unsure_rim_mm(errors_n: Float[np.ndarray, ' judges'], presses: Float32[np.ndarray, 'judges 4']) -> float:
