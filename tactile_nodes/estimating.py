@@ -180,8 +180,8 @@ class Estimating:
             return unknown_forces(self.now.loaded.model.bins)
         if features.untouched:
             return estimator.at_rest(seen)
-        altered, blurred = (bool(features.reasons & each) for each in (ALTERED, FORCE.REASON_BLURRED))
-        return estimator.predict(seen, altered=altered, blurred=blurred)
+        altered, blurred = features.reasons & ALTERED, features.reasons & FORCE.REASON_BLURRED
+        return estimator.predict(seen, altered=bool(altered), blurred=bool(blurred))
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

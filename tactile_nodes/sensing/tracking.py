@@ -76,6 +76,7 @@ class FeatureTracker:
         self._first_flow: FlowMethod | None = None
         self._other: OtherTexture | None = None
         self._bands: RollingBands
+        self._least_sure = 0.0
         self._flow = flow
         self._encoding = encoding
         self._rest_frames = rest_frames
@@ -171,6 +172,8 @@ class FeatureTracker:
         self.rest, self._still, self._seen, self._own = rest, None, None, rest.own
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         self._bands = RollingBands(rest.image)
+        sure = rest.own.confidence
+        self._least_sure = 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
         self._first_flow = rest.flow if offset is None else self._first_flow
         self._other = other_texture(rest.flow, self._first_flow, rest.image.shape)
         if self.registration and rest.registering:
@@ -235,11 +238,10 @@ class FeatureTracker:
 
     def _begin_bands(self, straight: UInt8[np.ndarray, 'h w'], found: DisplacementField) -> bool:
         """Whether bands are there that were not there before, asked where little is found again."""
-        if self._bands.seen or found.confidence is None or self._own.confidence is None:
-            return False
-        if found.confidence.sum() < LEAST_CONFIDENT * self._own.confidence.sum():
+        if found.confidence is not None and not self._bands.seen and found.confidence.sum() < self._least_sure:
             self._bands.without(straight)
-        return self._bands.seen
+            return self._bands.seen
+        return False
 
     @property
     def banded(self) -> bool:
