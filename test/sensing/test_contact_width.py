@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from responding import COMPONENTS, GRID, components, features, readout, response
 
 from tactile_nodes.sensing.contact_width import USUAL_MM2, Widths, added_by_width, mended
@@ -96,3 +98,17 @@ def test_a_contact_in_the_last_interval_of_the_splines_is_at_the_limit_of_the_tr
     below, beyond = (READER.read(features(READER, components(GEL, (0.0, 3.0, s))), SURE) for s in (0.74, 0.76))
     assert below.unlikeness < 0.5
     assert beyond.unlikeness == 1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.1, 300.0))
+def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_told_as_mended(seed: int, size: float) -> None:
+    seen = np.random.default_rng(seed).normal(scale=size, size=COMPONENTS).astype(np.float32)
+    fit = READER.fit(seen)
+    told = READER.mended(seen, fit).contacts
+    _, _, low, high = GEL.limits_array
+    assert np.isfinite(told).all()
+    assert ((told >= low) & (told <= high)).all()
+    found = READER.reading(READER.seen(features(READER, seen), SURE))
+    if found.contacts[0].force_n > 0:
+        assert found.contacts[0].force_n == pytest.approx(told[:, 2].max(), rel=1e-3, abs=1e-4)
