@@ -90,7 +90,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     readout: AnyReadout
     if config.readout == 'axisymmetric':
         settings = config.axisymmetric
-        readout = _with_carried(
+        readout = with_carried(
             fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress), config, progress
         )
     else:
@@ -100,7 +100,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 
 
-def _with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
+def with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
     """With what calibrations for other gels get wrong alike, where the gel is simulated and others like it can be."""
     gels = config.axisymmetric.other_gels
     if not gels or config.data.file:

@@ -10,8 +10,10 @@ from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.learning.axisymmetric_carried import learned_carried
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.train import with_carried
 from tactile_nodes.learning.transfer_fit import OtherGel
 from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
@@ -70,3 +72,8 @@ def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(sourc
     terms = other.readout(other.start, source.doubt, 'whole').correction.terms
     assert terms[:, :2] == pytest.approx(own[:, :2])
     assert not terms[:, 2].any()
+
+
+def test_a_gel_of_recorded_presses_learns_nothing_from_others(source: AxisymmetricReadout) -> None:
+    recorded = TrainConfig(data=DataConfig(file='presses.npz'), axisymmetric=AxisymmetricConfig(other_gels=3))
+    assert with_carried(source, recorded, Progress()) is source
