@@ -75,3 +75,20 @@ def test_a_whole_shift_is_undone_to_the_bit_and_borders_come_from_the_rest_image
     moved = np.roll(rest, (2, -3), axis=(0, 1))
     straight = Shift(-3.0, 2.0)(moved, rest)
     assert (straight == rest).all()
+
+
+@pytest.mark.parametrize('part', [0.12, 0.35, 0.5])
+@pytest.mark.parametrize('way', [Shift, Straightening])
+def test_an_undone_motion_leaves_fine_patterns_as_strong_as_they_were(way: type, part: float) -> None:
+    """Waves of three and a half pixels; Lanczos' kernel of eight alone leaves 1.02 of them, and 0.86 of those of 2.6."""
+    across = np.arange(160)
+    for length_px, near in ((3.5, 0.01), (2.6, 0.04)):
+        waves = 128 + 90 * np.sin(2 * np.pi / length_px * (across - part))
+        knocked = np.tile(np.rint(waves).astype(np.uint8), (160, 1))
+        motion = PictureMotion((part, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        undo = Shift(part, 0.0) if way is Shift else Straightening(motion, knocked.shape)
+        row = undo(knocked, knocked)[80, 20:140].astype(float)
+        phase = 2 * np.pi / length_px * across[20:140]
+        known = np.stack([np.sin(phase), np.cos(phase), np.ones(120)], axis=1)
+        strength = float(np.linalg.lstsq(known, row, rcond=None)[0][0]) / 90
+        assert strength == pytest.approx(1.0, abs=near), (length_px, strength)
