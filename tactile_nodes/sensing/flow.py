@@ -111,14 +111,19 @@ class DisFlow:
 
     def _in_its_light(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image as bright as the rest image, for the search takes brightness for motion; itself if it nearly is."""
-        share = float(np.median(_block_levels(image) / self._levels))
-        if abs(share - 1) <= SAME_LIGHT or not share > 0:
+        shares = _block_levels(image) / self._levels
+        share = float(np.median(shares))
+        alike = np.abs(shares - share) < ALIKE_SHARE * share
+        if abs(share - 1) <= SAME_LIGHT or alike.mean() < ALIKE_SHARE:
             return np.ascontiguousarray(image)
         return cv2.convertScaleAbs(image, alpha=1 / share)
 
 
 SAME_LIGHT = 0.01
 """Share of light by which a picture may differ before it is made as bright as the rest image; presses reach 0.002."""
+
+ALIKE_SHARE = 0.25
+"""A quarter of the blocks must be within a quarter of the middle one: of a picture half covered none is."""
 
 LIGHT_BLOCKS = (8, 8)
 """Of so many blocks the middle one tells how much light there is: a hot spot or dirt in some of them is none."""
