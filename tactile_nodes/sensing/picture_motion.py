@@ -129,7 +129,8 @@ class Straightening:
         """The image with its content where it was; what the camera no longer sees is taken from `beyond`.
 
         By Lanczos' kernel of 8x8 pixels: bicubic interpolation takes a third of the time and blurs, which models at
-        full size read as less force. What this kernel blurs on average over the picture, the image is sharpened by before.
+        full size read as less force. What this kernel blurs on average over the picture the image is sharpened by,
+        before.
         """
         whole, part = self._maps
         sharp = cv2.sepFilter2D(image, -1, *self._sharp, borderType=cv2.BORDER_REPLICATE)
@@ -163,8 +164,8 @@ class Shift:
 
 
 SINC_REACH_PX, KAISER_BETA = 8, 4.0
-"""Pixels to either side that a shift takes into account, and the window over them. Lanczos' kernel of four blurs: motion
-is read 0.8 % short at half a pixel, at full size; this one leaves 0.1 %."""
+"""Pixels to either side that a shift takes into account, and the window over them. Lanczos' kernel of four blurs:
+motion is read 0.8 % short at half a pixel, at full size; this one leaves 0.1 %."""
 
 
 def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
