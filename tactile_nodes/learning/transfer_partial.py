@@ -40,6 +40,8 @@ SEEN_OUTLINE = {
     'roll': 0.03,
 }  # fmt: skip
 """How far off an outline leaves the numbers that it tells: measured on three gels."""
+SHIFT = ('shift_x_mm', 'shift_y_mm')
+"""What presses at unknown places alone must not tell: streaks point to the middle of the picture, but faintly."""
 UNTOLD_FORCE_N, UNTOLD_PLACE_MM, OUTLINE_PLACE_MM = 0.1, 1.2, 0.3
 """How far off forces and places are that nothing was told of: measured on three gels unlike the known one."""
 
@@ -218,8 +220,10 @@ class _Gel:
 
     def whole(self, presses: Presses, begin: PartialFit | None = None) -> PartialFit:
         """What differs as a whole, of the numbers that these presses tell."""
-        free = tuple(name for name in SIZES if name not in HARDNESS or self._tells_force(presses))
-        sizes = SEEN_OUTLINE if self.outline and self._places(presses) < LEAST_PLACES else {}
+        placed = self._places(presses) >= LEAST_PLACES
+        kept = {*(() if self._tells_force(presses) else HARDNESS), *(() if placed or self.outline else SHIFT)}
+        free = tuple(name for name in SIZES if name not in kept)
+        sizes = SEEN_OUTLINE if self.outline and not placed else {}
         return fit_partial(self.start, presses, free, self.other.source.correction.reach_mm, begin=begin, sizes=sizes)
 
     def regions(self, whole: PartialFit, presses: Presses) -> AxisymmetricResponse:
