@@ -66,6 +66,7 @@ def test_weights_at_unknown_places_tell_the_hardness(source: AxisymmetricReadout
     made = transfer_partial(source, as_weights(scattered(10, seed=3, force_n=0.5), 0.5))
     assert errors(made.readout)[1] < 0.25 * errors(source)[1]
     assert made.weights == 10 and PLACES_HELD in made.held
+    assert made.whole['shift_x_mm'] == made.whole['shift_y_mm'] == 0.0
 
 
 def test_pens_of_unknown_force_tell_where_the_camera_looks(source: AxisymmetricReadout) -> None:
