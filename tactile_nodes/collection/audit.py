@@ -28,12 +28,13 @@ Attempt = tuple[int, int]
 
 def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[int, int]:
     """Settle what the journal leaves open; how many presses were found in the bags, and how many were not."""
-    open_entries = journal.unverified()
-    if not open_entries:
-        return 0, 0
-    held = attempts_below(folder, plan_id)
+    return settle(journal, attempts_below(folder, plan_id), now_ns) if journal.unverified() else (0, 0)
+
+
+def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
+    """As `audit`, by what bags are known to hold."""
     found = missing = 0
-    for entry in open_entries:
+    for entry in journal.unverified():
         if (entry.press, entry.attempt) in held:
             journal.note(entry.press, entry.attempt, VERIFIED, now_ns, 'found in the bag')
             found += 1
@@ -45,14 +46,14 @@ def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[in
     return found, missing
 
 
-def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> bool:
-    """Give a recorder time to write what it was told last; false if no bag here holds any press of the plan."""
+def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> set[Attempt]:
+    """What the bags hold of the plan, once a recorder has had time to write what it was told last."""
     told = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
     held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
     while not told <= held and clock.now_ns() < deadline_ns:
         clock.sleep_until(clock.now_ns() + NS_PER_S // 4)
         held = attempts_below(folder, plan_id)
-    return bool(held)
+    return held
 
 
 def bags_below(folder: Path) -> list[Path]:

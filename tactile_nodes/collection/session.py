@@ -11,7 +11,7 @@ from tactile_nodes.bus.log import Log
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.audit import audit, await_recorded
+from tactile_nodes.collection.audit import audit, await_recorded, settle
 from tactile_nodes.collection.campaign import Campaign
 from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Journal
@@ -182,10 +182,10 @@ class Session:
 
     def _missing(self) -> int:
         """See `Outlet.missing`. Where no bag of the folder holds any press, all are recorded elsewhere."""
-        folder, plan_id = Path(self._settings.folder), self.plan.plan_id
-        if not self._settings.require_recorder or not await_recorded(self._journal, plan_id, folder, self._clock):
+        if not self._settings.require_recorder:
             return 0
-        return audit(self._journal, plan_id, folder, self._clock.now_ns())[1]
+        held = await_recorded(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock)
+        return settle(self._journal, held, self._clock.now_ns())[1] if held else 0
 
     def _audit(self) -> None:
         if self._journal.repaired:
