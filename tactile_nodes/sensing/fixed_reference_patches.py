@@ -16,7 +16,7 @@ from types import ModuleType
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int, Int16, Int32
+from jaxtyping import Float, Float32, Int, Int16, Int32
 
 from tactile_nodes.sensing.compiling import compiled_loops
 
@@ -213,16 +213,17 @@ def _terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def moved_image(image: Float32[np.ndarray, 'h w'], dx_px: float, dy_px: float) -> Float32[np.ndarray, 'h w']:
     """The image with its content moved right and down by any part of a pixel: a sinc under a Kaiser window."""
-    kernels = _sinc(dx_px), _sinc(dy_px)
+    kernels = windowed_sinc(dx_px), windowed_sinc(dy_px)
     moved: np.ndarray = cv2.sepFilter2D(image, cv2.CV_32F, *kernels, borderType=cv2.BORDER_REFLECT_101)
     return moved
 
 
-def _sinc(shift_px: float) -> np.ndarray:
+def windowed_sinc(shift_px: float, beta: float = 8.0) -> Float[np.ndarray, ' taps']:
+    """Weights of pixels to either side that move a row right by any part of a pixel; `beta` is Kaiser's."""
     reach = SINC_REACH_PX + round(abs(shift_px))
     at = np.arange(-reach, reach + 1) + shift_px
     inside = np.maximum(0, 1 - np.square(at / SINC_REACH_PX))
-    kernel = np.sinc(at) * np.where(inside > 0, np.i0(8.0 * np.sqrt(inside)), 0)
+    kernel = np.sinc(at) * np.where(inside > 0, np.i0(beta * np.sqrt(inside)), 0)
     normal: np.ndarray = kernel / kernel.sum()
     return normal
 

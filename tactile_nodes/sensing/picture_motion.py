@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.fixed_reference_patches import windowed_sinc
 
 TERMS = 8
 ROUNDS = 5
@@ -143,7 +144,7 @@ class Straightening:
 class Shift:
     """Undoes a shift: whole pixels by copying, the rest by a sinc under a Kaiser window along rows and columns.
 
-    Copying blurs nothing and costs next to nothing; the kernel takes a fifth of what `Straightening` takes.
+    Copying blurs nothing and costs next to nothing; the kernel takes a fraction of what `Straightening` takes.
     """
 
     def __init__(self, right_px: float, down_px: float) -> None:
@@ -163,19 +164,15 @@ class Shift:
         return straight
 
 
-SINC_REACH_PX, KAISER_BETA = 8, 4.0
-"""Pixels to either side that a shift takes into account, and the window over them. Lanczos' kernel of four blurs:
-motion is read 0.8 % short at half a pixel, at full size; this one leaves 0.1 %."""
+KAISER_BETA = 4.0
+"""Of the window over a shift's kernel, sharper than the one for moving templates: what is blurred is read short."""
 
 
 def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
     """What to weigh pixels to either side with to see the image `part` of a pixel further on; one if it is none."""
     if abs(part) < 1e-9:
         return np.ones(1, np.float32)
-    away = np.arange(-SINC_REACH_PX, SINC_REACH_PX + 1) - part
-    inside = np.maximum(0, 1 - np.square(away / SINC_REACH_PX))
-    weights = np.sinc(away) * np.where(inside > 0, np.i0(KAISER_BETA * np.sqrt(inside)), 0.0)
-    taps: np.ndarray = (weights / weights.sum()).astype(np.float32)
+    taps: np.ndarray = windowed_sinc(-part, KAISER_BETA).astype(np.float32)
     return taps
 
 
