@@ -11,9 +11,11 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.drift import Limits
 from tactile_nodes.sensing.drift_alarm import Level
 from tactile_nodes.sensing.drift_verdict import Verdict
 from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
@@ -45,7 +47,7 @@ class Calibrated:
 
     def __init__(self, model: str, *, simulated: bool) -> None:
         loaded = load_model(find_model(model))
-        self.flow, _ = loaded.flow
+        self.limits = limits_of(loaded)
         self.model_id = ''
         self._own_gel = loaded.gel
         self._gel = _simulated_gel(loaded) if simulated else None
@@ -78,6 +80,13 @@ class Calibrated:
             assert self._shown is not None
             return self._shown[1]
         return rest_picture(*self._gel) if self.origin == GEL and self._gel is not None else None
+
+
+def limits_of(loaded: LoadedModel) -> Limits:
+    """From where on a calibration of a model is ageing and invalid."""
+    readout = loaded.model.readout
+    witnessed = isinstance(readout, NetworkReadout) and readout.witness is not None
+    return Limits.of_flow(loaded.flow[0], witnessed=witnessed)
 
 
 def usable(force: types.ForceDistribution) -> bool:

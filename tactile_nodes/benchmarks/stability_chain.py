@@ -19,7 +19,7 @@ from tactile_nodes.drifting import Calibrated, Told, usable
 from tactile_nodes.estimating import Estimating, calibration_reasons
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
-from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.drift import DriftMonitor
 from tactile_nodes.sensing.picture_motion import PictureMotion
 
 REST_FRAMES, LEAST_CONFIDENCE, CHECK_S = 16, 0.85, 0.5
@@ -37,7 +37,7 @@ class Watching:
         self._calibrated.use_picture(
             conversions.image_message(np.zeros((0, 0), np.uint8), conversions.header(0, provenance.model_id))
         )
-        self._monitor = DriftMonitor(Limits.of_flow(self._calibrated.flow))
+        self._monitor = DriftMonitor(self._calibrated.limits)
         self._monitor.use_calibration(self._calibrated.picture())
         self._looked_ns: int | None = None
         self._stamps = Told()

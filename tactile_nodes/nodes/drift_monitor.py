@@ -21,7 +21,7 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.drift import DriftMonitor
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.reference import content_id
 
@@ -52,7 +52,7 @@ class DriftMonitorNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
-        self._monitor = DriftMonitor(Limits.of_flow(self._calibrated.flow))
+        self._monitor = DriftMonitor(self._calibrated.limits)
         self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
         self._looked_ns = 0
         self._reference_id = ''

@@ -54,12 +54,13 @@ class Limits:
     force: tuple[float, float] = (0.05, 0.15)
 
     @classmethod
-    def of_flow(cls, name: str) -> Limits:
+    def of_flow(cls, name: str, *, witnessed: bool = False) -> Limits:
         """For a model that measures motion by a flow method.
 
-        Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches have light as an unknown.
+        Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches have light as an unknown,
+        and where a network is `witnessed` forces in another light are those of its witness, which light hardly moves.
         """
-        return cls(contrast=(0.9, 0.75)) if name == 'dis' else cls()
+        return cls(contrast=(0.9, 0.75)) if name == 'dis' and not witnessed else cls()
 
 
 class DriftMonitor:
