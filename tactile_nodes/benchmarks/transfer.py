@@ -2,7 +2,8 @@
 
 The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2 degrees tilted, 3 rolled, 3 % of focal
 length), and have other markers each. Pressed by the plan of a calibration (config/plans/calibrate.yaml) and tested on
-presses at random continuous places and depths that no calibration saw, beside the model as it is, a model of many other
+presses at random continuous places and depths that no calibration saw, all gels and the model's own at the same ones;
+beside the model as it is, a model of many other
 gels that needs no press of the new one, and a response fitted to the same few presses alone.
 """
 
@@ -11,7 +12,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings
+from tactile_nodes.benchmarks.transfer_scores import Score, score
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, TESTED_SEED, other_gel
 
@@ -32,33 +33,13 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.response_readout import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
-FRAMES, TESTED, UNTOUCHED = 625, 300, 20
+TEST_FRAMES, TEST_SEED, UNTOUCHED = 1500, 5003, 20
+"""A fifth of the frames are without contact, all others are tested; nothing was learned from presses of this seed."""
 COUNTS = 10, 25, 50, 100
-MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'd_loc_mm', 'rmse_mc_n')
 AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
 MANY_PRESSES = 400
 """On each of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
 REFUSED = 'refused'
-
-
-@dataclass(frozen=True)
-class Score:
-    """What one readout does on the test presses of one gel; `seconds` is how long it took to make.
-
-    `covered` is the share of forces within the 90 % interval that the readout states; NaN where it states none.
-    """
-
-    gel: int
-    presses: int
-    way: str
-    force_rmse_n: float
-    place_median_mm: float
-    armse_n: float
-    d_loc_mm: float
-    rmse_mc_n: float
-    covered: float
-    form: str = ''
-    seconds: float = 0.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,16 +82,19 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.output,
             name,
             text,
-            {**plain, 'own': asdict(own), 'scores': [asdict(each) for each in scores]},
+            {**plain, 'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]},
         )
         draw(own, scores, arguments.output / f'{name}.png')
     return 0
 
 
 def measure(
-    loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED
-) -> tuple[Score, list[Score]]:
+    loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED,
+    counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES,
+) -> tuple[Score, list[Score]]:  # fmt: skip
     """The model's score on its own gel, and all scores on the others; with a model of `many` further gels beside.
+
+    Every gel is calibrated by `counts` presses, and tested on those of `frames` pictures.
 
     Raises:
         ModelError: it cannot be transferred.
@@ -119,15 +103,15 @@ def measure(
     from tactile_nodes.learning.transfer_checks import source_readout
 
     source, gel = source_readout(loaded), config_of(loaded).gel
-    own = _score(-1, 0, AS_IT_IS, source, _tested(_presses(loaded, gel, progress)))
+    own = score(-1, 0, AS_IT_IS, source, _tested(loaded, gel, progress, frames)[0])
     of_many = _of_many(loaded, gel, many, progress) if many else None
     scores = []
     for number in gels:
         other = other_gel(gel, number, seed)
-        dataset = _presses(loaded, other, progress)
-        made = _on_gel(source, _planned(loaded, other, progress), dataset, number)
+        tested, rest = _tested(loaded, other, progress, frames)
+        made = _on_gel(source, _planned(loaded, other, progress), tested, number, counts)
         if of_many is not None:
-            made.append(_score(number, 0, MANY, _at_rest(of_many, dataset), _tested(dataset)))
+            made.append(score(number, 0, MANY, _at_rest(of_many, rest), tested))
         scores += made
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
     return own, scores
@@ -159,16 +143,24 @@ def _rest_of(dataset: Dataset) -> np.ndarray:
     return mean
 
 
-def _at_rest(readout: AxisymmetricReadout, dataset: Dataset) -> AxisymmetricReadout:
+def _at_rest(readout: AxisymmetricReadout, rest: np.ndarray) -> AxisymmetricReadout:
     """The readout about the new gel's own rest."""
-    return dataclasses.replace(readout, scaling=dataclasses.replace(readout.scaling, mean=_rest_of(dataset)))
+    return dataclasses.replace(readout, scaling=dataclasses.replace(readout.scaling, mean=rest))
 
 
-def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int = FRAMES) -> Dataset:
-    """Presses at random places and depths."""
+def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> Dataset:
+    """Presses at random places and depths, to learn from."""
     from tactile_nodes.learning.pressed_gels import anywhere
 
     return anywhere(_config(loaded, gel), progress, frames)
+
+
+def _tested(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> tuple[Dataset, np.ndarray]:
+    """Presses to test on, at the same random places and depths on every gel; and what the gel shows at rest."""
+    from tactile_nodes.learning.pressed_gels import anywhere
+
+    dataset = anywhere(_config(loaded, gel), progress, frames, TEST_SEED)
+    return dataset.take(np.flatnonzero(dataset.presses[:, 2] > 0)), _rest_of(dataset)
 
 
 def _planned(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
@@ -185,19 +177,14 @@ def _config(loaded: LoadedModel, gel: Gel) -> TrainConfig:
     return dataclasses.replace(config_of(loaded), data=DataConfig(crop=loaded.card['crop_px']), gel=gel)
 
 
-def _tested(dataset: Dataset) -> Dataset:
-    return dataset.take(np.flatnonzero(dataset.presses[:, 2] > 0)[-TESTED:])
-
-
-def _on_gel(source: AnyReadout, planned: Dataset, dataset: Dataset, number: int) -> list[Score]:
+def _on_gel(source: AnyReadout, planned: Dataset, tested: Dataset, number: int, counts: Sequence[int]) -> list[Score]:
     """Scores of all that `planned` presses make of the source, on the presses of another data set."""
     from tactile_nodes.learning.pressed_gels import first_presses
     from tactile_nodes.learning.transfer_fit import transfer
 
-    tested = _tested(dataset)
-    scores = [_score(number, 0, AS_IT_IS, source, tested)]
+    scores = [score(number, 0, AS_IT_IS, source, tested)]
     readout: AnyReadout
-    for presses in COUNTS:
+    for presses in counts:
         few = first_presses(planned, presses)
         begun = clock.perf_ns()
         try:
@@ -206,9 +193,9 @@ def _on_gel(source: AnyReadout, planned: Dataset, dataset: Dataset, number: int)
         except DatasetError:
             readout, form = source, REFUSED
         seconds = (clock.perf_ns() - begun) / clock.NS_PER_S
-        score = _score(number, presses, CALIBRATED, readout, tested)
-        scores.append(dataclasses.replace(score, form=form, seconds=round(seconds, 1)))
-        scores.append(_score(number, presses, ALONE, _alone(few, presses, source), tested))
+        scored = score(number, presses, CALIBRATED, readout, tested)
+        scores.append(dataclasses.replace(scored, form=form, seconds=round(seconds, 1)))
+        scores.append(score(number, presses, ALONE, _alone(few, presses, source), tested))
     return scores
 
 
@@ -220,22 +207,3 @@ def _alone(few: Dataset, presses: int, source: AnyReadout) -> ResponseReadout:
 
     config = ResponseConfig(components=min(40, max(3, presses // 2)), spacing_mm=4.0, levels=3, most_contacts=1)
     return fit_response(few, np.zeros(len(few.presses), bool), config, source.bins, Progress())
-
-
-def _score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Dataset) -> Score:
-    from tactile_nodes.sensing import metrics
-
-    read = [
-        readout.read(values.astype(np.float32), tested.confidence[rest])
-        for values, rest in zip(tested.features, tested.rest, strict=True)
-    ]
-    bins = np.stack([each.normal_force_n.reshape(-1) for each in read])
-    places = np.array([(each.contacts[0].x_mm, each.contacts[0].y_mm) for each in read])
-    labels = tested.labels(readout.bins)
-    away = np.hypot(*(places - tested.presses[:, :2]).T)
-    off = metrics.total_errors_n(labels, bins)
-    return Score(
-        gel, presses, way, metrics.root_mean_square(off), float(np.median(away)), metrics.armse(labels, bins),
-        metrics.location_error_mm(labels, bins, readout.bins), metrics.peak_rmse_n(labels, bins),
-        metrics.coverage(off, np.array([each.total_sigma_n for each in read])),
-    )  # fmt: skip

@@ -1,6 +1,6 @@
 """A model on other gels without a rig: weights put anywhere, a pen at known places, or nothing but two rest images.
 
-The gels and the test presses are those of `tactile bench transfer`. Weights alternate between two, and what is not told
+The gels are those of `tactile bench transfer`. Weights alternate between two, and what is not told
 of a press is taken out of the data before the calibration sees it. Pens press as hard as it comes.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings, table
-from tactile_nodes.benchmarks.transfer import FRAMES, UNTOUCHED
+from tactile_nodes.benchmarks.transfer import UNTOUCHED
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.simulation.other_gels import TESTED_SEED, other_gel
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 WEIGHTS_N = 0.02 * 9.81, 0.05 * 9.81
 """20 and 50 grams, of the 1.1 N that the models know."""
 REACH_MM, WEIGHTS_SEED = 13.0, 6001
-PENS, TESTED = 3, 150
+PENS, FRAMES, TESTED = 3, 625, 150
 AS_IT_IS, FULL, IMAGE, PEN, WEIGHT, IMAGE_WEIGHT, PEN_WEIGHT = (
     'as it is', 'force and place known', 'two rest images', 'pen', 'weights', 'two rest images and weights',
     f'{PENS} pens, the others weights',

@@ -39,10 +39,10 @@ def planned(config: TrainConfig, progress: Progress) -> Dataset:
     )  # fmt: skip
 
 
-def anywhere(config: TrainConfig, progress: Progress, frames: int = FRAMES) -> Dataset:
-    """Presses at random places and depths."""
+def anywhere(config: TrainConfig, progress: Progress, frames: int = FRAMES, seed: int = PRESSES_SEED) -> Dataset:
+    """Presses at random places and depths; by one seed the same ones on every gel."""
     return _simulated(
-        config, progress, presses=frames, seed=PRESSES_SEED, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
+        config, progress, presses=frames, seed=seed, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
         without_contact=WITHOUT_CONTACT,
     )  # fmt: skip
 
