@@ -24,6 +24,7 @@ import cv2
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
 from tactile_nodes.benchmarks.stability_chain import Chain
+from tactile_nodes.benchmarks.stability_floor import floor_n
 from tactile_nodes.benchmarks.stability_scores import Answer, Score, score
 from tactile_nodes.benchmarks.stability_stream import Change, Plan, World
 from tactile_nodes.errors import ConfigurationError
@@ -71,16 +72,19 @@ def measure(
     cases: Sequence[Case], profiles: Sequence[str], plan: Plan, progress: Progress, *, largest_only: bool = False
 ) -> dict[str, Any]:
     """All numbers of the page."""
-    world, found = World(), []
+    world = World()
+    found: list[dict[str, Any]] = []
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
     with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
-        undisturbed = follow(world, Change(), profiles, plan)
+        undisturbed, floor = follow(world, Change(), profiles, plan), floor_n(world, Change(), plan)
         bar.advance(1)
         for case in cases:
-            points = []
+            points: list[dict[str, Any]] = []
             for level in levels[case]:
                 scores = follow(world, case.at(level), profiles, plan)
                 points.append({'level': level, 'scores': {name: asdict(each) for name, each in scores.items()}})
+                if level in case.held_at:
+                    points[-1]['floor_n'] = floor_n(world, case.at(level), plan)
                 bar.advance(1, f'{case.name} {level:g} {case.unit}')
             about = {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at}
             found.append({**about, 'points': points})
@@ -88,6 +92,7 @@ def measure(
         'plan': asdict(plan),
         'profiles': list(profiles),
         'undisturbed': {name: asdict(each) for name, each in undisturbed.items()},
+        'floor_n': floor,
         'cases': found,
     }
 

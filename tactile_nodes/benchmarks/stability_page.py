@@ -7,6 +7,7 @@ from typing import Any
 
 from tactile_nodes.benchmarks.report import machine_and_commit, table
 from tactile_nodes.benchmarks.stability_aims import AIMS, Point, Verdict, losers, points_of
+from tactile_nodes.benchmarks.stability_floor import least_ratio
 
 FAMILIES = {
     'light': 'Light, before the camera makes a picture of it.',
@@ -41,6 +42,13 @@ error in units of it; *said after* and *invalid after* the number of the first f
 is invalid (1: at once); *left after* the last one after its end that is still invalid. Bold: a force more than twice as
 wrong as undisturbed, or a false contact above 20 mN, with status ok."""
 
+FLOOR = """\
+Least standard deviation of the force that any unbiased method could read from one such picture with its noise (the
+Cramér-Rao bound, place, depth and rest image's noise included, all else known: `benchmarks/stability_floor.py`), beside
+what was measured. In brackets, by how much each profile's error would grow if it grew by no more than that: the nearer
+a profile is to the floor undisturbed, the more of its error is noise, and the more times noise makes it worse. At the
+floor itself four times the noise is four times the error."""
+
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
@@ -52,6 +60,8 @@ def page(result: Mapping[str, Any]) -> str:
     )
     parts = ['# The failure bench', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
     parts += ['## Aims', _aims(result, points), _undisturbed(result)]
+    if floors := _floors(result):
+        parts += ['## What one picture can tell', FLOOR, floors]
     for family in dict.fromkeys(each['family'] for each in result['cases']):
         parts += [f'## {family[0].upper()}{family[1:]}', FAMILIES[family], f'![{family}]({picture_of(family)})']
         for profile in result['profiles']:
@@ -86,6 +96,32 @@ def _undisturbed(result: Mapping[str, Any]) -> str:
         for name, each in result['undisturbed'].items()
     ]  # fmt: skip
     return table(heads, rows)
+
+
+def _floors(result: Mapping[str, Any]) -> str:
+    """Of the disturbances in which errors shall hold; nothing if none was asked for."""
+    profiles, undisturbed = result['profiles'], result['undisturbed']
+    rows = [
+        [f'{case["name"]}, {point["level"]:g} {case["unit"]}', _mn(point['floor_n']),
+         *(_beside(point['scores'][each], undisturbed[each], result['floor_n'], point['floor_n']) for each in profiles)]
+        for case in result['cases']
+        for point in case['points']
+        if 'floor_n' in point
+    ]  # fmt: skip
+    usual = ['none', _mn(result['floor_n']), *(_mn(undisturbed[each]['rmse_n']) for each in profiles)]
+    return table(['disturbance', 'floor, mN', *(f'{each}, mN' for each in profiles)], [usual, *rows]) if rows else ''
+
+
+def _beside(score: Mapping[str, Any], undisturbed: Mapping[str, Any], floor_n: float, least_n: float) -> str:
+    """'5.4 (2.7x, least 1.4x)'."""
+    if score['rmse_n'] is None or not undisturbed['rmse_n']:
+        return _mn(score['rmse_n'])
+    least = least_ratio(undisturbed['rmse_n'], floor_n, least_n)
+    return f'{_mn(score["rmse_n"])} ({_times(score["rmse_n"] / undisturbed["rmse_n"])}, least {_times(least)})'
+
+
+def _mn(value: float | None) -> str:
+    return '-' if value is None else f'{1e3 * value:.2g}'
 
 
 HEADS = (

@@ -170,7 +170,7 @@ class World:
         self.tables: ForceTables = {'tip': contact_table(self.gel)}
         self.tables |= {name: contact_table(self.gel, name) for name in indenters}
         self._optics = WornOptics(self.gel, self.tables)
-        self._noise = NoiseBank(self.gel)
+        self.noise = NoiseBank(self.gel)
         self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
 
     def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
@@ -183,37 +183,61 @@ class World:
             moments = [_captured(each, change.capture) for each in moments]
         if change.course is not None:
             moments = change.course(moments)
-        changed = self._changed(change)
-        noise = NoiseBank(noisier(self.gel, change.noise)) if change.noise != 1 else self._noise
+        under = self.under(change)
         for moment in moments:
-            yield moment, self._picture(moment, change, changed, noise)
+            yield moment, under.picture(moment)
 
-    def _picture(self, moment: Moment, change: Change, changed: WornOptics | None, noise: NoiseBank) -> np.ndarray:
-        acts = change.acts(moment)
-        during = _exposed(moment, change.speed_mm_s)
-        light = changed.light(during) if acts and changed is not None else self._light(during, change)
-        if acts and change.light is not None:
-            light = change.light(light, moment)
-        picture = (noise if acts else self._noise).expose(light, FIRST_NS + moment.number)
-        if acts and change.picture is not None:
-            picture = change.picture(picture, moment)
-        return np.ascontiguousarray(seen_by(picture))
+    def under(self, change: Change) -> View:
+        """What the camera sees while a disturbance comes and goes."""
+        gel, gone = self.gel, None
+        if change.gel is not None:
+            gel = change.gel(gel)
+        if change.gone is not None:
+            gone = change.gone(self._optics.markers_mm)
+        altered = change.gel is not None or change.gone is not None
+        worn = WornOptics(gel, self.tables, gone) if altered else None
+        noise = NoiseBank(noisier(self.gel, change.noise)) if change.noise != 1 else self.noise
+        return View(self, change, worn, noise)
 
-    def _light(self, during: tuple[Presses, ...], change: Change) -> np.ndarray:
-        """Of the undisturbed gel; kept for the presses that streams have in common."""
-        if change.presses is not None or change.speed_mm_s:
+    def light(self, during: tuple[Presses, ...], *, keep: bool = True) -> np.ndarray:
+        """Of the undisturbed gel, in grey levels before noise; kept for the presses that streams have in common."""
+        if not keep:
             return self._optics.light(during)
         key = tuple(tuple(press for press in each if press.depth_mm > 0) for each in during)
         if key not in self._kept:
             self._kept[key] = self._optics.light(during)
         return self._kept[key]
 
-    def _changed(self, change: Change) -> WornOptics | None:
-        if change.gel is None and change.gone is None:
-            return None
-        gel = self.gel if change.gel is None else change.gel(self.gel)
-        gone = None if change.gone is None else change.gone(self._optics.markers_mm)
-        return WornOptics(gel, self.tables, gone)
+
+@dataclass(frozen=True)
+class View:
+    """What the camera sees under a disturbance: light by the optics that are `worn` by it, if any, in its `noise`."""
+
+    world: World
+    change: Change
+    worn: WornOptics | None
+    noise: NoiseBank
+
+    def light(self, moment: Moment) -> np.ndarray:
+        """Grey levels over the whole image, before noise."""
+        during, acts = _exposed(moment, self.change.speed_mm_s), self.change.acts(moment)
+        if acts and self.worn is not None:
+            light = self.worn.light(during)
+        else:
+            light = self.world.light(during, keep=self.change.presses is None and not self.change.speed_mm_s)
+        return self.change.light(light, moment) if acts and self.change.light is not None else light
+
+    def variance(self, moment: Moment, light: np.ndarray) -> np.ndarray:
+        """Of the grey levels of a picture that such light makes."""
+        return (self.noise if self.change.acts(moment) else self.world.noise).variance(light)
+
+    def picture(self, moment: Moment) -> np.ndarray:
+        """What the camera delivers, cut as the camera node cuts it."""
+        acts, light = self.change.acts(moment), self.light(moment)
+        picture = (self.noise if acts else self.world.noise).expose(light, FIRST_NS + moment.number)
+        if acts and self.change.picture is not None:
+            picture = self.change.picture(picture, moment)
+        return np.ascontiguousarray(seen_by(picture))
 
 
 def _captured(moment: Moment, presses: Callable[[int], Presses]) -> Moment:

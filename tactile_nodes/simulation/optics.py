@@ -217,8 +217,7 @@ class NoiseBank:
         """
         y, x = divmod(mix(seed) % self.ROOM**2, self.ROOM)
         noise = self._field[y : y + self._shape[0], x : x + self._shape[1]]
-        spread = radiance * self._shot
-        spread += self._read_variance
+        spread = self._spread(radiance)
         np.sqrt(spread, out=spread)
         spread *= noise
         spread += radiance
@@ -226,6 +225,16 @@ class NoiseBank:
         np.clip(spread, 0, 255, out=spread)
         image: np.ndarray = spread.astype(np.uint8)
         return image
+
+    def variance(self, radiance: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
+        """Of the grey levels that `expose` makes: of noise and, a twelfth, of rounding."""
+        variance: np.ndarray = self._spread(radiance) + np.float32(1 / 12)
+        return variance
+
+    def _spread(self, radiance: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
+        spread: np.ndarray = radiance * self._shot
+        spread += self._read_variance
+        return spread
 
 
 def mix(value: int) -> int:

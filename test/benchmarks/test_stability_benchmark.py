@@ -14,6 +14,7 @@ from hypothesis import strategies as draw
 from tactile_nodes.benchmarks.report import surroundings
 from tactile_nodes.benchmarks.stability import QUICK, follow, measure, read
 from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
+from tactile_nodes.benchmarks.stability_floor import bound, floor_n, least_ratio
 from tactile_nodes.benchmarks.stability_page import page, picture_of
 from tactile_nodes.benchmarks.stability_plots import draw as draw_plots
 from tactile_nodes.benchmarks.stability_scores import FORCE, OK
@@ -49,6 +50,32 @@ def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: 
 def test_the_same_stream_is_read_alike_again(world: World) -> None:
     change = named('brightness')[0].at(0.9)
     assert follow(world, change, ['fast'], QUICK) == follow(world, change, ['fast'], QUICK)
+
+
+def test_the_floor_is_that_of_independent_pixels_and_rises_with_an_unknown_that_looks_alike() -> None:
+    """Two pixels of variance 4 that a force moves by 3 and 4: 4 / 25. A place that moves the second alone leaves it the
+    first: 4 / 9."""
+    noise = np.array([4.0, 4.0])
+    assert bound(np.array([[3.0], [4.0]]), noise) == pytest.approx(4 / 25)
+    assert bound(np.array([[0.0, 3.0], [5.0, 4.0]]), noise) == pytest.approx(4 / 9)
+
+
+def test_four_times_the_noise_is_nearly_four_times_the_floor_and_less_for_a_method_with_other_errors(
+    world: World,
+) -> None:
+    """Nearly, as rounding stays as it is. Other errors of √3 floors make 2 of it, and √(3 + 16) / 2 with the noise."""
+    plan = Plan(presses=2)
+    usual, noisy = (floor_n(world, change, plan) for change in (Change(), named('noise')[0].at(4)))
+    assert 3.9 < noisy / usual < 4
+    assert least_ratio(2.0, 1.0, 4.0) == pytest.approx(math.sqrt(19) / 2)
+
+
+def test_the_page_sets_what_one_picture_tells_beside_what_was_read() -> None:
+    result = surroundings('tactile bench stability --only noise')
+    cases = [dataclasses.replace(named('noise')[0], levels=(4,))]
+    text = page(result | measure(cases, ['fast'], ONE, Progress()))
+    row = next(line for line in text.splitlines() if line.startswith('| noise, 4 x') and 'least' in line)
+    assert row.count('|') == 4
 
 
 FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
