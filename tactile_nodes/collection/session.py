@@ -25,13 +25,16 @@ from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.voice import Names, Voice
 from tactile_nodes.drivers.cnc import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
+from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import BusError, DeviceBusyError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
+NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
+"""Why a rig that was just switched on may not open; a fault it would tell again."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,9 @@ class Session:
         self._journal = Journal(Path(s.folder) / f'{self.plan.plan_id}.jsonl', self.plan)
         try:
             self._audit()
-            self._station = self.station = station = self._opened()
+            self._station = self.station = station = opened_within(
+                s.wait_s, self._devices, self._clock, self._waiting, NOT_THERE_YET
+            )
             outlet = Outlet(
                 self._record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
                 lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
@@ -131,20 +136,14 @@ class Session:
         """An image has come. Raises ImageError."""
         self.station.image(stamp_ns, image)
 
-    def _opened(self) -> Station:
-        """The devices, once they are there: a rig that was just switched on takes its time."""
-        s, voice = self._settings, self._voice
-        deadline_ns = self._clock.now_ns() + round(s.wait_s * NS_PER_S)
-        while True:
-            try:
-                return Station(
-                    s, s.cnc, s.force_torque, s.world, self._clock, voice.sample, self._on_status, voice.switched
-                )
-            except (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError) as error:
-                if self._clock.now_ns() > deadline_ns:
-                    raise
-                self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)
-            self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 4)
+    def _devices(self) -> Station:
+        s = self._settings
+        return Station(
+            s, s.cnc, s.force_torque, s.world, self._clock, self._voice.sample, self._on_status, self._voice.switched
+        )
+
+    def _waiting(self, error: DeviceError) -> None:
+        self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)
 
     def _on_status(self, status: CncStatus) -> None:
         self._voice.status(status, self.campaign.now, self.campaign.surface)

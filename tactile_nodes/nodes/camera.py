@@ -20,9 +20,10 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Publisher
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame, KnowsTruth
+from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth
 from tactile_nodes.drivers.camera_light import CameraLight, LightSettings
 from tactile_nodes.drivers.camera_opening import open_camera
+from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
@@ -62,7 +63,9 @@ class CameraNode(Node):
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
-        self._camera = self._opened()
+        self._camera = opened_within(
+            self.params.open_within_s, lambda: open_camera(self.params, self.clock), self.clock, self._waiting
+        )
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
@@ -82,16 +85,8 @@ class CameraNode(Node):
         while (now_ns := self.clock.now_ns()) < deadline_ns and not self._image.listeners:
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
 
-    def _opened(self) -> Camera:
-        deadline_ns = self.clock.now_ns() + round(self.params.open_within_s * NS_PER_S)
-        while True:
-            try:
-                return open_camera(self.params, self.clock)
-            except DeviceError as error:
-                if self.clock.now_ns() >= deadline_ns:
-                    raise
-                self.log.warn(f'waiting for the camera: {error}', once=type(error).__name__)
-            self.clock.sleep_until(self.clock.now_ns() + NS_PER_S // 4)
+    def _waiting(self, error: DeviceError) -> None:
+        self.log.warn(f'waiting for the camera: {error}', once=type(error).__name__)
 
     def _read(self) -> None:
         while self._running:
