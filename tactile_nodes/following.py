@@ -144,6 +144,7 @@ class Following:
         """
         start_ns = perf_ns()
         self._rest_images.take_coming(head)
+        image = self._rest_images.mended(image)
         faults = picture_faults(image)
         dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
         stale = self._freshness.stale(stamp_ns(head.stamp), _age_s(acquire_s, waited_s)) * FORCE.REASON_STALE

@@ -16,6 +16,7 @@ from tactile_nodes.sensing.quality import PictureLikeness, sharpness
 from tactile_nodes.sensing.quietness import EXPLAINED
 from tactile_nodes.sensing.registration import FEW_FOUND, Registration
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
+from tactile_nodes.sensing.stillness import steady
 from tactile_nodes.sensing.tracking import FeatureTracker, PreparedRest
 
 FORCE = types.ForceDistribution
@@ -52,6 +53,7 @@ class RestImages:
         self._first: PreparedRest | None = None
         self._changed = False
         self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
+        self._odd = False
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
@@ -62,7 +64,7 @@ class RestImages:
         Raises:
             ImageError: nothing can be measured against it; the one before stays in use.
         """
-        self._tracker.use_reference(image)
+        self._tracker.use_captured(image)
         self._announce(head)
 
     def offer(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
@@ -93,6 +95,10 @@ class RestImages:
             return
         self._announce(head, renewed=True)
 
+    def mended(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """A frame as it is to be measured, with dead pixels filled in; a capture looks for its own."""
+        return image if self._tracker.capturing else self._tracker.dead.mended(image)
+
     def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
         still = self._tracker.still
@@ -101,12 +107,14 @@ class RestImages:
         if not still:
             reasons |= self._unlike(image, level, head)
         reasons |= self._look_closer() | self._tracker.banded * FORCE.REASON_LIGHT_CHANGED
-        self._offer_renewal(stamp_ns(head.stamp), still)
+        if not (self._odd and self._find_dead(image, stamp_ns(head.stamp))):
+            self._offer_renewal(stamp_ns(head.stamp), still)
         return reasons
 
     def _look_closer(self) -> int:
         """What frames show of the picture beside motion: those at rest, and of the others one in so many."""
         registration = self._tracker.registration
+        self._odd |= registration is not None and (registration.lost or not registration.settled)
         self._unlooked = 0 if registration is None or registration.maybe else self._unlooked + 1
         if registration is None or not registration.settled or self._unlooked % LOOK_EVERY:
             return self._seen
@@ -116,10 +124,34 @@ class RestImages:
         self._gone = gone if self._tracker.rest is self._first else self._gone or gone
         usual = self._noise_grey = self._noise_grey or seen.noise_grey
         noisy = seen.noise_grey > MOST_NOISE * usual
+        self._odd = seen.unexplained or noisy
         other_light = self._dense and seen.light_share > MOST_LIGHT_SHARE
         self._changed |= other_light
         self._seen = (other_light or self._gone) * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
         return self._seen
+
+    def _find_dead(self, image: UInt8[np.ndarray, 'h w'], at_ns: int) -> bool:
+        """A picture that is odd at rest may be so by dead pixels alone; whether some were found in this frame.
+
+        They are filled in from the next one on, and what was collected for a rest image is forgotten.
+        """
+        registration = self._tracker.registration
+        if registration is None or registration.straightening is not None:
+            return False
+        if not self._tracker.dead.look(image, self._still):
+            return False
+        self._coming, self._odd = None, False
+        registration.begin_anew()
+        if self._renewal is not None:
+            self._renewal.taken(at_ns, renewed=False)
+        return True
+
+    def _still(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether a picture shows what the rest image shows, as sharply as it did, and nothing touches."""
+        seen = self._tracker.stillness(image)
+        if seen is None or seen.unexplained or seen.noise_grey > MOST_NOISE * (self._noise_grey or seen.noise_grey):
+            return False
+        return steady(seen)
 
     def _moved(self) -> int:
         """What there is to say of the whole picture's motion."""
@@ -177,9 +209,10 @@ class RestImages:
         assert image is not None
         self.trouble, self.renewed = '', renewed
         self._now = PictureLikeness(image, self._flow)
+        self._tracker.dead.beside(image)
         if not renewed:
             self._coming, self._captured, self._first = None, self._now, self._tracker.rest
-            self._seen, self._gone, self._noise_grey = 0, False, 0.0
+            self._seen, self._gone, self._noise_grey, self._odd = 0, False, 0.0, False
         if self._renewal is not None:
             self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
         self._announced = conversions.image_message(image, head)

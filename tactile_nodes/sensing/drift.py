@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.drift_alarm import Alarm, Level
 from tactile_nodes.sensing.drift_verdict import Reason, Verdict
 from tactile_nodes.sensing.force_check import (
@@ -85,6 +86,7 @@ class DriftMonitor:
         self._calibration: PictureComparison | None = None
         self._last_rest: np.ndarray | None = None
         self._bands: RollingBands | None = None
+        self._dead = DeadPixels(looks=1)
         self._since_rest: PictureChange | None = None
         self._since_calibration: PictureChange | None = None
         self._splitter, self._comparison = ContactSplitter(), ForceComparison()
@@ -119,21 +121,32 @@ class DriftMonitor:
         self._rest = PictureComparison(picture)
         self._last_rest = np.array(picture)
         self._bands = RollingBands(self._last_rest)
+        self._dead.beside(self._last_rest)
         self._compare_rest(picture)
 
     def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
         """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
 
         Motion of the whole picture that is taken out of the forces is no fault of theirs: what is left of it counts.
-        Nor are bands that roll over it.
+        Nor are bands that roll over it, and dead pixels, which are filled in.
         """
         if self._rest is None or self._last_rest is None:
             return
+        picture = self._without_dead(picture, self._rest, straight=taken_out is None)
         if taken_out is not None and picture.shape == self._last_rest.shape:
             picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
         if self._bands is not None and picture.shape == self._last_rest.shape:
             picture = self._bands.without(picture)
         self.change(stamp_ns, self._rest.of(picture))
+
+    def _without_dead(
+        self, picture: UInt8[np.ndarray, 'h w'], rest: PictureComparison, *, straight: bool
+    ) -> UInt8[np.ndarray, 'h w']:
+        """The picture with dead pixels filled in; more are looked for in one that is `straight`."""
+        mended = self._dead.mended(picture)
+        if not straight or self._last_rest is None or picture.shape != self._last_rest.shape:
+            return mended
+        return self._dead.mended(picture) if self._dead.look(mended, lambda each: rest.of(each).quiet) else mended
 
     def change(self, stamp_ns: int, since_rest: PictureChange) -> None:
         """Take how a picture differs from the rest image."""

@@ -137,6 +137,9 @@ class Registration:
         self.dent = DentedRest()
         self._last_ns: int | None = None
 
+    def begin_anew(self) -> None:  # what was found since the rest image came is forgotten
+        self.set_reference(self._rest, self._base, self._resting)
+
     def straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image as it would be had the camera stayed where it was; the image itself where that is near enough."""
         if self._straightening is None or self._reference is None:

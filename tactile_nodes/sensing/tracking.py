@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
 from tactile_nodes.sensing.picture_motion import PictureMotion
@@ -71,6 +72,7 @@ class FeatureTracker:
         self.rest: PreparedRest | None = None
         self._check = check
         self.registration = registration
+        self.dead = DeadPixels()
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
         self._first_flow: FlowMethod | None = None
@@ -117,7 +119,7 @@ class FeatureTracker:
         if self._rest.count < self._rest_frames:
             return False
         finished, self._rest = self._rest.image(), RestAccumulator()
-        self.use_reference(finished)
+        self.use_captured(finished)
         self._rest = None
         return True
 
@@ -132,6 +134,12 @@ class FeatureTracker:
             self._first = StillnessCheck()
             self._first.set_reference(image)
         return self.unsteady
+
+    def use_captured(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """As `use_reference`, of frames as the camera delivered them, with its dead pixels."""
+        dead = DeadPixels()
+        self.use_reference(dead.captured(image))
+        self.dead = dead
 
     def use_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
         """Measure against this rest image from now on.

@@ -1,0 +1,64 @@
+"""Frames with dead pixels in, features out; and what the drift monitor says of them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.following import Following, FollowingParams
+from tactile_nodes.messages import types
+from tactile_nodes.sensing.drift import DriftMonitor
+from tactile_nodes.sensing.drift_alarm import Level
+from tactile_nodes.sensing.reference import average
+
+sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
+from dots import SIDE, picture, press
+
+S = 1_000_000_000
+TOUCH = press(180, 250, 1.5)
+DRAWN = np.random.default_rng(6).random((SIDE, SIDE))
+
+
+def answered(frames: Iterator[np.ndarray]) -> list[types.FlowFeatures]:
+    following = Following(FollowingParams(rows=10, cols=10, reference_frames=4))
+    following.begin_capture()
+    return [
+        following.answer(image, conversions.header(S + number * S // 30, 'camera'), acquire_s=0.0)
+        for number, image in enumerate(frames)
+    ]
+
+
+def stream(share: float, grey: int, begin: int) -> Iterator[np.ndarray]:
+    """At rest, then touched; pixels die in the frame `begin`."""
+    for number in range(20):
+        image = picture(*([TOUCH] if number >= 16 else []), number=number)
+        if number >= begin:
+            image[share > DRAWN] = grey
+        yield image
+
+
+@pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.03, 255), (0.03, 0)])
+@pytest.mark.parametrize('begin', [0, 6])
+def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(
+    share: float, grey: int, begin: int
+) -> None:
+    plain, told = (answered(stream(each, grey, begin)) for each in (0.0, share))
+    assert {each.reasons for each in told[begin + 8 :]} <= {each.reasons for each in plain[begin + 8 :]} == {0}
+    off = np.abs(told[-1].values - plain[-1].values).max()
+    assert off < 0.01 + 1.5 * 0.5 * share  # a patch shows less of its motion by half of the share that says little
+    assert len({each.reference_id for each in told[4:]}) == 1
+
+
+def test_dead_pixels_do_not_end_a_calibration() -> None:
+    monitor = DriftMonitor()
+    rest = average([picture(number=number) for number in range(8)])
+    monitor.use_calibration(rest)
+    monitor.rest(rest)
+    for number, image in enumerate(stream(0.05, 255, begin=0)):
+        monitor.frame(number * S // 2, image)
+    assert monitor.verdict.level == Level.VALID
