@@ -181,7 +181,9 @@ class Estimating:
         if features.untouched:
             return estimator.at_rest(seen)
         altered, blurred = features.reasons & ALTERED, features.reasons & FORCE.REASON_BLURRED
-        return estimator.predict(seen, altered=bool(altered), blurred=bool(blurred))
+        return estimator.predict(
+            seen, altered=bool(altered), blurred=bool(blurred), sharpness=float(features.rest_sharpness)
+        )
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

@@ -223,6 +223,7 @@ class Following:
             method=self._method,
             reference_id=self._tracker.reference_id,
             image_level=level,
+            rest_sharpness=self._rest_images.sharpness,
             untouched=untouched,
             moved=moved_px,
             picture_motion=np.array(registration.since_rest.terms if registration and moved_px else (), np.float32),

@@ -58,6 +58,11 @@ class RestImages:
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
 
+    @property
+    def sharpness(self) -> float:
+        """Of the rest image in use; 0 while there is none."""
+        return self._now.sharpness if self._now else 0.0
+
     def use(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         """Measure against this rest image from now on.
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -98,7 +99,19 @@ def witnessed_model() -> ForceModel:
     return replace(model, readout=replace(model.readout, witness=witness))
 
 
-@pytest.mark.parametrize('make', [small_model, layered_model, small_response, witnessed_model])
+def blurred_response() -> ForceModel:
+    """The small response, which knows itself in a blurred picture."""
+    model, random = small_response(), np.random.default_rng(4)
+    readout = model.readout
+    assert isinstance(readout, ResponseReadout)
+    change = (0.1 * random.normal(size=readout.response.coefficients.shape)).astype(np.float16)
+    turning = (np.eye(3) + 0.1 * random.normal(size=(3, 3))).astype(np.float32)
+    told = Calibration(0.2, 0.02, (1.0,), (2.0,), 3.0, 0.4)
+    level = Blur(0.45, change, turning, readout.response.growth, told, 1.0, 2.0)
+    return replace(model, readout=replace(readout, blurs=Blurs(0.52, (level,))))
+
+
+@pytest.mark.parametrize('make', [small_model, layered_model, small_response, witnessed_model, blurred_response])
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
     save_model(file, make(), CARD)
@@ -109,6 +122,30 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
     assert after.contacts == before.contacts
     assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
+
+
+def test_what_a_model_knows_of_blurred_pictures_comes_back(tmp_path: Path):
+    file = tmp_path / 'model.safetensors'
+    save_model(file, blurred_response(), CARD)
+    random = np.random.default_rng(1)
+    features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
+    models = blurred_response(), load_model(file).model, small_response()
+    before, after, without = (
+        ForceEstimator(each).predict(features, altered=True, blurred=True, sharpness=0.46) for each in models
+    )
+    assert after.contacts == before.contacts
+    assert after.contacts != without.contacts
+
+
+def test_what_a_model_knows_of_blur_changes_nothing_else_in_its_file(tmp_path: Path):
+    """So a release that knows nothing of it reads the file, and reads sharp and blurred pictures as it always did."""
+    with_blurs, without = tmp_path / 'blurred.safetensors', tmp_path / 'plain.safetensors'
+    save_model(with_blurs, blurred_response(), CARD)
+    save_model(without, small_response(), CARD)
+    arrays, plain = (safetensors.numpy.load_file(each) for each in (with_blurs, without))
+    assert {name for name in arrays if name not in plain} == {'blur0.change', 'blur0.turning', 'blur0.growth'}
+    assert all(np.array_equal(arrays[name], plain[name]) for name in plain)
+    assert load_model(with_blurs).card['format_version'] == load_model(without).card['format_version']
 
 
 def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):

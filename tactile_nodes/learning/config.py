@@ -124,6 +124,10 @@ class ResponseConfig:
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
     contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
     seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
+    blur_px: tuple[float, ...] = parameter(
+        (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
+    )
+    blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import hashlib
 import json
 import multiprocessing
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -71,7 +71,7 @@ class Dataset:
 
 
 @dataclass(frozen=True)
-class _Block:
+class Block:
     """Presses that are measured against one rest image, from the `first` of the plan on."""
 
     config: TrainConfig
@@ -90,14 +90,16 @@ def simulate(config: TrainConfig, progress: Progress) -> Dataset:
     """The data set of a configuration; blocks that were made before, also by a run that was cut short, are read."""
     folder = paths.cache_directory() / 'datasets' / recipe_id(config)
     folder.mkdir(parents=True, exist_ok=True)
-    blocks = _blocks(config, folder)
-    _render([block for block in blocks if not block.file.is_file()], config.data.processes, progress)
+    blocks = blocks_of(config, folder)
+    render(blocks, _render_block, progress)
     return _load([block.file for block in blocks])
 
 
 def recipe_id(config: TrainConfig) -> str:
     """Sixteen hexadecimal digits over everything that a block of samples depends on."""
-    data = {name: value for name, value in config.data.simulated().items() if name not in ('presses', 'processes')}
+    # Where frames without contact stand in a plan depends on how many presses it has; random presses are made by block.
+    whatever = ('presses', 'processes') if config.data.plan == 'random' else ('processes',)
+    data = {name: value for name, value in config.data.simulated().items() if name not in whatever}
     chosen = {
         'recipe': RECIPE,
         'opencv': cv2.__version__,
@@ -109,25 +111,30 @@ def recipe_id(config: TrainConfig) -> str:
     return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _blocks(config: TrainConfig, folder: Path) -> list[_Block]:
+def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
+    """All blocks of a plan, with their files in a folder."""
     size, total = config.data.presses_per_rest_image or PRESSES_PER_BLOCK, press_count(config.data)
     counts = [(first, min(size, total - first)) for first in range(0, total, size)]
     return [
-        _Block(config, number, first, count, folder / f'{number:05}-{count}.npz')
+        Block(config, number, first, count, folder / f'{number:05}-{count}.npz')
         for number, (first, count) in enumerate(counts)
     ]
 
 
-def _render(blocks: list[_Block], processes: int, progress: Progress) -> None:
-    if not blocks:
+def render(
+    blocks: list[Block], make: Callable[[Block], int], progress: Progress, title: str = 'rendering presses'
+) -> None:
+    """Make the files of blocks that have none yet, in processes of their own."""
+    if not (blocks := [block for block in blocks if not block.file.is_file()]):
         return
+    processes = blocks[0].config.data.processes
     # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
     deaf = signal.SIGINT, signal.SIG_IGN
     with (
         multiprocessing.get_context('spawn').Pool(min(processes, len(blocks)), signal.signal, deaf) as pool,
-        progress.bar('rendering presses', sum(block.presses for block in blocks)) as bar,
+        progress.bar(title, sum(block.presses for block in blocks)) as bar,
     ):
-        for presses in pool.imap_unordered(_render_block, blocks):
+        for presses in pool.imap_unordered(make, blocks):
             bar.advance(presses)
 
 
@@ -152,21 +159,21 @@ def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples'
     return np.concatenate(rows)
 
 
-def _render_block(block: _Block) -> int:
+def _render_block(block: Block) -> int:
     """Make one block and write it (in a process of its own); returns its number of presses."""
     config = block.config
     table = contact_table(config.gel)
     optics = Optics(config.gel, table)
     flow, encoding = config.make_flow(), config.make_encoding()
-    seeds, rest_seeds = (_noise_seeds(config.data.seed, number) for number in (block.number, block.rest_number))
+    seeds, rest_seeds = (noise_seeds(config.data.seed, number) for number in (block.number, block.rest_number))
     frames = config.data.frames_per_rest_image
-    rest = average([_crop(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)])
+    rest = average([cropped(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)])
     seeds = islice(seeds, frames, None)
     flow.set_reference(rest)
     encoding.set_reference(rest)
     features, presses, confidence = [], [], []
     for press in planned_presses(config.data, block.number, block.first, block.presses):
-        encoded = encoding.encode(flow.displacement(_crop(config, optics.render((press,), next(seeds)))))
+        encoded = encoding.encode(flow.displacement(cropped(config, optics.render((press,), next(seeds)))))
         features.append(encoded.values.astype(np.float16))
         confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
@@ -185,12 +192,14 @@ def _differ(arrays: list[np.ndarray]) -> bool:
     return any((each != arrays[0]).any() for each in arrays)
 
 
-def _noise_seeds(seed: int, block: int) -> Iterator[int]:
+def noise_seeds(seed: int, block: int) -> Iterator[int]:
+    """Of a block's pictures: first those of its rest image, then those of its presses."""
     number = mix(seed) ^ mix(block)
     while True:
         number = mix(number)
         yield number
 
 
-def _crop(config: TrainConfig, image: np.ndarray) -> np.ndarray:
+def cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
+    """The middle of a camera image, as it is measured."""
     return centre_crop(image, config.data.crop, config.data.crop)

@@ -49,7 +49,7 @@ def fit_response(
     if not config.smoothing or min(config.smoothing) < 0:
         raise ConfigurationError('response.smoothing must name weights to try, none below zero, such as [0.001, 0.1]')
     used = np.flatnonzero(~held_out)
-    subspace = _Subspace.of(dataset, used, config)
+    subspace = Subspace.of(dataset, used, config)
     inner = inner_held_out(dataset, used, config.seed)
     first, rest = used[~inner], used[inner]
     if not (subspace.touched[first].any() and subspace.touched[rest].any()):
@@ -67,7 +67,7 @@ def fit_response(
         bar.advance(1, f'smoothing {smoothing:g}; uncertainty judged by {len(rest)} samples')
         final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
         final = replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
-        final = replace(final, calibration=rescaled(final, dataset, _at_new_places(dataset, held_out)))
+        final = replace(final, calibration=rescaled(final, dataset, at_new_places(dataset, held_out)))
         bar.advance(1)
     return final
 
@@ -80,7 +80,7 @@ def _require_enough(untouched: int, presses: int, components: int) -> None:
         )
 
 
-def _at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
+def at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
     """Held-out samples at positions where no other sample is."""
     known = {(x, y) for x, y in dataset.presses[~held_out, :2].tolist()}
     return np.array([i for i in np.flatnonzero(held_out) if tuple(dataset.presses[i, :2].tolist()) not in known], int)
@@ -102,7 +102,7 @@ def inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Subspace:
+class Subspace:
     """Scaled features as principal components, and the places that they belong to."""
 
     scaling: InputScaling
@@ -114,22 +114,30 @@ class _Subspace:
     power: float
 
     @classmethod
-    def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> _Subspace:
+    def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> Subspace:
         touched = dataset.presses[:, 2] > 0
         untouched = used[~touched[used]]
         _require_enough(len(untouched), int(touched[used].sum()), config.components)
         scaling = noise_scaling(dataset, untouched, config)
-        inputs, missing = scaled(dataset, scaling)
+        inputs, _ = scaled(dataset, scaling)
         square = inputs[used].T @ inputs[used]
         first = square.shape[0] - config.components
         _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
         directions = np.ascontiguousarray(vectors[:, ::-1].T, np.float32)
-        force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
-        places = np.column_stack([dataset.presses[:, :2].astype(float), force**config.power])
-        places[~touched, 2] = 0.0
+        places = _places(dataset, config.power)
         axes = _axes(places[used][touched[used]], config)
-        scores = np.stack([project(directions, *each).scores for each in zip(inputs, missing, strict=True)])
-        return cls(scaling, directions, scores.astype(float), places, touched, axes, config.power)
+        return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes, config.power)
+
+    @classmethod
+    def seen_by(cls, readout: ResponseReadout, dataset: Dataset) -> Subspace:
+        """Samples along the directions that a readout has."""
+        response, directions = readout.response, readout.likeness.directions
+        touched = dataset.presses[:, 2] > 0
+        scores = scores_of(dataset, readout.scaling, directions)
+        return cls(
+            readout.scaling, directions, scores, _places(dataset, response.power), touched, response.axes,
+            response.power,
+        )  # fmt: skip
 
     def normal(self, chosen: np.ndarray) -> _Normal:
         """The regression of some samples, before it is smoothed."""
@@ -226,6 +234,22 @@ def scaled(
     inputs = (dataset.features.astype(np.float32) - scaling.mean) * scaling.gain * used[..., None]
     missing = np.repeat(scaling.missing(confidence)[..., None], inputs.shape[-1], axis=-1)
     return inputs.reshape(len(inputs), -1), missing.reshape(len(inputs), -1)
+
+
+def scores_of(
+    dataset: Dataset, scaling: InputScaling, directions: Float32[np.ndarray, 'components inputs']
+) -> Float[np.ndarray, 'samples components']:
+    """All samples along some directions."""
+    found = [project(directions, *each).scores for each in zip(*scaled(dataset, scaling), strict=True)]
+    return np.stack(found).astype(float)
+
+
+def _places(dataset: Dataset, power: float) -> Float[np.ndarray, 'samples 3']:
+    """x, y and s of each sample; s is 0 where nothing touches."""
+    force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
+    places = np.column_stack([dataset.presses[:, :2].astype(float), force**power])
+    places[dataset.presses[:, 2] <= 0, 2] = 0.0
+    return places
 
 
 def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:

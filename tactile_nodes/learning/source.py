@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.blurred_presses import BlurredPresses, simulate_blurred
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
@@ -26,7 +28,8 @@ class TrainingData:
     """Samples, which of them are for validation, and what the model's card says of gel and data.
 
     `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
-    measured against, without rows where presses are simulated.
+    measured against, without rows where presses are simulated. `blurred` are the first of the samples in pictures less
+    and less sharp.
     """
 
     config: TrainConfig
@@ -35,6 +38,7 @@ class TrainingData:
     gel: dict[str, Any]
     origin: dict[str, Any]
     rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    blurred: tuple[BlurredPresses, ...] = ()
 
 
 def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
@@ -59,12 +63,25 @@ def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
     origin = {**config.data.simulated(), 'origin': 'simulated', 'validation': config.training.validation}
     if config.data.plan == 'random':
         held_out = held_out_share(len(dataset.presses), config)
+        chosen = np.arange(len(dataset.presses))
     else:
         split = simulated_split(dataset, config.data, config.training.validation)
         _tell(split, f'{config.data.plan} plan', config.data.split, progress)
-        dataset, held_out = _without_test(dataset, split)
+        chosen = np.sort(np.concatenate([split.train, split.validation]))
+        dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
         origin |= _split_entries(config, split)
-    return TrainingData(config, dataset, held_out, {'id': config.gel.gel_id, **asdict(config.gel)}, origin)
+    gel, blurred = {'id': config.gel.gel_id, **asdict(config.gel)}, simulated_blurred(config, chosen, progress)
+    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred)
+
+
+def simulated_blurred(
+    config: TrainConfig, chosen: Int[np.ndarray, ' chosen'], progress: Progress
+) -> tuple[BlurredPresses, ...]:
+    """Those of the chosen samples of a simulated data set that are blurred; only responses learn from them."""
+    if config.readout != 'response':
+        return ()
+    made = simulate_blurred(config, progress)
+    return tuple(replace(each, dataset=each.dataset.take(chosen[chosen < len(each.dataset.presses)])) for each in made)
 
 
 def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:
@@ -108,11 +125,6 @@ def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, st
     if dataset.fingerprint != origin['fingerprint']:  # a processor of another kind adds in another order
         words += ', measured anew: not to the bit what training measured'
     return dataset.take(split.test), words
-
-
-def _without_test(dataset: Dataset, split: Split) -> tuple[Dataset, np.ndarray]:
-    chosen = np.sort(np.concatenate([split.train, split.validation]))
-    return dataset.take(chosen), np.isin(chosen, split.validation)
 
 
 def _tell(split: Split, what: str, by: str, progress: Progress) -> None:

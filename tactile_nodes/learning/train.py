@@ -11,6 +11,7 @@ import numpy as np
 from tactile_nodes import __version__, clock
 from tactile_nodes.learning.axisymmetric_carried import learned_carried
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.blurred_fit import with_blurs
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_fit import fit_network
@@ -95,7 +96,8 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         )
     else:
         settings = config.response
-        readout = fit_response(dataset, data.held_out, settings, config.bins, progress)
+        response = fit_response(dataset, data.held_out, settings, config.bins, progress)
+        readout = with_blurs(response, dataset, data.blurred, data.held_out, settings, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 

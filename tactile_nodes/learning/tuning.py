@@ -148,7 +148,9 @@ class SimulatedSource:
         self._base = base
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
-        return training_data(candidate.of(self._base), progress)
+        config = candidate.of(self._base)
+        settings = replace(config.response, blurred_presses=0)  # candidates are compared in sharp pictures
+        return training_data(replace(config, response=settings), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
         gel = self._base.gel

@@ -85,11 +85,14 @@ class ForceEstimator:
         self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
+        self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
 
-    def predict(self, features: Features, *, altered: bool = False, blurred: bool = False) -> ForceMap:
+    def predict(
+        self, features: Features, *, altered: bool = False, blurred: bool = False, sharpness: float = 0.0
+    ) -> ForceMap:
         """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
 
-        `blurred`: and of another sharpness.
+        `blurred`: and of another sharpness; `sharpness` is that of the rest image, 0 where nobody told.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -99,7 +102,8 @@ class ForceEstimator:
             raise ModelError(_other_layout(model, features))
         readout, seen = model.readout, (features.values, features.confidence)
         if altered and isinstance(readout, ResponseReadout):
-            reading = read_altered(readout, *seen, blurred=blurred)
+            measured = self._of_blurred(readout, sharpness) if blurred else None
+            reading = read_altered(measured or readout, *seen, blurred=blurred and measured is None)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
         else:
@@ -107,6 +111,14 @@ class ForceEstimator:
         scaling = readout.scaling
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         return _force_map(reading, float(textured) / self._trusted)
+
+    def _of_blurred(self, readout: ResponseReadout, sharpness: float) -> ResponseReadout | None:
+        """What reads pictures of this sharpness, made once for each rest image; None where training did not measure."""
+        if readout.blurs is None:
+            return None
+        if sharpness != self._blurred[0]:
+            self._blurred = sharpness, readout.blurs.readout(readout, sharpness)
+        return self._blurred[1]
 
     def at_rest(self, features: Features) -> ForceMap:
         """No force, with the uncertainty that the model states for these features, which are those of no motion.

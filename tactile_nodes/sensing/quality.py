@@ -114,7 +114,7 @@ class PictureLikeness:
     def __init__(self, rest_image: UInt8[np.ndarray, 'h w'], flow: str) -> None:
         self._near_light = NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES)
         self._level = max(picture_faults(rest_image).level, 1.0)
-        self._sharpness = sharpness(rest_image)
+        self.sharpness = sharpness(rest_image)
 
     def near(self, level: float, sharp: float) -> Unlike:
         """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
@@ -125,7 +125,7 @@ class PictureLikeness:
         return self._beyond(level, sharp, FAR_LIGHT)
 
     def _beyond(self, level: float, sharp: float, light: tuple[float, float]) -> Unlike:
-        off = sharp - self._sharpness
+        off = sharp - self.sharpness
         blurred, noisy = SHARPNESS_OFF
         return Unlike(not light[0] <= level / self._level <= light[1], not off >= blurred, off > noisy)
 

@@ -12,6 +12,7 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
@@ -24,6 +25,7 @@ from tactile_nodes.sensing.witness import Witness
 
 Arrays = dict[str, np.ndarray]
 WITNESS = 'witness.'
+BLUR_ARRAYS = 'change', 'turning', 'growth'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
 
 
@@ -107,13 +109,44 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     response = readout.response
     arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
     arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
-    return arrays, {
+    blurred, told = _blurs_arrays(readout.blurs)
+    return arrays | blurred, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
         'power': response.power,
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
+        **told,
     }
+
+
+def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
+    """A name of its own for each level; earlier releases leave them unread and read blurred pictures as they did."""
+    if blurs is None:
+        return {}, {}
+    arrays: Arrays = {}
+    levels = []
+    for number, each in enumerate(blurs.levels):
+        arrays |= {f'blur{number}.{name}': getattr(each, name) for name in BLUR_ARRAYS}
+        limits = {name: getattr(each, name) for name in ('sharpness', 'floor', 'share')}
+        levels.append({**limits, 'calibration': asdict(each.calibration)})
+    return arrays, {'blurs': {'sharpness': blurs.sharpness, 'levels': levels}}
+
+
+def _blurs(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Blurs | None:
+    if said is None:
+        return None
+    levels = [
+        Blur(
+            sharpness=each['sharpness'],
+            calibration=_calibration(each['calibration']),
+            floor=each['floor'],
+            share=each['share'],
+            **{name: arrays[f'blur{number}.{name}'] for name in BLUR_ARRAYS},
+        )
+        for number, each in enumerate(said['levels'])
+    ]
+    return Blurs(said['sharpness'], tuple(levels))
 
 
 def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
@@ -129,6 +162,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
+        _blurs(arrays, said.get('blurs')),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.blurs import Blurs
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2, Widths, added_by_width, mended
 from tactile_nodes.sensing.geometry import BinGrid
@@ -62,7 +63,10 @@ def project(
 
 @dataclass(frozen=True)
 class ResponseReadout:
-    """Features to components (`directions`, `whitening`), components to contacts, contacts to bins."""
+    """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
+
+    `blurs` is what it knows of pictures less sharp than those of its training.
+    """
 
     scaling: InputScaling
     likeness: Likeness
@@ -71,12 +75,13 @@ class ResponseReadout:
     bins: BinGrid
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
+    blurs: Blurs | None = None
 
     kind = 'response'
 
     @property
     def parameter_count(self) -> int:
-        """Coefficients of the splines, principal directions, and the scaling of the components."""
+        """Coefficients of the splines, principal directions, and the scaling of the components, in sharp pictures."""
         numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
         return sum(each.size for each in numbers)
 

@@ -1,0 +1,77 @@
+"""How a response changes as the picture blurs, as training measured it in pictures that it blurred itself.
+
+Markers that run into each other show regions another mean of the same motion: small sharp ones lose weight, those near
+the camera, which move less, keep it. No rest image tells that, and it is 1 to 3 % of a hard press. So a readout may
+hold what its response becomes in pictures of a few sharpnesses; between them it goes over in straight lines.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float16, Float32
+
+from tactile_nodes.sensing.uncertainty import Calibration
+
+if TYPE_CHECKING:
+    from tactile_nodes.sensing.response_readout import ResponseReadout
+
+
+@dataclass(frozen=True)
+class Blur:
+    """A response in pictures of one sharpness (that of their rest image, see `quality.sharpness`).
+
+    `change` is what the coefficients have more than those of sharp pictures, in the components of these. `turning`
+    makes of those components ones in which the noise of blurred pictures is 1 and what the splines miss grows by
+    `growth`, as `whitening` does of scores. `floor` and `share` are the limits of what directions leave over.
+    """
+
+    sharpness: float
+    change: Float16[np.ndarray, 'nx ny ns components']
+    turning: Float32[np.ndarray, 'components components']
+    growth: Float32[np.ndarray, ' components']
+    calibration: Calibration
+    floor: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Blurs:
+    """What a readout knows of blurred pictures: the sharpness of its own, and responses in less and less sharp ones."""
+
+    sharpness: float
+    levels: tuple[Blur, ...]
+
+    def readout(self, sharp: ResponseReadout, sharpness: float) -> ResponseReadout | None:
+        """What reads motion beside a rest image of this sharpness; None where `sharp` does as it is.
+
+        Beyond the last level it is that of the last. Noise, uncertainty and limits are those of the nearest level.
+        """
+        if not (math.isfinite(sharpness) and 0 < sharpness < self.sharpness):
+            return None
+        known = [self.sharpness, *(each.sharpness for each in self.levels)]
+        place = float(np.interp(-sharpness, [-each for each in known], range(len(known))))
+        below = min(int(place), len(self.levels) - 1)
+        part, change = place - below, np.zeros(sharp.response.coefficients.shape, np.float32)
+        for number, weight in ((below, 1 - part), (below + 1, part)):
+            if number > 0 and weight > 0:
+                change += np.float32(weight) * self.levels[number - 1].change.astype(np.float32)
+        response = replace(sharp.response, coefficients=sharp.response.coefficients + change)
+        changed = replace(sharp, blurs=None, response=response)
+        nearest = round(place)
+        return _measured_like(changed, self.levels[nearest - 1]) if nearest > 0 else changed
+
+
+def _measured_like(changed: ResponseReadout, blur: Blur) -> ResponseReadout:
+    """With the noise, the uncertainty and the limits of a level."""
+    coefficients = np.asarray(changed.response.coefficients @ blur.turning.T, np.float32)
+    return replace(
+        changed,
+        whitening=np.asarray(blur.turning @ changed.whitening, np.float32),
+        response=replace(changed.response, coefficients=coefficients, growth=blur.growth),
+        calibration=blur.calibration,
+        likeness=replace(changed.likeness, floor=blur.floor, share=blur.share),
+    )
