@@ -23,6 +23,7 @@ from tactile_nodes.methods import (
     make_check,
     make_methods,
     make_registration,
+    texture_of,
     told,
 )
 from tactile_nodes.params import parameter
@@ -83,6 +84,7 @@ class Following:
             marked_share=params.marked_share,
             check=make_check(params.stillness),
             registration=make_registration(params.registration),
+            texture=texture_of(params) if params.renew else None,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
         self._rest_images = RestImages(self._tracker, flow.name, renewal)

@@ -11,6 +11,7 @@ from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
 from tactile_nodes.sensing.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.texture_gains import TextureGains
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,15 @@ def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
     return make_flow(params.method, options), make_encoding(params.encoding, regions)
+
+
+def texture_of(params: MethodParams) -> TextureGains | None:
+    """How far each spot of the model's gel goes; None of a model that does not know, or without one.
+
+    Raises:
+        ModelError: the model cannot be used.
+    """
+    return load_model(find_model(params.model)).texture if params.model else None
 
 
 def told(flow: FlowMethod) -> str:

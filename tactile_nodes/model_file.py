@@ -25,6 +25,7 @@ from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION = 2, 3, 5
@@ -34,6 +35,8 @@ Axisymmetric ones were written as version 4 before they knew streaks; those file
 """
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
+TEXTURE_GAINS, TEXTURE_PICTURE = 'texture_gains', 'texture_picture'
+GAIN_UNIT = 0.01
 NO_IMAGE = np.zeros((0, 0), np.uint8)
 
 
@@ -41,12 +44,14 @@ NO_IMAGE = np.zeros((0, 0), np.uint8)
 class LoadedModel:
     """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
 
-    The rest image of a file without one has no rows.
+    The rest image of a file without one has no rows. `texture` is how far each spot of its gel goes, where that was
+    learned.
     """
 
     model: ForceModel
     card: Mapping[str, Any]
     rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: NO_IMAGE)
+    texture: TextureGains | None = None
 
     @property
     def model_id(self) -> str:
@@ -91,10 +96,17 @@ def find_model(name: str) -> Path:
     )
 
 
-def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_image: np.ndarray | None = None) -> str:
+def save_model(
+    path: Path,
+    model: ForceModel,
+    card: Mapping[str, Any],
+    rest_image: np.ndarray | None = None,
+    texture: TextureGains | None = None,
+) -> str:
     """Write a model with its card and return its id; large tables are stored as 16 bit floats.
 
-    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it.
+    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it. `texture` is
+    stored in steps of a hundredth.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
     """
@@ -102,6 +114,10 @@ def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_imag
     described = {**card, **_description(model, readout)}
     if rest_image is not None and rest_image.size:
         tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
+    if texture is not None:
+        tensors[TEXTURE_PICTURE] = np.ascontiguousarray(texture.picture, np.uint8)
+        steps = np.clip(np.rint(texture.gains / GAIN_UNIT), -127, 127)
+        tensors[TEXTURE_GAINS] = np.ascontiguousarray(steps, np.int8)
     # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
@@ -194,9 +210,15 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
             contact_threshold_n=card['contact_threshold_n'],
             model_id=model_id,
         )
-        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE))
+        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays))
     except (SafetensorError, KeyError, TypeError) as error:
         raise ModelError(f'{path} lacks a part of the model ({error}); train it again or fetch it again') from error
+
+
+def _texture(arrays: Mapping[str, np.ndarray]) -> TextureGains | None:
+    if TEXTURE_GAINS not in arrays:
+        return None
+    return TextureGains(arrays[TEXTURE_GAINS].astype(np.float32) * np.float32(GAIN_UNIT), arrays[TEXTURE_PICTURE])
 
 
 def _foreign(path: Path, data: bytes) -> str:

@@ -44,9 +44,7 @@ def stream(share: float, grey: int, begin: int) -> Iterator[np.ndarray]:
 
 @pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.03, 255), (0.03, 0)])
 @pytest.mark.parametrize('begin', [0, 6])
-def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(
-    share: float, grey: int, begin: int
-) -> None:
+def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(share: float, grey: int, begin: int) -> None:
     plain, told = (answered(stream(each, grey, begin)) for each in (0.0, share))
     assert {each.reasons for each in told[begin + 8 :]} <= {each.reasons for each in plain[begin + 8 :]} == {0}
     off = np.abs(told[-1].values - plain[-1].values).max()

@@ -25,6 +25,7 @@ from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, N
 from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
+from tactile_nodes.sensing.texture_gains import TextureGains
 from tactile_nodes.sensing.uncertainty import Calibration
 from tactile_nodes.sensing.witness import Witness
 
@@ -294,3 +295,18 @@ def test_a_model_file_holds_the_rest_image_of_its_calibration_and_one_without_is
     save_model(tmp_path / 'without.safetensors', small_response(), CARD)
     np.testing.assert_array_equal(load_model(tmp_path / 'with.safetensors').rest_image, picture)
     assert load_model(tmp_path / 'without.safetensors').rest_image.size == 0
+
+
+def test_how_far_spots_of_the_texture_go_comes_back_in_steps_of_a_hundredth(tmp_path: Path) -> None:
+    texture = TextureGains(np.array([[0.004, -0.316], [0.25, 3.0]], np.float32), np.array([[9, 8], [7, 255]], np.uint8))
+    file = tmp_path / 'textured.safetensors'
+    save_model(file, small_model(), CARD, texture=texture)
+    found = load_model(file).texture
+    assert found is not None
+    np.testing.assert_allclose(found.gains, [[0.0, -0.32], [0.25, 1.27]], atol=1e-6)
+    np.testing.assert_array_equal(found.picture, texture.picture)
+
+
+def test_a_model_that_never_learned_the_texture_has_none(tmp_path: Path) -> None:
+    save_model(tmp_path / 'plain.safetensors', small_model(), CARD)
+    assert load_model(tmp_path / 'plain.safetensors').texture is None

@@ -128,6 +128,9 @@ class ResponseConfig:
         (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
     )
     blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
+    texture_presses: int = parameter(
+        400, "presses whose pictures tell how far each spot of the gel's texture goes; 0: none", minimum=0
+    )
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,13 @@ from tactile_nodes.learning.blurred_presses import BlurredPresses, simulate_blur
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.learned_texture import simulated_texture
 from tactile_nodes.learning.plans import press_numbers
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.split import Split, by_position, by_sample
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.texture_gains import TextureGains
 from tactile_nodes.simulation.gel import Gel
 
 
@@ -29,7 +31,7 @@ class TrainingData:
 
     `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
     measured against, without rows where presses are simulated. `blurred` are the first of the samples in pictures less
-    and less sharp.
+    and less sharp. `texture` is how far each spot of the gel goes, where that is known.
     """
 
     config: TrainConfig
@@ -39,6 +41,7 @@ class TrainingData:
     origin: dict[str, Any]
     rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     blurred: tuple[BlurredPresses, ...] = ()
+    texture: TextureGains | None = None
 
 
 def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
@@ -71,7 +74,8 @@ def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
         dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
         origin |= _split_entries(config, split)
     gel, blurred = {'id': config.gel.gel_id, **asdict(config.gel)}, simulated_blurred(config, chosen, progress)
-    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred)
+    texture = simulated_texture(config, chosen, progress)
+    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred, texture=texture)
 
 
 def simulated_blurred(

@@ -66,7 +66,7 @@ def train(
         )
         scores = validation_of(readout, data)
         card = card_of(data, report, scores, command)
-        model_id = save_model(config.output, model, card, data.rest_image)
+        model_id = save_model(config.output, model, card, data.rest_image, data.texture)
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     return config.output

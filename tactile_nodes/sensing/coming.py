@@ -40,6 +40,6 @@ class Coming:
 
     def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w']) -> None:
         try:
-            self._found = tracker.prepared(image)
+            self._found = tracker.prepared(image, renewed=True)
         except ImageError as error:
             self._found = error

@@ -127,6 +127,16 @@ class InverseCompositionalFlow:
         )
         return answers
 
+    def answers_to(self, gains: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Float32[np.ndarray, 'found told']:
+        """What patches find of motion at rows x cols nodes, both row-major and x first; see `Templates`."""
+        found = self._templates.answers_to(shrunk(gains, self._options.finest_scale), rows, cols)
+        answers: np.ndarray = found.reshape(2 * len(found), -1)
+        return answers
+
+    def answers_even(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 2 2']:
+        """What patches find of even motion; see `Templates`."""
+        return self._templates.answers_even(shrunk(gains, self._options.finest_scale))
+
     @property
     def known(self) -> Float32[np.ndarray, 'rows cols']:
         """How surely each patch is found by its texture, from 0 to 1."""

@@ -96,6 +96,7 @@ class Templates:
         self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
         self._mend = self._calibrated(moved)
         self.answers = self._answers(model)
+        self._slopes = np.ascontiguousarray(model[:, :, 1:].transpose(0, 2, 1), np.float32)
         self._numbers = np.arange(len(self._basis))
 
     def _model(self, moved: Moved) -> np.ndarray:
@@ -121,6 +122,36 @@ class Templates:
         part = np.einsum('pkn,png->pkg', self._basis, change - change.mean(axis=1, keepdims=True))
         answers: np.ndarray = np.einsum('jkp,pkg->pjg', self._unmix, part)[:, 1:].astype(np.float32)
         return answers
+
+    def answers_to(
+        self, gains: Float32[np.ndarray, 'h w'], rows: int, cols: int
+    ) -> Float32[np.ndarray, 'patches 2 rows cols 2']:
+        """What each patch finds of motion at rows x cols nodes evenly over the image, in between as cubic splines have
+        it, where each pixel goes by its gain further. `gains` have the grid's resolution."""
+        side = self.grid.window_px
+        down, right = (
+            np.ndarray((length - side + 1, side, count), each.dtype, each, strides=(each.strides[0], *each.strides))[at]
+            for length, count, each, at in (
+                (self.grid.shape[0], rows, _between(rows, self.grid.shape[0]), self.grid.corner[1]),
+                (self.grid.shape[1], cols, _between(cols, self.grid.shape[1]), self.grid.corner[0]),
+            )
+        )
+        shown = self._shown(gains).reshape(len(down), 6, side, side)
+        part = np.matmul(down.transpose(0, 2, 1)[:, None], np.matmul(shown, right[:, None]))
+        part = part.reshape(len(down), 3, 2, rows, cols)
+        answers: np.ndarray = np.einsum('jkp,pkmab->pjabm', self._unmix, part, optimize=True)[:, 1:].astype(np.float32)
+        return answers
+
+    def answers_even(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 2 2']:
+        """What each patch finds of even motion right and down where each pixel goes by its gain further."""
+        part = self._shown(gains).sum(axis=-1)
+        answers: np.ndarray = np.einsum('jkp,pkm->pjm', self._unmix, part)[:, 1:].astype(np.float32)
+        return answers
+
+    def _shown(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 3 2 pixels']:
+        """By which part of each template each pixel shows its motion right and down."""
+        slopes = self._slopes * (1 + self.grid.windows(np.ascontiguousarray(gains), self.grid.corner))[:, None]
+        return self._basis[:, :, None] * slopes[:, None]
 
     def _calibrated(self, moved: Moved) -> Float32[np.ndarray, '2 terms patches']:
         """Coefficients of what to add to the linear answers, so that the rest image's own motions come out true."""
@@ -179,6 +210,12 @@ class Templates:
     def for_loops(self) -> tuple[np.ndarray, ...]:
         """Templates as whole numbers, what one of them is, and how motion follows: see `loops_patches`."""
         return self._whole, self._unit, self._unmix, self._mend
+
+
+def _between(nodes: int, length: int) -> Float32[np.ndarray, 'length nodes']:
+    """How much of each node, of so many evenly along a line, there is in each pixel."""
+    share: np.ndarray = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
+    return np.ascontiguousarray(share)
 
 
 def rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches some pixels'], Float32[np.ndarray, 'patches some']]:

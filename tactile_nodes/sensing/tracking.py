@@ -12,6 +12,7 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
+from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
@@ -19,12 +20,14 @@ from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.rolling_bands import RollingBands
 from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
+from tactile_nodes.sensing.texture_gains import TextureGains
 from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
 
 
 @dataclass(frozen=True)
 class PreparedRest:
-    """A rest image with all that is computed of it once; `own` is what the flow finds in itself."""
+    """A rest image with all that is computed of it once; `own` is what the flow finds in itself, `known`
+    takes motion beside it for that beside the first one."""
 
     image: UInt8[np.ndarray, 'h w']
     flow: FlowMethod
@@ -32,6 +35,7 @@ class PreparedRest:
     check: StillnessCheck | None
     own: DisplacementField
     registering: Registered | None
+    known: KnownTexture | None = None
 
 
 PATIENCE = 4
@@ -54,6 +58,7 @@ class FeatureTracker:
         marked_share: share of the regions that must show structure in a rest image; sparse patterns need less.
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
         registration: takes the motion of the whole picture out; None leaves it in.
+        texture: how far each spot of the gel goes, where that is known.
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class FeatureTracker:
         marked_share: float = 0.1,
         check: StillnessCheck | None = None,
         registration: Registration | None = None,
+        texture: TextureGains | None = None,
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
@@ -75,8 +81,10 @@ class FeatureTracker:
         self.dead = DeadPixels()
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
-        self._first_flow: FlowMethod | None = None
+        self._first: PreparedRest | None = None
+        self._texture = texture
         self._other: OtherTexture | None = None
+        self._known: KnownTexture | None = None
         self._bands: RollingBands
         self._least_sure = 0.0
         self._flow = flow
@@ -84,7 +92,7 @@ class FeatureTracker:
         self._rest_frames = rest_frames
         self._marked_share = marked_share
         self._rest: RestAccumulator | None = None
-        self._first: StillnessCheck
+        self._first_offered: StillnessCheck
         self._left_to_skip = self._offered = 0
         self.unsteady = self.still = False
 
@@ -127,12 +135,12 @@ class FeatureTracker:
         """Whether a frame shows what those before it show; of a picture that never rests all frames do."""
         assert self._rest is not None
         self._offered += 1
-        if self._rest.count and (not self._first.able or steady(self._first.look(image))):
+        if self._rest.count and (not self._first_offered.able or steady(self._first_offered.look(image))):
             return True
         self.unsteady = self._offered > PATIENCE * self._rest_frames
         if not self.unsteady:
-            self._first = StillnessCheck()
-            self._first.set_reference(image)
+            self._first_offered = StillnessCheck()
+            self._first_offered.set_reference(image)
         return self.unsteady
 
     def use_captured(self, image: UInt8[np.ndarray, 'h w']) -> None:
@@ -149,8 +157,10 @@ class FeatureTracker:
         """
         self.use(self.prepared(image))
 
-    def prepared(self, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
+    def prepared(self, image: UInt8[np.ndarray, 'h w'], *, renewed: bool = False) -> PreparedRest:
         """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
+
+        A `renewed` one is made of straightened images, and shows the gel where the first one does.
 
         Raises:
             ImageError: it shows nothing that can be measured against.
@@ -166,7 +176,14 @@ class FeatureTracker:
         flow.set_reference(image)
         own = flow.displacement(image)
         registering = None if self.registration is None else Registered(image, own)
-        return PreparedRest(image, flow, encoding, check, own, registering)
+        known = self._known_beside(flow, image) if renewed else None
+        return PreparedRest(image, flow, encoding, check, own, registering, known)
+
+    def _known_beside(self, flow: FlowMethod, image: UInt8[np.ndarray, 'h w']) -> KnownTexture | None:
+        """What takes motion beside a renewed rest image for that beside the first one, by how far each spot goes."""
+        if self._first is None or self._texture is None:
+            return None
+        return known_texture(self._texture, (flow, image), (self._first.flow, self._first.image))
 
     def use(
         self, rest: PreparedRest, *, offset: PictureMotion | None = None, motion: PictureMotion | None = None
@@ -182,8 +199,9 @@ class FeatureTracker:
         self._bands = RollingBands(rest.image)
         sure = rest.own.confidence
         self._least_sure = 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
-        self._first_flow = rest.flow if offset is None else self._first_flow
-        self._other = other_texture(rest.flow, self._first_flow, rest.image.shape)
+        self._first = rest if offset is None or self._first is None else self._first
+        self._other = other_texture(rest.flow, self._first.flow, rest.image.shape)
+        self._known = rest.known if self._other else None
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset, motion)
 
@@ -236,6 +254,15 @@ class FeatureTracker:
         seen_at_rest = self._check is not None and registration.watches and registration.free
         if seen_at_rest:
             return self._at_rest()[0]
+        return self._as_first(field, straight, registration)
+
+    def _as_first(
+        self, field: DisplacementField, straight: UInt8[np.ndarray, 'h w'], registration: Registration
+    ) -> DisplacementField:
+        """Motion as the first rest image's texture would have shown it."""
+        if self._known is not None:
+            finer = self._known.finer
+            return self._known.as_first(field, registration.without(finer.displacement(straight)) if finer else field)
         return self._other.as_first(field) if self._other else field
 
     def _straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
