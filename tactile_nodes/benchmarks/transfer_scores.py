@@ -35,7 +35,7 @@ class Score:
 
     `armse_n` is on the grid of the model, `placed_armse_n` the mean over placements of it. `covered` is the share of
     forces within the 90 % interval that the readout states; NaN where it states none. `drawn` are the values of
-    `COMPARED` on presses drawn anew, by the same draws for every readout.
+    `COMPARED` on presses drawn anew, by the same draws for every readout. `pressed_n` is the mean force of the presses.
     """
 
     gel: int
@@ -51,6 +51,7 @@ class Score:
     form: str = ''
     seconds: float = 0.0
     tested: int = 0
+    pressed_n: float = 1.0
     drawn: Float[np.ndarray, 'compared draws'] | None = field(default=None, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
@@ -76,13 +77,13 @@ def score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Dataset
     off = metrics.total_errors_n(labels, bins)
     squares = placed_squares(found, tested.presses[:, [0, 1, 3]].astype(float), readout.bins)
     once = np.ones((1, len(away)))
-    drawn = draws(len(away))
     return Score(
         gel, presses, way, metrics.root_mean_square(off), float(np.median(away)), metrics.armse(labels, bins),
         float(_placed_armse(squares, once)[0]),
         metrics.location_error_mm(labels, bins, readout.bins), metrics.peak_rmse_n(labels, bins),
         metrics.coverage(off, np.array([each.total_sigma_n for each in read])),
-        tested=len(away), drawn=_drawn(off, away, squares, drawn),
+        tested=len(away), pressed_n=float(tested.presses[:, 3].mean()),
+        drawn=_drawn(off, away, squares, draws(len(away))),
     )  # fmt: skip
 
 
@@ -155,18 +156,20 @@ class Ratio:
     worst_error: float = 0.0
 
 
-def ratio(own: Score, chosen: Sequence[Score], measured: str) -> Ratio:
+def ratio(own: Score, chosen: Sequence[Score], measured: str, of_force: bool = False) -> Ratio:
     """Of some gels' scores, in one of `COMPARED`; errors are 0 where nothing was drawn.
 
-    Twice and three times as far off as the source are 2.5 on the median and 3 on the worst.
+    Twice and three times as far off as the source are 2.5 on the median and 3 on the worst. With `of_force` errors
+    count as shares of the force that was pressed with: twice as far off on a gel twice as hard is 1.
     """
     name = COMPARED[measured]
-    of = [getattr(each, name) / getattr(own, name) for each in chosen]
+    harder = np.array([each.pressed_n / own.pressed_n if of_force else 1.0 for each in chosen])
+    of = np.array([getattr(each, name) / getattr(own, name) for each in chosen]) / harder
     drawn = [each.drawn for each in chosen if each.drawn is not None]
     if own.drawn is None or len(drawn) < len(chosen):
-        return Ratio(float(np.median(of)), max(of))
+        return Ratio(float(np.median(of)), float(of.max()))
     row = list(COMPARED).index(measured)
-    again = np.stack([each[row] for each in drawn]) / own.drawn[row]
+    again = np.stack([each[row] for each in drawn]) / own.drawn[row] / harder[:, None]
     return Ratio(
-        float(np.median(of)), max(of), float(np.median(again, axis=0).std()), float(again.max(axis=0).std())
+        float(np.median(of)), float(of.max()), float(np.median(again, axis=0).std()), float(again.max(axis=0).std())
     )  # fmt: skip

@@ -46,6 +46,11 @@ def test_ratios_are_of_the_median_and_the_worst_gel() -> None:
     assert ratio(OWN, [other(0, 0.004), other(1, 0.006)], 'force') == Ratio(2.5, 3.0)
 
 
+def test_a_gel_twice_as_hard_that_is_twice_as_far_off_is_as_good_of_its_force() -> None:
+    harder = dataclasses.replace(other(0, 0.004), pressed_n=2.0)
+    assert ratio(OWN, [harder], 'force', of_force=True) == Ratio(1.0, 1.0)
+
+
 def test_what_changes_alike_on_all_gels_and_the_own_one_is_no_error_of_a_ratio() -> None:
     own = dataclasses.replace(OWN, drawn=np.tile([0.002, 0.004], (3, 1)))
     alike = ratio(own, [other(0, 0.004, [0.004, 0.008])], 'force')
