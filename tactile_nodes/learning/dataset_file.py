@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.recordings import REST_IMAGE, RecordedPresses, array_names, fingerprint_of
+from tactile_nodes.learning.recordings import OPTIONAL, REST_IMAGE, RecordedPresses, array_names, fingerprint_of
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
-FORMAT_VERSION = 1
+FORMAT_VERSION, OLDEST_VERSION = 2, 1
+"""Files of before the texture was learned have version 1, and are read on."""
 
 _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', 'depth_reported_mm', 'force_n',
                 'force_rate_n_per_s', 'wrench', 'wrench_deviation'),
@@ -74,12 +75,12 @@ def load_dataset(path: Path | str) -> RecordedPresses:
         version = card['format_version'] if card['format'] == FORMAT else None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise DatasetError(_damaged(path)) from error
-    if version != FORMAT_VERSION:
+    if version not in range(OLDEST_VERSION, FORMAT_VERSION + 1):
         raise DatasetError(
-            f'the format of {path} has version {version}, this release reads version {FORMAT_VERSION}; '
+            f'the format of {path} has version {version}, this release reads {OLDEST_VERSION} to {FORMAT_VERSION}; '
             'use the release that made it, or build the data set again'
         )
-    known = set(entries) - {REST_IMAGE} == set(array_names())
+    known = set(entries) - set(OPTIONAL) == set(array_names())
     if not known or fingerprint_of(entries, card) != fingerprint or not _fit(entries, card):
         raise DatasetError(_damaged(path))
     return RecordedPresses(**entries, card=card)
@@ -108,8 +109,8 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
     """Whether the arrays have the kinds and shapes that go together."""
     count = len(arrays['force_n']) if arrays['force_n'].ndim else 0
     for name, array in arrays.items():
-        if name == REST_IMAGE:
-            if array.dtype != np.uint8 or array.ndim != 2:
+        if name in OPTIONAL:
+            if array.dtype != (np.uint8 if name == REST_IMAGE else np.float32) or array.ndim != 2:
                 return False
             continue
         kinds = next((kind for kind, names in _KINDS.items() if name in names), 'iu')

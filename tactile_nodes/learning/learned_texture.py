@@ -6,7 +6,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
@@ -14,9 +14,13 @@ from tactile_nodes.learning.dataset import blocks_of, cropped, noise_seeds
 from tactile_nodes.learning.plans import planned_presses
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
+from tactile_nodes.sensing.picture_change import PictureComparison
 from tactile_nodes.sensing.reference import average
-from tactile_nodes.sensing.texture_gains import GainsMeasurement, TextureGains
+from tactile_nodes.sensing.texture_gains import MOVED_PX, GainsMeasurement, TextureGains
 from tactile_nodes.simulation.optics import Optics, Press
+
+MOST_PRESSES, LEAST_PRESSES = 400, 40
+"""Four hundred tell nearly all there is; with forty the middle of the gel is known."""
 
 REST_SEED_BLOCK = 1 << 20
 """Noise of a block that no data set has, for pictures of their own."""
@@ -52,3 +56,41 @@ def _first_touching(config: TrainConfig, chosen: set[int], wanted: int) -> list[
         if len(found) >= wanted:
             break
     return found[:wanted]
+
+
+class RecordedTexture:
+    """From presses as bags tell them, one after another, no more than `most`.
+
+    Presses that belong to a rest image of another place begin anew: the camera was moved.
+    """
+
+    def __init__(self, most: int = MOST_PRESSES) -> None:
+        self._most, self._count = most, 0
+        self._measurement: GainsMeasurement | None = None
+        self._comparison: PictureComparison
+        self._rest: UInt8[np.ndarray, 'h w'] | None = None
+
+    def take(self, rest: UInt8[np.ndarray, 'h w'], image: UInt8[np.ndarray, 'h w']) -> None:
+        """A picture of a press, and the rest image before it, both as cut.
+
+        Raises:
+            ImageError: nothing can be measured against the rest image.
+        """
+        if self._rest is not rest and not self._same_place(rest):
+            self._measurement, self._comparison, self._count = GainsMeasurement(rest), PictureComparison(rest), 0
+        self._rest = rest
+        if self._measurement is not None and self._count < self._most:
+            self._measurement.add(image)
+            self._count += 1
+
+    def gains(self, rest: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
+        """What was learned, where a rest image has it; without rows if too few presses told, or of another gel."""
+        told = self._measurement.gains() if self._measurement and self._count >= LEAST_PRESSES else None
+        learned = told.beside(rest) if told else None
+        return np.zeros((0, 0), np.float32) if learned is None else learned
+
+    def _same_place(self, rest: UInt8[np.ndarray, 'h w']) -> bool:
+        if self._measurement is None:
+            return False
+        change = self._comparison.of(rest)
+        return change.same and change.size_px < MOVED_PX

@@ -73,7 +73,7 @@ class Measurer:
         Raises:
             ImageError: it cannot be measured against, or has another size than those before.
         """
-        cut = self._cut(image)
+        cut = self.cut(image)
         if (name := content_id(cut)) == self.reference_id:
             return
         self._tracker.use_reference(cut)
@@ -97,7 +97,7 @@ class Measurer:
         """
         for image in images:
             require_picture(image)
-        cut = self._cut(average(images) if len(images) > 1 else images[0])
+        cut = self.cut(average(images) if len(images) > 1 else images[0])
         key = hashlib.sha256(repr(cut.shape).encode() + self._reference + cut.tobytes()).digest()
         if kept := self._cache.get(key, self._shape):
             self.found += 1
@@ -122,7 +122,8 @@ class Measurer:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _cut(self, image: np.ndarray) -> np.ndarray:
+    def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'side side']:
+        """The part of an image that is measured. Raises ImageError: it is of another size than those before."""
         height, width = image.shape
         regions = self.encoding.options
         side = largest_side(width, height, self._crop, math.lcm(int(str(regions['rows'])), int(str(regions['cols']))))

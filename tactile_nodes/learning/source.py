@@ -179,7 +179,9 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
     }
     held_out = np.isin(chosen, split.validation)
     gel = dict(recordings.card['gel'])
-    return TrainingData(config, recordings.as_samples(chosen), held_out, gel, origin, recordings.rest_image)
+    texture = recordings.texture if config.readout == 'response' else None
+    samples = recordings.as_samples(chosen)
+    return TrainingData(config, samples, held_out, gel, origin, recordings.rest_image, texture=texture)
 
 
 def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:

@@ -131,8 +131,8 @@ def test_arrays_that_do_not_go_together_are_refused(presses: RecordedPresses, tm
 
 
 def test_a_newer_format_is_told(presses: RecordedPresses, tmp_path: Path) -> None:
-    save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 2}))
-    with pytest.raises(DatasetError, match='has version 2, this release reads version 1'):
+    save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 3}))
+    with pytest.raises(DatasetError, match='has version 3, this release reads 1 to 2'):
         load_dataset(tmp_path / 'new.npz')
 
 
@@ -228,6 +228,18 @@ def test_a_data_set_holds_the_rest_image_that_its_presses_were_measured_against(
     assert presses.rest_image.shape == (440, 440)
     assert content_id(presses.rest_image) in set(presses.reference_id)
     np.testing.assert_array_equal(load_dataset(file).rest_image, presses.rest_image)
+
+
+def test_what_presses_told_of_the_texture_comes_back_beside_the_rest_image(
+    presses: RecordedPresses, tmp_path: Path
+) -> None:
+    gains = np.linspace(-0.5, 0.5, presses.rest_image.size, dtype=np.float32).reshape(presses.rest_image.shape)
+    save_dataset(tmp_path / 'told.npz', dataclasses.replace(presses, texture_gains=gains))
+    texture = load_dataset(tmp_path / 'told.npz').texture
+    assert texture is not None
+    np.testing.assert_array_equal(texture.gains, gains)
+    np.testing.assert_array_equal(texture.picture, presses.rest_image)
+    assert presses.texture is None  # of too few presses
 
 
 def test_a_file_of_before_there_were_rest_images_is_read(presses: RecordedPresses, tmp_path: Path) -> None:

@@ -9,9 +9,10 @@ import pytest
 
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import Choice, DataConfig, ResponseConfig, TrainConfig
-from tactile_nodes.learning.learned_texture import simulated_texture
+from tactile_nodes.learning.learned_texture import LEAST_PRESSES, RecordedTexture, simulated_texture
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.simulation.optics import Optics, place_markers
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.simulation.optics import Optics, Press, place_markers
 
 SAMPLES = np.arange(100)
 CONFIG = TrainConfig(
@@ -54,3 +55,33 @@ def test_the_same_training_learns_the_same(gains: np.ndarray) -> None:
     again = simulated_texture(CONFIG, SAMPLES, Progress())
     assert again is not None
     np.testing.assert_array_equal(again.gains, gains)
+
+
+@pytest.fixture(scope='module')
+def pictures() -> list[np.ndarray]:
+    """The gel at rest, and then under one press after another."""
+    optics = Optics(CONFIG.gel, contact_table(CONFIG.gel))
+    presses = [Press(x, y, 1.2) for x, y in np.random.default_rng(2).uniform(-9, 9, (LEAST_PRESSES, 2)).tolist()]
+    seen = [optics.render(each, number) for number, each in enumerate([(), *((each,) for each in presses)])]
+    return [np.ascontiguousarray(centre_crop(each, 440, 440)) for each in seen]
+
+
+def test_recorded_presses_tell_it_too_once_there_are_enough(pictures: list[np.ndarray], gains: np.ndarray) -> None:
+    """Where both know enough of it, in the middle, they agree."""
+    rest, *presses = pictures
+    learned = RecordedTexture()
+    for each in presses[:-1]:
+        learned.take(rest, each)
+    assert not learned.gains(rest).size
+    learned.take(rest, presses[-1])
+    middle = np.s_[140:300, 140:300]
+    assert np.corrcoef(learned.gains(rest)[middle].ravel(), gains[middle].ravel())[0, 1] > 0.8
+
+
+def test_presses_beside_a_rest_image_of_a_moved_camera_begin_anew(pictures: list[np.ndarray]) -> None:
+    rest, *presses = pictures
+    learned = RecordedTexture()
+    for each in presses:
+        learned.take(rest, each)
+    learned.take(np.roll(rest, 2, axis=1), np.roll(presses[0], 2, axis=1))
+    assert not learned.gains(rest).size
