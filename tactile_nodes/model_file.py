@@ -112,9 +112,11 @@ def save_model(
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
+    described.pop('texture', None)
     if rest_image is not None and rest_image.size:
         tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
     if texture is not None:
+        described['texture'] = texture.told
         tensors[TEXTURE_PICTURE] = np.ascontiguousarray(texture.picture, np.uint8)
         steps = np.clip(np.rint(texture.gains / GAIN_UNIT), -127, 127)
         tensors[TEXTURE_GAINS] = np.ascontiguousarray(steps, np.int8)

@@ -305,6 +305,9 @@ def test_how_far_spots_of_the_texture_go_comes_back_in_steps_of_a_hundredth(tmp_
     assert found is not None
     np.testing.assert_allclose(found.gains, [[0.0, -0.32], [0.25, 1.27]], atol=1e-6)
     np.testing.assert_array_equal(found.picture, texture.picture)
+    assert 'root mean square' in load_model(file).card['texture']
+    save_model(file, small_model(), load_model(file).card)  # as for another gel
+    assert 'texture' not in load_model(file).card
 
 
 def test_a_model_that_never_learned_the_texture_has_none(tmp_path: Path) -> None:

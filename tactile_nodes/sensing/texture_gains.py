@@ -44,6 +44,12 @@ class TextureGains:
     gains: Float32[np.ndarray, 'h w']
     picture: UInt8[np.ndarray, 'h w']
 
+    @property
+    def told(self) -> str:
+        """In words, how far apart spots go."""
+        spread = float(np.std(self.gains[self.gains != 0])) if self.gains.any() else 0.0
+        return f'single spots go {spread:.0%} (root mean square) further or less than what is around them'
+
     def beside(self, rest: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w'] | None:
         """The gains where another rest image has its texture; None if that shows another gel, or is another cut."""
         if rest.shape != self.picture.shape:
