@@ -1,10 +1,10 @@
 """A response read in a picture that is not the training's: of another light or sharpness, with markers gone.
 
 Markers that run into each other, or are lost, show regions another mean of the same motion: each is off by a share of
-its own motion, and the more the nearer to the contact. So the errors of a frame are those of the training (and of a
-width as usual as the training's, see `contact_width`) and, beside them, some in proportion to what each region moved; a
-few more steps from the contacts that were found make the best of all. It is least squares as before, but components are
-no longer independent.
+its own motion, and the more the nearer to the contact; what is badly found, under a speck of dirt, say, by more of it.
+So the errors of a frame are those of the training (and of a width as usual as the training's, see `contact_width`) and,
+beside them, some in proportion to what each region moved; a few more steps from the contacts that were found make the
+best of all. It is least squares as before, but components are no longer independent.
 
 A blurred picture shows motion flatter about a contact than it is, as a wider one would be. There a width of its own
 would take more away from the force than it mends.
@@ -28,6 +28,11 @@ ALTERED_SHARE = 0.02
 """Of a region's motion, by which it is off. With half of it forces in a blurred picture are further off with
 `fast`, with twice of it with `accurate`."""
 
+BADLY_FOUND, DOUBT = 0.6, 0.4
+"""A region of less confidence is off by more of its motion: by this share where it is not found at all, in proportion.
+Regions under dirt, or half without markers, hold back what they move; those that a hard press distorts are as sure as
+before. Fitted, as the share above, with presses at places of their own."""
+
 STEPS = 6
 
 
@@ -47,8 +52,7 @@ def read_altered(
         return plain
     seen = readout.seen(values, confidence)
     components = np.asarray(readout.whitening @ seen.scores, float)
-    moved = readout.scaling(values, confidence).astype(float)
-    off = np.broadcast_to(ALTERED_SHARE**2 * np.square(moved).mean(axis=-1, keepdims=True), moved.shape).reshape(-1)
+    off = _off(readout.scaling(values, confidence).astype(float), confidence).reshape(-1)
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])
     contacts = readout.contacts(_refined(readout, components, begin, off, 0.0 if blurred else USUAL_MM2))
@@ -56,6 +60,16 @@ def read_altered(
     return replace(
         plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, total_sigma_n=sigma_n
     )
+
+
+def _off(
+    moved: Float[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+) -> Float[np.ndarray, 'rows cols channels']:
+    """Variance of each input by what its region moved and how surely that was found."""
+    doubt = DOUBT * np.clip(1 - confidence / BADLY_FOUND, 0, 1)
+    share = np.square(moved).mean(axis=-1) * (ALTERED_SHARE**2 + np.square(doubt))
+    off: np.ndarray = np.broadcast_to(share[:, :, None], moved.shape)
+    return off
 
 
 def _refined(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from responding import BINS, GRID, components, features, readout
 
-from tactile_nodes.sensing.altered_reading import ALTERED_SHARE, read_altered
+from tactile_nodes.sensing.altered_reading import ALTERED_SHARE, BADLY_FOUND, DOUBT, read_altered
 from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 
 READER = readout(most_contacts=1, scale=20_000.0)  # of which noise is next to nothing
+TRUSTING = replace(READER, scaling=replace(READER.scaling, confidence_floor=0.1))
 SURE = np.ones((GRID, GRID), np.float32)
 
 
@@ -43,6 +46,24 @@ def test_errors_in_proportion_to_motion_are_weighed_by_it() -> None:
         stated.append(found.sigma_n)
     assert np.std(altered) < np.std(plain)
     assert np.std(altered) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=4 / 17)
+
+
+def test_regions_that_are_badly_found_count_for_the_less_the_more_they_moved() -> None:
+    """A tenth of the regions, half as surely found as others must be, hold back half of the doubted share of motion."""
+    random, plain, altered = np.random.default_rng(3), [], []
+    for _ in range(60):
+        badly = random.random((GRID, GRID)) < 0.1
+        sure = np.where(badly, BADLY_FOUND / 2, SURE).astype(np.float32)
+        seen = pressed(0.6, *random.uniform(-6, 6, 2)) * np.where(badly, 1 - DOUBT / 2, 1)[:, :, None]
+        plain.append(read_altered(READER, seen.astype(np.float32), SURE).contacts[0].force_n - 0.6)
+        altered.append(read_altered(TRUSTING, seen.astype(np.float32), sure).contacts[0].force_n - 0.6)
+    assert np.square(altered).mean() < 0.25 * np.square(plain).mean()
+
+
+def test_a_region_found_surely_enough_is_doubted_no_more_than_another() -> None:
+    seen = pressed() * np.random.default_rng(5).uniform(0.9, 1.1, (GRID, GRID, 1)).astype(np.float32)
+    sure, enough = (read_altered(TRUSTING, seen, SURE * share).contacts for share in (1.0, BADLY_FOUND + 0.01))
+    assert sure == enough
 
 
 def test_a_width_of_its_own_is_granted_to_contacts_of_sharp_pictures_only() -> None:
