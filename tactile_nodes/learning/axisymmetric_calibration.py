@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND
 from tactile_nodes.learning.dataset import Dataset
@@ -21,11 +21,15 @@ LEAST_FORCE_N = 0.02
 
 @dataclass(frozen=True)
 class Judged:
-    """What a readout makes of presses: the fits before any correction, beside the truth (x, y in mm, force in N)."""
+    """What a readout makes of presses: the fits before any correction, beside the truth (x, y in mm, force in N).
+
+    `rows` are those of the presses in their data set.
+    """
 
     readout: AxisymmetricReadout
     truth: Float[np.ndarray, 'n 3']
     fits: list[Fit]
+    rows: Int[np.ndarray, ' n']
 
     @classmethod
     def of(cls, readout: AxisymmetricReadout, dataset: Dataset, rows: np.ndarray) -> Judged:
@@ -37,7 +41,7 @@ class Judged:
                 fits.append(raw.fit(seen))
                 kept.append(row)
         chosen = np.array(kept, int)
-        return cls(readout, dataset.presses[chosen][:, [0, 1, 3]].astype(float), fits)
+        return cls(readout, dataset.presses[chosen][:, [0, 1, 3]].astype(float), fits, chosen)
 
     @property
     def found(self) -> Float[np.ndarray, 'n 3']:

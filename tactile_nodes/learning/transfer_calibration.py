@@ -16,6 +16,8 @@ from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.uncertainty import Calibration
 
 RASTER = 40
+NORMAL_50 = 0.6745
+"""Half of normal errors are within so many standard deviations."""
 
 
 def calibration_of(
@@ -29,7 +31,8 @@ def calibration_of(
     errors, sigmas = (np.concatenate([getattr(each, name) for each in held]) for name in ('errors', 'sigmas'))
     place = np.hypot(old.place_floor_mm, np.repeat(sigmas[:, 0], 2))
     force = np.hypot(old.force_floor_n, sigmas[:, 1])
-    isolation = math.sqrt(nearer_by(dataset.presses[dataset.presses[:, 2] > 0, :2]))
+    nearer = nearer_by(dataset.presses[dataset.presses[:, 2] > 0, :2])
+    isolation = nearer_errors(nearer, beyond_noise(held, dataset))
     misfits = [fit.misfit for each in held for fit in each.fits]
     return replace(
         old,
@@ -44,6 +47,26 @@ def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
     """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
     level = min(1.0, COVERAGE * (1 + 1 / presses))
     return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))
+
+
+def beyond_noise(held: list[Judged], dataset: Dataset) -> float:
+    """The share of the variance of held-out places that noise alone, as a readout would state it, does not explain."""
+    sure = [
+        Judged.of(replace(each.readout, response=replace(each.readout.response, unsure=None)), dataset, each.rows)
+        for each in held
+    ]
+    noise_mm = float(np.median(np.concatenate([each.sigmas[:, 0] for each in sure])))
+    off_mm = np.median(np.abs(np.concatenate([each.errors[:, :2] for each in held]))) / NORMAL_50
+    return max(0.0, 1 - (noise_mm / max(float(off_mm), 1e-9)) ** 2)
+
+
+def nearer_errors(nearer: float, beyond: float) -> float:
+    """By what errors shrink where presses are nearer by a share: that of their variance does which is beyond noise.
+
+    Presses twice as near halve it (the root of the distance); if it is half of the variance, errors are 0.866 times as
+    large.
+    """
+    return math.sqrt(1 - beyond + beyond * nearer)
 
 
 def nearer_by(places: Float[np.ndarray, 'n 2']) -> float:

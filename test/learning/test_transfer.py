@@ -13,7 +13,7 @@ from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_calibration import cautious, nearer_by
+from tactile_nodes.learning.transfer_calibration import cautious, nearer_by, nearer_errors
 from tactile_nodes.learning.transfer_checks import require_tared
 from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
@@ -193,6 +193,12 @@ def test_presses_far_apart_are_nearer_to_anywhere_than_to_one_another_and_random
     chance = np.random.default_rng(3).uniform(0, 24, (2000, 2))
     assert nearer_by(chance) == pytest.approx(1.0, abs=0.05)
     assert nearer_by(grid[:1]) == 1.0
+
+
+def test_only_what_noise_does_not_explain_shrinks_where_presses_are_nearer() -> None:
+    assert nearer_errors(0.5, 1.0) == pytest.approx(np.sqrt(0.5))
+    assert nearer_errors(0.5, 0.5) == pytest.approx(np.sqrt(0.75))
+    assert nearer_errors(0.5, 0.0) == 1.0
 
 
 def test_a_measured_response_can_be_transferred_too() -> None:
