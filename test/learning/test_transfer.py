@@ -9,11 +9,12 @@ import pytest
 from responding_gel import AXISYMMETRIC, CONFIG, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric_calibration import Judged
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_calibration import cautious, nearer_by, nearer_errors
+from tactile_nodes.learning.transfer_calibration import beyond_noise, cautious, nearer_by, nearer_errors
 from tactile_nodes.learning.transfer_checks import require_tared
 from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
@@ -199,6 +200,18 @@ def test_only_what_noise_does_not_explain_shrinks_where_presses_are_nearer() -> 
     assert nearer_errors(0.5, 1.0) == pytest.approx(np.sqrt(0.5))
     assert nearer_errors(0.5, 0.5) == pytest.approx(np.sqrt(0.75))
     assert nearer_errors(0.5, 0.0) == 1.0
+
+
+def test_places_that_scatter_five_times_as_far_as_noise_makes_them_are_24_parts_of_25_beyond_noise(
+    source: AxisymmetricReadout,
+) -> None:
+    dataset = presses(400, seed=7)
+    judged = Judged.of(source, dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
+    noise_mm = np.median(judged.sigmas[:, 0])
+    scatter = 5 * noise_mm * np.random.default_rng(8).normal(size=(len(judged.fits), 3)) * [1, 1, 0]
+    off = dataclasses.replace(judged, truth=judged.found + scatter)
+    assert beyond_noise([off], dataset) == pytest.approx(24 / 25, abs=0.02)
+    assert beyond_noise([dataclasses.replace(judged, truth=judged.found + scatter / 10)], dataset) == 0.0
 
 
 def test_a_measured_response_can_be_transferred_too() -> None:
