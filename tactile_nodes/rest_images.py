@@ -51,7 +51,8 @@ class RestImages:
         self._now: PictureLikeness | None = None
         self._captured: PictureLikeness | None = None
         self._first: PreparedRest | None = None
-        self._changed = False
+        self._changed = self._blurred = False
+        self._added: float | None = None
         self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
         self._odd = False
         self._coming: Coming | None = None
@@ -76,7 +77,8 @@ class RestImages:
         """Give a frame to the capture under way."""
         try:
             if self._tracker.offer_rest(image):
-                self._announce(head)
+                assert self._tracker.reference is not None
+                self._announce(head, added=sharpness(image) - sharpness(self._tracker.reference))
                 seen = self._tracker.stillness(image)
                 self._noise_grey = seen.noise_grey if seen else 0.0
         except ImageError as error:
@@ -108,8 +110,8 @@ class RestImages:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
         still = self._tracker.still
         reasons = self._moved() | (self._tracker.unsteady or self._dented) * FORCE.REASON_REST_DOUBTFUL
-        self._changed = False
-        if not still:
+        self._changed = self._blurred = False
+        if not still or self._seen & FORCE.REASON_BLURRED:  # a little blur leaves frames still
             reasons |= self._unlike(image, level, head)
         reasons |= self._look_closer() | self._tracker.banded * FORCE.REASON_LIGHT_CHANGED
         if not (self._odd and self._find_dead(image, stamp_ns(head.stamp))):
@@ -178,9 +180,10 @@ class RestImages:
             return 0
         sharp = sharpness(image)
         beside = self._now.near(level, sharp)
-        self._changed = beside.light or beside.blurred
+        self._changed, self._blurred = beside.light or beside.blurred, beside.blurred
         told = beside | self._captured.far(level, sharp)
-        if beside and self._tracker.rest is not self._first and not self._captured.near(level, sharp):
+        other = beside or self._captured.as_sharp(sharp, of=self._now.sharpness)
+        if other and self._tracker.rest is not self._first and not self._captured.near(level, sharp):
             assert self._first is not None
             self._tracker.use(self._first, offset=PictureMotion(), motion=PictureMotion())  # all is as it was
             self._announce(head, renewed=True)
@@ -191,7 +194,7 @@ class RestImages:
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
-        apart = self._apart(registration) or self._dented
+        apart = self._apart(registration) or self._dented or self._blurred
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
         fit = registration.settled and not self._tracker.banded
         like, changed = (still and not apart, changed) if fit else (True, False)
@@ -209,11 +212,14 @@ class RestImages:
         """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
         return self._dense and registration.apart_px > KNOCK_PX
 
-    def _announce(self, head: types.Header, *, renewed: bool = False) -> None:
+    def _announce(self, head: types.Header, *, renewed: bool = False, added: float | None = None) -> None:
         image = self._tracker.reference
         assert image is not None
+        self._added = self._added if renewed else added
         self.trouble, self.renewed = '', renewed
-        self._now = PictureLikeness(image, self._flow)
+        self._now = PictureLikeness(image, self._flow, self._added, renewed=renewed)
+        if renewed and self._tracker.rest is self._first:
+            self._now = self._captured
         self._tracker.dead.beside(image)
         if not renewed:
             self._coming, self._captured, self._first = None, self._now, self._tracker.rest

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -32,12 +33,14 @@ class Stream:
         self.following.begin_capture()
         self.announced: list[str] = []
         self.spot: tuple[slice, slice] | None = None
-        self.bands_grey = 0.0
+        self.bands_grey = self.blur_px = 0.0
 
     def feed(self, frames: int, *motions: object, light: float = 1.0, age_s: float = 0.001) -> types.FlowFeatures:
         for _ in range(frames):
             self.number += 1
             image = picture(*motions, number=self.number, light=light)  # type: ignore[arg-type]
+            if self.blur_px:
+                image = cv2.GaussianBlur(image, (0, 0), self.blur_px)
             if self.spot is not None:
                 image[self.spot] //= 6
             if self.bands_grey:
@@ -78,6 +81,24 @@ def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_end
     stream.feed(1)
     assert stream.feed(1).reasons == 0
     assert stream.announced[2] == stream.announced[0]
+
+
+def test_a_blur_of_a_third_of_a_pixel_has_a_rest_image_of_its_own_until_it_ends() -> None:
+    """A hundredth of the motion that is measured beside the sharp one; frames at rest look still beside it."""
+    stream, touch = Stream(), press(200, 200, 1.0)
+    stream.feed(4)
+    sharp = stream.feed(2).rest_sharpness
+    stream.blur_px = 0.45
+    assert stream.feed(1, touch).reasons & FORCE.REASON_BLURRED
+    stream.feed(14)
+    assert len(stream.announced) == 2
+    told = stream.feed(1, touch)
+    assert told.reasons & FORCE.REASON_BLURRED
+    assert 0 < told.rest_sharpness < sharp - 0.005
+    stream.blur_px = 0.0
+    stream.feed(2, touch)
+    assert stream.following.reference_id == stream.announced[0]
+    assert stream.feed(1, touch).rest_sharpness == sharp
 
 
 def test_bands_that_roll_over_the_picture_are_told_while_they_last_and_make_no_rest_image() -> None:

@@ -14,7 +14,7 @@ from jaxtyping import Float32, UInt8
 
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
-from tactile_nodes.sensing.quality import SHARPNESS_OFF, sharpness
+from tactile_nodes.sensing.quality import REST_BLURRED_OFF, sharpness
 from tactile_nodes.sensing.texture_gains import PATCH_PX, TextureGains, fine_flow
 from tactile_nodes.sensing.texture_places import LEAST_KNOWN
 
@@ -85,7 +85,7 @@ def known_texture(texture: TextureGains, now: RestImage, first: RestImage) -> Kn
     (flow, image), (first_flow, first_image) = now, first
     if not (isinstance(flow, InverseCompositionalFlow) and isinstance(first_flow, InverseCompositionalFlow)):
         return None
-    if sharpness(image) - sharpness(first_image) < SHARPNESS_OFF[0]:
+    if sharpness(image) - sharpness(first_image) < REST_BLURRED_OFF:
         return None
     there = texture.beside(first_image)
     if there is None:

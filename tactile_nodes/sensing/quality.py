@@ -86,6 +86,14 @@ FAR_LIGHT = (0.4, 1.4)
 SHARPNESS_OFF = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
 
+BLURRED_OFF, RENEWED_OFF = -0.007, -0.014
+"""Beside the sharpness of single frames of a capture, where that is known: a blur of a quarter of a pixel takes the
+first, light of 1.3 times as much 0.006 and a press 0.0015. Renewed rest images are of fewer frames, and of another
+light, so that what noise adds to a frame is known less well; a blur of 0.35 px takes the second."""
+
+REST_BLURRED_OFF = -0.005
+"""A rest image that has so much less sharpness than another is blurred; its noise makes 0.002 of it."""
+
 NEAR_LIGHT = {'dis': (0.98, 1.02)}
 """Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Presses change it by 0.6 % at most, a
 camera shifted by 5 px by 0.8 %."""
@@ -109,12 +117,22 @@ class Unlike(NamedTuple):
 
 
 class PictureLikeness:
-    """Tells by little of each picture whether its light and its sharpness are those of a rest image."""
+    """Tells by little of each picture whether its light and its sharpness are those of a rest image.
 
-    def __init__(self, rest_image: UInt8[np.ndarray, 'h w'], flow: str) -> None:
+    Args:
+        rest_image: what pictures are compared with.
+        flow: the name of what measures motion.
+        added: how much sharper frames are by their noise than the mean of a capture, where that is known.
+        renewed: it was taken by itself.
+    """
+
+    def __init__(
+        self, rest_image: UInt8[np.ndarray, 'h w'], flow: str, added: float | None = None, *, renewed: bool = False
+    ) -> None:
         self._near_light = NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES)
         self._level = max(picture_faults(rest_image).level, 1.0)
         self.sharpness = sharpness(rest_image)
+        self._least = SHARPNESS_OFF[0] if added is None else added + (RENEWED_OFF if renewed else BLURRED_OFF)
 
     def near(self, level: float, sharp: float) -> Unlike:
         """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
@@ -124,10 +142,14 @@ class PictureLikeness:
         """In what it is so unlike that no other rest image helps."""
         return self._beyond(level, sharp, FAR_LIGHT)
 
+    def as_sharp(self, sharp: float, of: float) -> bool:
+        """Whether a picture is surely as sharp as those of this rest image, and the rest image in use, `of`, is not."""
+        return of < self.sharpness + REST_BLURRED_OFF and sharp - self.sharpness >= self._least - BLURRED_OFF / 2
+
     def _beyond(self, level: float, sharp: float, light: tuple[float, float]) -> Unlike:
         off = sharp - self.sharpness
-        blurred, noisy = SHARPNESS_OFF
-        return Unlike(not light[0] <= level / self._level <= light[1], not off >= blurred, off > noisy)
+        bright = not light[0] <= level / self._level <= light[1]
+        return Unlike(bright, not off >= self._least, off > SHARPNESS_OFF[1])
 
 
 def sharpness(image: UInt8[np.ndarray, 'h w']) -> float:
