@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
@@ -92,13 +92,13 @@ def known_texture(texture: TextureGains, now: RestImage, first: RestImage) -> Kn
         return None
     rows, cols = flow.known.shape
     near = max(image.shape[0] / rows, image.shape[1] / cols) <= NEAR * PATCH_PX
-    told = _as_around(there, cv2.max(image, first_image))
+    told = _as_around(there, (image >= CLIPPED_GREY) & (first_image < CLIPPED_GREY))
     return KnownTexture(flow, first_flow, flow if near else fine_flow(image), told)
 
 
-def _as_around(gains: Float32[np.ndarray, 'h w'], brightest: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
-    """Gains with spots that are too bright for the camera taken for those around them."""
-    clipped = cv2.dilate((brightest >= CLIPPED_GREY).astype(np.uint8), SPOT) > 0
+def _as_around(gains: Float32[np.ndarray, 'h w'], bright: Bool[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
+    """Gains with spots that have become too bright for the camera taken for those around them."""
+    clipped = cv2.dilate(bright.astype(np.uint8), SPOT) > 0
     sure = 1 - clipped.astype(np.float32)
     around = cv2.GaussianBlur(gains * sure, (0, 0), AROUND_PX) / np.maximum(
         cv2.GaussianBlur(sure, (0, 0), AROUND_PX), 0.05
