@@ -9,15 +9,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float16, Float32
 
+from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.uncertainty import Calibration
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.response_readout import ResponseReadout
+
+
+class QuickResponse(Response):
+    """A response whose table to begin with is made axis by axis: in 5 ms, not 70, as a frame waits for it.
+
+    (The same numbers but for their last digits, which those of sharp pictures shall keep.)
+    """
+
+    @cached_property
+    def start_components(self) -> Float32[np.ndarray, 'starts components']:
+        table = self.coefficients
+        for number, axis in enumerate(self.axes):
+            along = np.asarray(axis.design(np.unique(self.starts[:, number])), np.float32)
+            table = np.moveaxis(np.tensordot(along, table, axes=(1, number)), 0, number)
+        return np.ascontiguousarray(table.reshape(-1, table.shape[-1]), np.float32)
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,8 @@ class Blurs:
         for number, weight in ((below, 1 - part), (below + 1, part)):
             if number > 0 and weight > 0:
                 change += np.float32(weight) * self.levels[number - 1].change.astype(np.float32)
-        response = replace(sharp.response, coefficients=sharp.response.coefficients + change)
+        was = sharp.response
+        response = QuickResponse(*was.axes, was.coefficients + change, was.growth, was.power)
         changed = replace(sharp, blurs=None, response=response)
         nearest = round(place)
         return _measured_like(changed, self.levels[nearest - 1]) if nearest > 0 else changed

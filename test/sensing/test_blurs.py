@@ -11,6 +11,7 @@ from responding import BINS, COMPONENTS, GRID, components, features, readout
 from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.uncertainty import Calibration
 
@@ -101,3 +102,10 @@ def test_the_limits_of_a_level_are_its_own() -> None:
     made = made_of(replace(known, blurs=Blurs(SHARP, levels)), SOFT + 0.001)
     assert made.calibration == told
     assert (made.likeness.floor, made.likeness.share) == (5.0, 0.3)
+
+
+def test_the_table_to_begin_with_is_that_of_the_response() -> None:
+    made = made_of(knowing(), SOFT).response
+    usual = Response(*made.axes, made.coefficients, made.growth, made.power)
+    largest = np.abs(usual.start_components).max()
+    np.testing.assert_allclose(made.start_components, usual.start_components, atol=1e-5 * largest)
