@@ -7,12 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, measure
+from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, _planned, _tested, measure
 from tactile_nodes.benchmarks.transfer_scores import PLACEMENTS, Ratio, Score, draws, placed_squares, ratio
+from tactile_nodes.learning.evaluate import config_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.reading import Contact, spread_over_bins
+from tactile_nodes.simulation.other_gels import other_gel
 
 BINS = BinGrid()
 OWN = Score(-1, 0, AS_IT_IS, 0.002, 0.02, 0.0, 0.001, 0.0, 0.0, 0.9)
@@ -61,6 +63,18 @@ def test_what_changes_alike_on_all_gels_and_the_own_one_is_no_error_of_a_ratio()
 
 def test_every_readout_is_drawn_the_same_presses() -> None:
     np.testing.assert_array_equal(draws(7), draws(7))
+
+
+def test_all_gels_are_tested_at_the_same_places_and_depths_and_calibrated_at_others() -> None:
+    loaded, seed = load_model(find_model('portable')), 4242
+    own = config_of(loaded).gel
+    other = other_gel(own, 0, seed)
+    here, there = (_tested(loaded, gel, Progress(), 40)[0].presses for gel in (own, other))
+    np.testing.assert_array_equal(here[:, :3], there[:, :3])
+    assert (here[:, 3] != there[:, 3]).all()
+    pressed = _planned(loaded, other, Progress()).presses
+    pressed = pressed[pressed[:, 2] > 0]
+    assert np.hypot(*(here[:, None, :2] - pressed[:, :2]).transpose(2, 0, 1)).min() > 0.01
 
 
 def test_in_short_form_ten_presses_make_the_model_serve_another_gel() -> None:
