@@ -77,6 +77,7 @@ class RestImages:
         """Give a frame to the capture under way."""
         try:
             if self._tracker.offer_rest(image):
+                image = self._tracker.dead.mended(image)
                 assert self._tracker.reference is not None
                 self._announce(head, added=sharpness(image) - sharpness(self._tracker.reference))
                 seen = self._tracker.stillness(image)
@@ -201,6 +202,7 @@ class RestImages:
         rested = Rested(registration.surely, registration.maybe, like, changed)
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:
+            image = self._tracker.dead.renewed(image) if registration.straightening is None else image
             self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
 
     @property

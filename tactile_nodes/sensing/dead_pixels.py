@@ -26,7 +26,7 @@ END_GREY, END_SHARE = 6, 0.3
 """Pixels that show 0 or 255 are off where the rest image is so far from there, if this share of them is off anyway."""
 
 SEEN = 3
-"""A pixel is dead when so many frames, one after another, were still but for it and others."""
+"""A pixel is dead when so many frames were still but for it and others, touches between them or not."""
 
 MOST_SHARE = 0.1
 """Share of the pixels above which a picture is not one with dead pixels."""
@@ -108,7 +108,12 @@ class DeadPixels:
 
         They are those at 0 or 255 that their neighbours say are something else altogether.
         """
-        self._filling, dead = None, _impossible(rest)
+        self._filling = None
+        return self.renewed(rest)
+
+    def renewed(self, rest: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The same of one that was made of mended frames; what was dead stays so."""
+        dead = _impossible(rest)
         if dead.any():
             roughly = np.where(dead, cv2.medianBlur(rest, 2 * REACH_PX + 1), rest)
             self._take(Filling(roughly, dead)(rest), rest, dead)
@@ -119,8 +124,7 @@ class DeadPixels:
     def beside(self, rest: UInt8[np.ndarray, 'h w']) -> None:
         """Take that frames, mended, are compared with this rest image from now on."""
         self._rest = rest
-        self._looks = 0
-        self._in_vain()
+        self._forget()
 
     def mended(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image with dead pixels filled in; the image itself where there are none, or it has another size."""
@@ -135,28 +139,28 @@ class DeadPixels:
         """Look at a mended frame that shows more than motion; whether more pixels were found dead.
 
         `still`: whether a picture shows what the rest image shows, and nothing touches. Only if it is that but for
-        the pixels that are off, in some frames one after another, are they dead.
+        the pixels that are off, in some frames, are they dead.
         """
         self._looks += 1
         if self._rest is None or (self._looks > IN_VAIN and self._looks % SELDOM):
             return False
         off = _off(image, self._rest)
-        if not 0 < np.count_nonzero(off) <= MOST_SHARE * off.size:
-            return self._in_vain()
-        if around(off)[off].min() < LEAST_AROUND or not still(Filling(self._rest, off)(image)):
-            return self._in_vain()
+        if not 0 < np.count_nonzero(off) <= MOST_SHARE * off.size or around(off)[off].min() < LEAST_AROUND:
+            return False
+        if not still(Filling(self._rest, off)(image)):
+            return False  # something touches
         self._suspects = off if self._suspects is None else self._suspects & off
         self._seen, self._looks = self._seen + 1, 0
-        if self._seen < self._needed or not self._suspects.any():
+        if self._seen < self._needed:
             return False
-        self._take(self._rest, image, self._suspects)
-        self._in_vain()
-        self._looks = 0
-        return True
+        found = bool(self._suspects.any())
+        if found:
+            self._take(self._rest, image, self._suspects)
+        self._forget()
+        return found
 
-    def _in_vain(self) -> bool:
-        self._suspects, self._seen = None, 0
-        return False
+    def _forget(self) -> None:
+        self._suspects, self._seen, self._looks = None, 0, 0
 
     def _take(self, like: np.ndarray, image: np.ndarray, more: np.ndarray) -> None:
         """Fill in these pixels, too, from now on."""

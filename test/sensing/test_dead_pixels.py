@@ -80,6 +80,12 @@ def test_what_jpeg_adds_is_no_dead_pixel(quality: int) -> None:
     assert looked(*(through_jpeg(picture(number=number), quality) for number in range(SEEN))).count == 0
 
 
+def test_touches_between_the_frames_do_not_hinder() -> None:
+    frames = [with_dead(picture(number=number)) for number in range(SEEN)]
+    touched = with_dead(picture(press(200, 240, 3.0), number=4))
+    assert looked(frames[0], touched, frames[1], touched, frames[2]).count == looked(*frames).count > 0
+
+
 def test_two_frames_do_not_tell() -> None:
     assert looked(*(with_dead(picture(number=number)) for number in range(SEEN - 1))).count == 0
 
@@ -125,6 +131,15 @@ def test_pixels_that_are_dead_from_the_first_frame_on_are_found_in_the_rest_imag
     rest = dead.captured(with_dead(REST, grey))
     assert dead.count >= found * np.count_nonzero(DEAD)
     assert float(np.sqrt(np.square(rest.astype(float) - REST)[DEAD].mean())) < 0.3 * REST.std()
+
+
+def test_a_renewed_rest_image_shows_more_dead_pixels_and_forgets_none() -> None:
+    dead = looked(*(with_dead(picture(number=number)) for number in range(SEEN)))
+    before, dimmed = dead.count, with_dead((0.7 * REST).astype(np.uint8))
+    dimmed[100, 100] = dimmed[300, 200] = 255
+    rest = dead.renewed(dead.mended(dimmed))
+    assert dead.count == before + 2
+    assert max(rest[100, 100], rest[300, 200]) < 150
 
 
 @pytest.mark.parametrize(('light', 'offset'), [(1.0, 0), (2.5, 0), (1.0, -30)])
