@@ -151,7 +151,8 @@ class Templates:
     def _shown(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 3 2 pixels']:
         """By which part of each template each pixel shows its motion right and down."""
         slopes = self._slopes * (1 + self.grid.windows(np.ascontiguousarray(gains), self.grid.corner))[:, None]
-        return self._basis[:, :, None] * slopes[:, None]
+        shown: np.ndarray = self._basis[:, :, None] * slopes[:, None]
+        return shown
 
     def _calibrated(self, moved: Moved) -> Float32[np.ndarray, '2 terms patches']:
         """Coefficients of what to add to the linear answers, so that the rest image's own motions come out true."""
