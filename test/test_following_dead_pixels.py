@@ -19,6 +19,7 @@ from tactile_nodes.sensing.reference import average
 sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
 from dots import SIDE, picture, press
 
+FORCE = types.ForceDistribution
 S = 1_000_000_000
 TOUCH = press(180, 250, 1.5)
 DRAWN = np.random.default_rng(6).random((SIDE, SIDE))
@@ -42,7 +43,7 @@ def stream(share: float, grey: int, begin: int) -> Iterator[np.ndarray]:
         yield image
 
 
-@pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.03, 255), (0.03, 0)])
+@pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.008, 255), (0.008, 0)])
 @pytest.mark.parametrize('begin', [0, 6])
 def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(share: float, grey: int, begin: int) -> None:
     plain, told = (answered(stream(each, grey, begin)) for each in (0.0, share))
@@ -50,6 +51,13 @@ def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(share
     off = np.abs(told[-1].values - plain[-1].values).max()
     assert off < 0.01 + 1.5 * 0.5 * share  # a patch shows less of its motion by half of the share that says little
     assert len({each.reference_id for each in told[4:]}) == 1
+
+
+@pytest.mark.parametrize('grey', [0, 255])
+def test_a_picture_of_which_more_than_a_hundredth_is_guessed_is_told(grey: int) -> None:
+    plain, told = (answered(stream(share, grey, begin=6)) for share in (0.0, 0.03))
+    assert told[-1].reasons == FORCE.REASON_LIGHT_CHANGED
+    assert np.abs(told[-1].values - plain[-1].values).max() < 0.01 + 1.5 * 0.5 * 0.03
 
 
 def test_dead_pixels_do_not_end_a_calibration() -> None:
