@@ -25,12 +25,12 @@ class RenewalOptions:
     After a change of the picture that is no touch a rest image is renewed at once, but `apart_s` after the one before,
     and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
     for `after_s`. The noise of few frames makes motion seem less, in a picture that lost contrast by a hundredth, so a
-    renewed rest image is taken once more, of `refined` frames that are surely at rest beside it, touches between them
-    or not.
+    renewed rest image is taken once more, of the first `refined` frames that are surely at rest beside it, touches
+    between them or not, and again of more of them.
     """
 
     frames: int = 4
-    refined: int = 16
+    refined: tuple[int, ...] = (8, 16)
     least_s: float = 0.15
     apart_s: float = 2.0
     after_s: float = 60.0
@@ -61,18 +61,20 @@ class Renewal:
         self._apart_s = 0.0
         self._straightening: object = None
         self._begin()
-        self._offered, self._refining = 0, False
+        self._offered, self._refining, self._again = 0, False, False
         self._finer = RestAccumulator()
 
     def taken(self, stamp_ns: int, *, renewed: bool) -> None:
         """Take that a rest image came into use, whose frames were at rest."""
-        finer = renewed and self._offered >= self._options.refined
+        finer = renewed and self._again
         if not finer:
             self._apart_s = self._next_apart_s(stamp_ns) if renewed else 0.0
             self._renewed_ns = stamp_ns if renewed else None
         self._taken_ns, self._calm = stamp_ns, True
-        self._refining = renewed and 0 < self._offered < self._options.refined
-        self._offered, self._finer = 0, RestAccumulator()
+        self._refining = renewed and 0 < self._offered < self._options.refined[-1]
+        if not finer:
+            self._finer = RestAccumulator()
+        self._offered, self._again = 0, False
         self._begin()
 
     def offer(
@@ -94,7 +96,7 @@ class Renewal:
         self._frames.add(straight)
         if self._frames.count < self._options.frames or stamp_ns - self._first_ns < self._options.least_s * NS_PER_S:
             return None
-        finished, self._offered = self._frames.image(), self._frames.count
+        finished, self._offered, self._again = self._frames.image(), self._frames.count, False
         self._begin()
         return finished
 
@@ -103,9 +105,9 @@ class Renewal:
         if not self._refining or not rested.surely or rested.changed:
             return None
         self._finer.add(straight)
-        if self._finer.count < self._options.refined:
+        if self._finer.count not in self._options.refined:
             return None
-        self._refining, self._offered = False, self._finer.count
+        self._refining, self._offered, self._again = False, self._finer.count, True
         return self._finer.image()
 
     def _fits(self, stamp_ns: int, rested: Rested) -> bool:

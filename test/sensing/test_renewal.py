@@ -63,7 +63,7 @@ def test_a_picture_that_goes_on_changing_is_renewed_less_and_less_often() -> Non
 
 
 def test_a_renewed_rest_image_is_taken_once_more_of_frames_at_rest_touches_between_them_or_not() -> None:
-    renewal, found = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=6)), []
+    renewal, found = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=(6,))), []
     renewal.taken(0, renewed=False)
     course = [DIMMER] * 4 + [STILL, TOUCHED_BESIDE, CREPT, STILL] * 4
     for number, each in enumerate(course, 1):
@@ -75,7 +75,20 @@ def test_a_renewed_rest_image_is_taken_once_more_of_frames_at_rest_touches_betwe
     assert found == [(4, 55), (12, 67)]
 
 
+def test_a_renewed_rest_image_is_taken_of_more_and_more_frames_at_rest() -> None:
+    """Of four frames, of the next six, and of these and four more; then of no more."""
+    renewal, found = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=(6, 10))), []
+    renewal.taken(0, renewed=False)
+    for number, each in enumerate([DIMMER] * 4 + [STILL] * 60, 1):
+        image = renewal.offer(np.full((4, 4), 50 + 2 * number, np.uint8), number * S // 30, each)
+        if image is not None:
+            renewal.taken(number * S // 30, renewed=True)
+            found.append((number, int(image[0, 0])))
+    # Means of the numbers 1 to 4, 5 to 10 and 5 to 14.
+    assert found == [(4, 55), (10, 65), (14, 69)]
+
+
 def test_a_captured_rest_image_and_a_refined_one_are_not_taken_once_more() -> None:
-    renewal = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=6))
+    renewal = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=(6,)))
     renewal.taken(0, renewed=True)  # the captured one, which has returned
     assert all(renewal.offer(IMAGE, number * S // 30, STILL) is None for number in range(1, 60))
