@@ -37,6 +37,10 @@ class QuickResponse(Response):
         return np.ascontiguousarray(table.reshape(-1, table.shape[-1]), np.float32)
 
 
+AS_SHARP = 0.005
+"""Rest images of the same picture differ by less. Beside one a picture that is told blurred is a noisy one."""
+
+
 @dataclass(frozen=True)
 class Blur:
     """A response in pictures of one sharpness (that of their rest image, see `quality.sharpness`).
@@ -67,7 +71,7 @@ class Blurs:
 
         Beyond the last level it is that of the last. Noise, uncertainty and limits are those of the nearest level.
         """
-        if not (math.isfinite(sharpness) and 0 < sharpness < self.sharpness):
+        if not (math.isfinite(sharpness) and 0 < sharpness < self.sharpness - AS_SHARP):
             return None
         known = [self.sharpness, *(each.sharpness for each in self.levels)]
         place = float(np.interp(-sharpness, [-each for each in known], range(len(known))))
