@@ -1,7 +1,7 @@
 """The failure bench: each disturbance from none to far too much, for each profile. Does it hold, and if not, does it
 say so?
 
-A simulated sensor takes its rest image, then something goes wrong, and twenty presses come and go meanwhile. What the
+A simulated sensor takes its rest image, then something goes wrong, and forty presses come and go meanwhile. What the
 live nodes would publish is compared with the truth: force errors, contacts told while nothing touches, contacts missed,
 and the status of every message. Everything is simulation; docs/results/stability.md has the results.
 

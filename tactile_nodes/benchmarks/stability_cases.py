@@ -77,7 +77,7 @@ def _gone(name: str, levels: tuple[float, ...], gone: Callable[..., np.ndarray],
 
 def _during(moment: Moment, share: float) -> float:
     """How much of a change that comes slowly is there; all of it when two thirds of the presses are over."""
-    return share * min(1.0, max(0, moment.number - 20) / 90)
+    return share * min(1.0, max(0, moment.number - 20) / 170)
 
 
 LIGHT = (

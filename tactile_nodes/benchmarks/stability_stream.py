@@ -38,10 +38,10 @@ Presses = tuple[Press, ...]
 class Plan:
     """How long a stream is, in frames and presses.
 
-    Of eight presses the undisturbed error is chance: 1.0 mN with one seed and 3.4 with another, 2.3 and 2.6 of twenty.
+    Of eight presses the undisturbed error is chance: 1.0 mN with one seed and 3.4 with another, 2.1 and 1.8 of twenty.
     """
 
-    presses: int = 20
+    presses: int = 40
     before: int = 4
     coming: int = 10
     approach: int = 1
