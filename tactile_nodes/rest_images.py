@@ -38,6 +38,10 @@ MOST_DEAD = 0.01
 """Share of the pixels from which a picture with dead ones filled in is another: of 5 % `accurate` is up to 1.8 times as
 wrong, of 2 % 1.6 times."""
 
+ELSEWHERE_PX = 0.15
+"""Moved by half a pixel and straightened, a picture of markers of three pixels is not what it was: patches at full size
+read motion in it a percent or two off, those of half size do not."""
+
 PREPARE_S = 0.2
 """From the last frame of a renewed rest image until it is used, so that which frame is the first is no chance."""
 
@@ -200,7 +204,7 @@ class RestImages:
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
-        apart = self._apart(registration) or self._dented or self._blurred
+        apart = self._apart(registration) or self._fell_elsewhere(registration) or self._dented or self._blurred
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
         fit = registration.settled and not self._tracker.banded
         like, changed = (still and not apart, changed) if fit else (True, False)
@@ -218,6 +222,12 @@ class RestImages:
     def _apart(self, registration: Registration) -> bool:
         """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
         return self._dense and registration.apart_px > KNOCK_PX
+
+    def _fell_elsewhere(self, registration: Registration) -> bool:
+        """Whether patches of single pixels read a picture whose parts of pixels are others than the rest image's."""
+        rest = self._tracker.rest
+        fine = rest is not None and rest.flow.options.get('finest_scale') == 0 and not self._dense
+        return fine and registration.apart_px > ELSEWHERE_PX
 
     def _announce(self, head: types.Header, *, renewed: bool = False, added: float | None = None) -> None:
         image = self._tracker.reference

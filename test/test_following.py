@@ -15,6 +15,7 @@ from tactile_nodes import conversions
 from tactile_nodes.estimating import Estimating, told_sigma_n
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
+from tactile_nodes.methods import InverseCompositionalParams
 from tactile_nodes.sensing.model import ForceMap
 
 sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
@@ -27,8 +28,9 @@ S = 1_000_000_000
 class Stream:
     """Frames of dots at 30 a second through the features of `fast`."""
 
-    def __init__(self) -> None:
-        params = FollowingParams(rows=10, cols=10, reference_frames=4)
+    def __init__(self, finest_scale: int = 1) -> None:
+        flow = InverseCompositionalParams(finest_scale=finest_scale)
+        params = FollowingParams(rows=10, cols=10, reference_frames=4, inverse_compositional=flow)
         self.following, self.number = Following(params), 0
         self.following.begin_capture()
         self.announced: list[str] = []
@@ -124,6 +126,17 @@ def test_a_knock_is_degraded_until_three_frames_have_shown_the_gel_at_rest() -> 
     stream.feed(8)
     told = [stream.feed(1, shift(0.7, -0.4)).reasons for _ in range(6)]
     assert [bool(each & FORCE.REASON_FOREIGN_MOTION) for each in told] == [True, True, False, False, False, False]
+
+
+@pytest.mark.parametrize(('finest_scale', 'rest_images'), [(0, 2), (1, 1)])
+def test_a_knock_by_parts_of_a_pixel_renews_the_rest_image_of_patches_at_full_size(
+    finest_scale: int, rest_images: int
+) -> None:
+    stream, knocked = Stream(finest_scale), shift(0.5, 0.5)
+    stream.feed(8)
+    stream.feed(15, knocked)
+    assert len(stream.announced) == rest_images
+    assert stream.feed(1, knocked).reasons == 0
 
 
 def test_a_picture_that_grew_stays_degraded() -> None:
