@@ -149,7 +149,7 @@ class SimulatedSource:
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
         config = candidate.of(self._base)
-        settings = replace(config.response, blurred_presses=0)  # candidates are compared in sharp pictures
+        settings = replace(config.response, blurred_presses=0, texture_presses=0)  # compared in pictures as they are
         return training_data(replace(config, response=settings), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
