@@ -120,15 +120,16 @@ def test_in_a_blurred_picture_gains_of_single_spots_are_not_used(learned: Textur
     assert known is None
 
 
-def test_spots_too_bright_for_the_camera_are_taken_for_those_around(learned: TextureGains) -> None:
-    """With gains at bright spots alone, and light that drowns these, nothing is left to correct by."""
-    bright = shown(light=220.0)
-    drowned = cv2.dilate((bright >= 250).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+def test_spots_that_have_become_too_bright_are_taken_for_those_around(learned: TextureGains) -> None:
+    """With gains at spots alone that more light drowns, nothing is left to correct by."""
+    bright = shown(light=150.0)
+    drowned = (bright >= 250) & (shown() < 250)
+    assert 20 < drowned.sum() < 0.1 * drowned.size
     only_there = replace(learned, gains=np.where(drowned, learned.gains, np.float32(0)))
     known, now = beside_first(only_there, bright)
     none, _ = beside_first(replace(learned, gains=np.zeros_like(learned.gains)), bright)
     assert known is not None and none is not None
     found = now.displacement(bright)
     np.testing.assert_allclose(
-        known.as_first(found, found).displacement_px, none.as_first(found, found).displacement_px, atol=1e-3
+        known.as_first(found, found).displacement_px, none.as_first(found, found).displacement_px, atol=1e-4
     )
