@@ -129,7 +129,7 @@ def test_spots_that_have_become_too_bright_are_taken_for_those_around(learned: T
     known, now = beside_first(only_there, bright)
     none, _ = beside_first(replace(learned, gains=np.zeros_like(learned.gains)), bright)
     assert known is not None and none is not None
-    found = now.displacement(bright)
+    found = now.displacement(shown(EAST, light=150.0))
     np.testing.assert_allclose(
         known.as_first(found, found).displacement_px, none.as_first(found, found).displacement_px, atol=1e-4
     )
