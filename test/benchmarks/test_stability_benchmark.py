@@ -112,6 +112,16 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
     assert found.false_ok_n <= 0.020
 
 
+@pytest.mark.parametrize(('name', 'level'), [('blur', 1), ('markers gone', 20), ('stuck pixels', 5), ('dirt', 1)])
+def test_error_stays_within_twice_the_usual_in_pictures_that_training_and_rest_image_tell_of(
+    world: World, usual_n: float, name: str, level: float
+) -> None:
+    """Degraded or not."""
+    found = follow(world, named(name)[0].at(level), ['fast'], FEW)['fast']
+    assert found.rmse_n is not None
+    assert found.rmse_n <= 2 * usual_n + FLOOR_N
+
+
 @pytest.mark.parametrize(
     ('name', 'level'),
     [
