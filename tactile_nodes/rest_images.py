@@ -39,8 +39,8 @@ MOST_DEAD = 0.01
 wrong, of 2 % 1.6 times."""
 
 ELSEWHERE_PX = 0.15
-"""Moved by half a pixel and straightened, a picture of markers of three pixels is not what it was: patches at full size
-read motion in it a percent or two off, those of half size do not."""
+"""Moved by half a pixel and straightened, a picture of markers of three pixels is not what it was: patches read motion
+in it up to two percent off, most of all those at full size."""
 
 PREPARE_S = 0.2
 """From the last frame of a renewed rest image until it is used, so that which frame is the first is no chance."""
@@ -224,10 +224,8 @@ class RestImages:
         return self._dense and registration.apart_px > KNOCK_PX
 
     def _fell_elsewhere(self, registration: Registration) -> bool:
-        """Whether patches of single pixels read a picture whose parts of pixels are others than the rest image's."""
-        rest = self._tracker.rest
-        fine = rest is not None and rest.flow.options.get('finest_scale') == 0 and not self._dense
-        return fine and registration.apart_px > ELSEWHERE_PX
+        """Whether patches read a picture that fell elsewhere on the camera's pixels than the rest image's."""
+        return not self._dense and registration.apart_px > ELSEWHERE_PX
 
     def _announce(self, head: types.Header, *, renewed: bool = False, added: float | None = None) -> None:
         image = self._tracker.reference

@@ -7,7 +7,7 @@ about a millisecond of a processor while the pictures are alike, and up to 80 ms
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow import FlowMethod
+from tactile_nodes.sensing.picture_motion import MotionFit
 
 PATCHES = 10
 FOUND = 0.4
@@ -42,7 +43,8 @@ class PictureChange:
 
     The common motion is shift + turn + growth about the middle of the picture: `shift_px` (right, down), `turn_deg`
     (clockwise as seen), `growth` (0.001: a thousandth larger). `size_px` is its root mean square over the patches,
-    `middle_px` the length of the median motion, `left_px` what 19 of 20 patches move beside it at most. `found` is the
+    `middle_px` the length of the median motion, `left_px` what 19 of 20 patches move at most beside it and beside how a
+    tilted camera bends a picture. `found` is the
     share of the patches that were found again, `contrast` and `brightness` are now over then. What cannot be said of a
     picture that is another altogether is NaN.
     """
@@ -95,6 +97,7 @@ class PictureComparison:
             )
         self._contrast, self._brightness = _contrast(earlier), max(float(earlier.mean()), 1.0)
         self._places = _places(earlier.shape)[self._known]
+        self._fit = MotionFit(earlier.shape, PATCHES, PATCHES)
 
     def of(self, picture: UInt8[np.ndarray, 'h w']) -> PictureChange:
         """What changed from the earlier picture to this one.
@@ -114,7 +117,18 @@ class PictureComparison:
         brightness = float(picture.mean()) / self._brightness
         if found.mean() < LEAST_FOUND:
             return PictureChange(float(found.mean()), contrast, brightness)
-        return _change(field.displacement_px[self._known], self._places, found, contrast, brightness)
+        left_px = self._left_px(field.displacement_px, field.confidence)
+        change = _change(field.displacement_px[self._known], self._places, found, contrast, brightness)
+        return replace(change, left_px=left_px)
+
+    def _left_px(
+        self, motion: Float32[np.ndarray, 'rows cols 2'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> float:
+        """What 19 of 20 patches move beside all that a camera does to a picture, the bends of a tilt included."""
+        found = (self._known & (confidence >= FOUND)).reshape(-1)
+        moved = motion.reshape(-1, 2).astype(float)
+        away = np.hypot(*(moved - self._fit.carried(self._fit.common(moved, found.astype(float)))).T)
+        return float(np.percentile(away[found], 95))
 
 
 def _change(
@@ -128,7 +142,6 @@ def _change(
     middle = np.median(moved, axis=0)
     common = common_motion(moved, at)
     carried = _carried(common, at)
-    away = np.hypot(*(moved - carried).T)
     return PictureChange(
         found=float(found.mean()),
         contrast=contrast,
@@ -138,7 +151,6 @@ def _change(
         growth=float(common[2]),
         size_px=float(np.sqrt(np.square(carried).sum(axis=1).mean())),
         middle_px=float(np.hypot(*middle)),
-        left_px=float(np.percentile(away, 95)),
     )
 
 

@@ -149,6 +149,14 @@ def test_dense_search_takes_light_for_motion_so_it_is_graver_there(rest: np.ndar
     assert watched(monitor, [changed(light_gain=0.7).picture()]).verdict.level == Level.INVALID
 
 
+def test_a_tilted_camera_bends_the_picture_and_dents_nothing(monitor: DriftMonitor) -> None:
+    """By 0.14 degrees about each axis it looks 1 px aside, and the rim goes by a fifth less than the middle."""
+    monitor.rest(changed(camera_tilt_deg=(0.14, 0.14)).rest())
+    assert monitor.verdict.reasons == Reason.MOVED_SINCE_CALIBRATION
+    assert monitor.verdict.since_calibration is not None
+    assert monitor.verdict.since_calibration.left_px < 0.1
+
+
 def test_another_gel_is_called_one_at_once(monitor: DriftMonitor) -> None:
     monitor.rest(changed(seed=5).rest())
     verdict = monitor.verdict
