@@ -23,7 +23,6 @@ from tactile_nodes.methods import (
     make_check,
     make_methods,
     make_registration,
-    texture_of,
     told,
 )
 from tactile_nodes.params import parameter
@@ -75,7 +74,7 @@ class Following:
     def __init__(self, params: FollowingParams, tell: Callable[[str], None] | None = None) -> None:
         if params.compiled:
             use_compiled(tell=tell)
-        flow, self._encoding = make_methods(params)
+        flow, self._encoding, texture = make_methods(params)
         self._method = told(flow)
         self._tracker = FeatureTracker(
             flow,
@@ -84,7 +83,7 @@ class Following:
             marked_share=params.marked_share,
             check=make_check(params.stillness),
             registration=make_registration(params.registration),
-            texture=texture_of(params) if params.renew else None,
+            texture=texture if params.renew else None,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
         self._rest_images = RestImages(self._tracker, flow.name, renewal)

@@ -94,8 +94,10 @@ def make_registration(params: RegistrationParams) -> Registration | None:
     return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
 
-def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:
-    """The flow method and the features that parameters ask for.
+def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding, TextureGains | None]:
+    """The flow method and the features that parameters ask for, and how far each spot of a model's gel goes.
+
+    The last is None of a model that does not know it, or without one.
 
     Raises:
         ConfigurationError: no such method or option.
@@ -103,21 +105,12 @@ def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding]:
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        return make_flow(*loaded.flow), make_encoding(*loaded.encoding)
+        return make_flow(*loaded.flow), make_encoding(*loaded.encoding), loaded.texture
     regions = {'rows': params.rows, 'cols': params.cols}
     options = asdict(params.dis)
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
-    return make_flow(params.method, options), make_encoding(params.encoding, regions)
-
-
-def texture_of(params: MethodParams) -> TextureGains | None:
-    """How far each spot of the model's gel goes; None of a model that does not know, or without one.
-
-    Raises:
-        ModelError: the model cannot be used.
-    """
-    return load_model(find_model(params.model)).texture if params.model else None
+    return make_flow(params.method, options), make_encoding(params.encoding, regions), None
 
 
 def told(flow: FlowMethod) -> str:
