@@ -27,8 +27,7 @@ MOST_GAIN = 0.4
 CLIPPED_GREY, AROUND_PX, LEAST_SHARE = 250, 8.0, 0.05
 SPOT = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
 """Spots that lie upon each other are the brightest ones. They change their shape as one goes further than the other,
-and where the camera cuts that off their gains mean nothing: they would make forces in light of 1.5 times as much a half
-more wrong."""
+and where the camera cuts that off their gains mean nothing."""
 
 RestImage = tuple[FlowMethod, UInt8[np.ndarray, 'h w']]
 """A flow and the rest image that it measures against."""
@@ -77,7 +76,7 @@ def _smooth(told: InverseCompositionalFlow, gains: Float32[np.ndarray, 'h w']) -
 
 
 def known_texture(texture: TextureGains, now: RestImage, first: RestImage) -> KnownTexture | None:
-    """Between two rest images of one gel, the second captured, the first one renewed; takes some 0.1 s.
+    """Between two rest images of one gel, the second captured, the first one renewed; made beside the frames.
 
     None where no patches tell, where the texture is that of another gel, and where the picture has become blurred:
     spots run into each other there.
@@ -100,8 +99,6 @@ def _as_around(gains: Float32[np.ndarray, 'h w'], bright: Bool[np.ndarray, 'h w'
     """Gains with spots that have become too bright for the camera taken for those around them."""
     clipped = cv2.dilate(bright.astype(np.uint8), SPOT) > 0
     sure = 1 - clipped.astype(np.float32)
-    around = cv2.GaussianBlur(gains * sure, (0, 0), AROUND_PX) / np.maximum(
-        cv2.GaussianBlur(sure, (0, 0), AROUND_PX), 0.05
-    )
-    told: np.ndarray = np.where(clipped, around, gains).astype(np.float32)
+    near, share = (cv2.GaussianBlur(each, (0, 0), AROUND_PX) for each in (gains * sure, sure))
+    told: np.ndarray = np.where(clipped, near / np.maximum(share, LEAST_SHARE), gains).astype(np.float32)
     return told

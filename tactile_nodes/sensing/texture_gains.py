@@ -1,8 +1,8 @@
 """How far each spot of a gel's texture goes beside the motion around it, as presses showed it.
 
 Markers near the skin go with what presses, those near the camera hardly move, and every region has some of all depths:
-of 20x20 regions of the simulated gel single spots go a third further or less than the rest. A patch finds the mean
-over its spots, so it finds another one where some of them are gone. Which spots go how far, a rest image does not tell.
+of the simulated gel single spots go a quarter further or less than the rest (`tactile model info fast`). A patch finds
+the mean over its spots, so another one where some of them are gone. Which spots go how far, a rest image does not tell.
 Presses do: a picture moved back by the smooth motion that patches found is the rest image, but for what single spots
 went further. To the first order that is the gradient of the rest image times the motion, times the spot's gain; least
 squares over all presses give it.
