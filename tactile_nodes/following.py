@@ -149,7 +149,7 @@ class Following:
         faults = picture_faults(image)
         dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
         stale = self._freshness.stale(stamp_ns(head.stamp), _age_s(acquire_s, waited_s)) * FORCE.REASON_STALE
-        if missing := dark | self._missing(image, head):
+        if missing := dark | self._missing(image, head, faults.level):
             return self._message(image, head, self._nothing(), faults.level, reasons=missing | stale)
         field_px = self._tracker.field(image, stamp_ns(head.stamp))
         flow_ns = perf_ns()
@@ -181,7 +181,7 @@ class Following:
         image, field_px = self._last
         return overlay(np.array(image), field_px.displacement_px)
 
-    def _missing(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> int:
+    def _missing(self, image: UInt8[np.ndarray, 'h w'], head: types.Header, level: float) -> int:
         """Why a frame cannot be measured, if it cannot."""
         if self._tracker.capturing:
             self._rest_images.offer(image, head)
@@ -190,7 +190,7 @@ class Following:
         if self._tracker.reference is None:
             return FORCE.REASON_NO_REFERENCE
         if image.shape == self._tracker.reference.shape:
-            return 0
+            return self._rest_images.faint(level) * FORCE.REASON_DARK_IMAGE
         (height, width), (known_height, known_width) = image.shape, self._tracker.reference.shape
         self._trouble = (
             f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '

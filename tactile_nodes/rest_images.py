@@ -115,6 +115,10 @@ class RestImages:
         """A frame as it is to be measured, with dead pixels filled in; a capture looks for its own."""
         return image if self._tracker.capturing else self._tracker.dead.mended(image)
 
+    def faint(self, level: float) -> bool:
+        """Whether a frame of this mean grey has too little of the light of the captured rest image."""
+        return self._captured is not None and self._captured.faint(level)
+
     def judge(self, image: UInt8[np.ndarray, 'h w'], level: float, head: types.Header) -> int:
         """What there is to say of a frame that was measured; it may become part of the next rest image."""
         still = self._tracker.still

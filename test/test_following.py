@@ -168,6 +168,14 @@ def test_black_and_white_are_told_in_the_first_frame_and_forgotten_in_the_next(g
     assert stream.feed(1).reasons == 0
 
 
+def test_less_than_a_seventh_of_the_light_is_dark_at_once_and_forgotten_when_it_is_back() -> None:
+    stream = Stream()
+    stream.feed(8)
+    assert not stream.feed(1, light=0.2).reasons & FORCE.REASON_DARK_IMAGE
+    assert stream.feed(1, light=0.12).reasons == FORCE.REASON_DARK_IMAGE
+    assert stream.feed(1).reasons == 0
+
+
 @pytest.fixture(scope='module')
 def fast() -> Estimating:
     return Estimating('fast')

@@ -7,6 +7,7 @@ and the status of every message. Everything is simulation; docs/results/stabilit
 
     tactile bench stability --only shifted
     tactile bench stability --only time --profiles fast
+    tactile bench stability --only blur --seed 12
     tactile bench stability -o docs/results
 """
 
@@ -15,7 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--profiles', nargs='+', default=list(PROFILES), metavar='MODEL',
         help='models that ship, or files of models of the simulated gel (default: paper fast accurate)',
     )  # fmt: skip
+    parser.add_argument('--seed', type=int, default=Plan.seed, help='of places and depths of the presses (default: 11)')
     parser.add_argument('--quick', action='store_true', help='three presses and the largest level: to see that it runs')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write stability.json, .md and .png there')
 
@@ -57,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not cases:
         known = ', '.join(dict.fromkeys(each.family for each in CASES))
         raise ConfigurationError(f'no disturbance is called {arguments.only!r}; families are: {known}')
-    plan = QUICK if arguments.quick else Plan()
+    plan = replace(QUICK if arguments.quick else Plan(), seed=arguments.seed)
     result = surroundings(_command(arguments))
     result |= measure(cases, arguments.profiles, plan, TerminalProgress(), largest_only=arguments.quick)
     text = page(result)
@@ -118,5 +120,6 @@ def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> d
 def _command(arguments: argparse.Namespace) -> str:
     words = ['tactile bench stability', *['--quick'] * arguments.quick]
     words += [f'--only "{arguments.only}"'] if arguments.only else []
+    words += [] if arguments.seed == Plan.seed else ['--seed', str(arguments.seed)]
     words += [] if arguments.profiles == list(PROFILES) else ['--profiles', *arguments.profiles]
     return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])

@@ -21,6 +21,7 @@ from tactile_nodes.benchmarks.stability_stream import (
 )
 from tactile_nodes.benchmarks.stability_times import TIMES, caught_once
 from tactile_nodes.sensing.fixed_reference_patches import moved_image
+from tactile_nodes.sensing.quality import FAINT_LIGHT
 from tactile_nodes.simulation import disturbances as disturb
 from tactile_nodes.simulation.camera import through_jpeg
 from tactile_nodes.simulation.gel import Gel
@@ -80,14 +81,19 @@ def _during(moment: Moment, share: float) -> float:
     return share * min(1.0, max(0, moment.number - 20) / 170)
 
 
+def _faded(moment: Moment, percent: float) -> float:
+    return 1 - _during(moment, percent / 100)
+
+
 LIGHT = (
     _light('brightness', 'x', (0.7, 0.5, 1.3, 1.5), lambda light, _, level: light * level,
            0.7, 1.3),
     _light('gradient', '% at the edges', (20, 90), lambda light, _, level: disturb.graded(light, level / 100)),
     _light('flicker', '%', (10, 30),
            lambda light, at, level: light * np.float32(1 + level / 100 * math.sin(2.3 * at.number))),
-    _light('fading LED', '% at the end', (50, 90),
-           lambda light, at, level: light * np.float32(1 - _during(at, level / 100))),
+    Case('light', 'fading LED', '% at the end', (50, 90),
+         lambda level: Change(light=lambda light, at: light * np.float32(_faded(at, level)),
+                              beyond=lambda at: _faded(at, level) < FAINT_LIGHT)),
     _light('hot spot', 'grey', (20, 100, 400), lambda light, _, level: disturb.with_hot_spot(light, level)),
 )  # fmt: skip
 

@@ -39,8 +39,9 @@ nothing touches, and the share of frames at rest in which one was; *status* the 
 and invalid (in every stream the first frame of each contact is degraded, as it may have been caught moving, which is
 one in seven, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the
 error in units of it; *said after* and *invalid after* the number of the first frame after the cause that is not ok, and
-is invalid (1: at once); *left after* the last one after its end that is still invalid. Bold: a force more than twice as
-wrong as undisturbed, or a false contact above 20 mN, with status ok."""
+is invalid (1: at once; of light that fades from where a seventh of it is left); *left after* the last one after its end
+that is still invalid. Bold: a force more than twice as wrong as undisturbed, or a false contact above 20 mN, with
+status ok."""
 
 FLOOR = """\
 Least standard deviation of the force that any unbiased method could read from one such picture with its noise (the

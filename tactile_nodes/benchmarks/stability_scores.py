@@ -66,8 +66,8 @@ class Score:
     `missed` the share of true contacts that no reported one answers to. `rest_n` is the largest force told at rest,
     `false_n` the largest of those told as a contact (0: none), and `false_share` their share. Shares of statuses are
     over all frames. `until_said` and `until_invalid` count frames from the cause to the first that is not ok for more
-    than a contact that began, and is invalid (1: at once); `until_left` is the last frame after its end that is still
-    invalid (0: none), None if it does not end.
+    than a contact that began, and is invalid (1: at once; of what grows in the course from where it goes beyond use);
+    `until_left` is the last frame after its end that is still invalid (0: none), None if it does not end.
     """
 
     rmse_n: float | None
@@ -104,6 +104,7 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
     held_ok, rest_ok = ([each for each in some if each.status == OK] for some in (held, rest))
     caused = next((n for n, each in enumerate(during) if not change.contact or each.moment.touching), 0)
     since, after = during[caused:], [each for each in answers if each.moment.part == AFTER]
+    beyond = next((n for n, each in enumerate(since) if change.beyond(each.moment)), 0)
     return Score(
         rmse_n=_rms(held),
         rmse_ok_n=_rms(held_ok),
@@ -125,7 +126,7 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
         sigma_n=_median([each.sigma_n for each in held]),
         error_sigmas=_rms_of([each.error_n / each.sigma_n for each in held if each.sigma_n > 0]),
         until_said=next((n for n, each in enumerate(since, 1) if each.said), None),
-        until_invalid=_first(since, (INVALID,)),
+        until_invalid=_first(since[beyond:], (INVALID,)),
         until_left=None if endless else _last(after, (INVALID,)),
         reasons=_reasons(during),
     )

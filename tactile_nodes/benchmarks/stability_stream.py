@@ -137,7 +137,8 @@ class Change:
     `gel`: what the gel and the camera become. `gone`: which markers lose their light. `light`: before noise. `noise`:
     its standard deviation, in times. `picture`: what the camera delivers. `presses`: what presses instead. `course`:
     which frames arrive, when, in which order. `values`: what the features become. `speed_mm_s`: held frames are taken
-    while the tip goes down. `contact`: a disturbance that is there only while something touches.
+    while the tip goes down. `contact`: a disturbance that is there only while something touches. `beyond`: of one that
+    grows in the course, the frames in which it has gone beyond what forces may be used in.
     """
 
     gel: Callable[[Gel], Gel] | None = None
@@ -152,6 +153,7 @@ class Change:
     contact: bool = False
     capture: Callable[[int], Presses] | None = None
     acts: Callable[[Moment], bool] = while_it_lasts
+    beyond: Callable[[Moment], bool] = always
 
     @property
     def endless(self) -> bool:

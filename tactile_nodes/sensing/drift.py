@@ -28,6 +28,7 @@ from tactile_nodes.sensing.force_check import (
 )
 from tactile_nodes.sensing.picture_change import PictureChange, PictureComparison
 from tactile_nodes.sensing.picture_motion import PictureMotion, Straightening
+from tactile_nodes.sensing.quality import FAINT_LIGHT, FAR_LIGHT
 from tactile_nodes.sensing.rolling_bands import RollingBands
 
 STANDARD_GRAVITY = 9.80665
@@ -49,7 +50,7 @@ class Limits:
     moved_px: tuple[float, float] = (0.02, 0.1)
     since_calibration_px: tuple[float, float] = (0.5, 4.0)
     dented_px: tuple[float, float] = (0.05, 0.2)
-    contrast: tuple[float, float] = (0.4, 0.15)
+    contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
     unlike: float = 0.5
     force: tuple[float, float] = (0.05, 0.15)

@@ -83,6 +83,9 @@ SHARPNESS_ROWS = 4
 FAR_LIGHT = (0.4, 1.4)
 """Beyond these no rest image helps enough: too dark, too bright."""
 
+FAINT_LIGHT = 0.15
+"""In less of the light forces are no forces any more: in a tenth of it they are 0.06 N off."""
+
 SHARPNESS_OFF = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
 
@@ -141,6 +144,10 @@ class PictureLikeness:
     def far(self, level: float, sharp: float) -> Unlike:
         """In what it is so unlike that no other rest image helps."""
         return self._beyond(level, sharp, FAR_LIGHT)
+
+    def faint(self, level: float) -> bool:
+        """Whether a picture of this mean grey is so dark that nothing can be measured in it."""
+        return level < FAINT_LIGHT * self._level
 
     def as_sharp(self, sharp: float, of: float) -> bool:
         """Whether a picture is surely as sharp as those of this rest image, and the rest image in use, `of`, is not."""

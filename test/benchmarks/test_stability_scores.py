@@ -88,6 +88,15 @@ def test_what_is_there_only_in_contact_is_caused_by_the_first_contact() -> None:
     assert found.until_said == 2
 
 
+def test_what_grows_is_invalid_from_where_it_goes_beyond_use() -> None:
+    during = [rest(0.0), rest(0.0, DEGRADED), rest(0.0, DEGRADED), held(0.5, DEGRADED), rest(0.0, INVALID)]
+    course = [
+        dataclasses.replace(each, moment=dataclasses.replace(each.moment, number=n)) for n, each in enumerate(during)
+    ]
+    found = score(course, Change(beyond=lambda moment: moment.number >= 3))
+    assert (found.until_said, found.until_invalid) == (2, 2)
+
+
 def test_a_contact_that_begins_says_nothing_of_a_cause() -> None:
     begun = dataclasses.replace(held(0.5, DEGRADED), reasons=types.ForceDistribution.REASON_BEGINNING)
     assert score([rest(0.0), begun, held(0.5)]).until_said is None
