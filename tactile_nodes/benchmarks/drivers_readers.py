@@ -14,8 +14,10 @@ from tactile_nodes.benchmarks.drivers_meter import Meter, Order
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.camera import CameraSettings
 from tactile_nodes.drivers.camera_opening import open_camera
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, open_cnc
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, open_force_torque
+from tactile_nodes.drivers.cnc import Cnc, CncSettings
+from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings
+from tactile_nodes.drivers.force_torque_opening import open_force_torque
 from tactile_nodes.drivers.sync_input import SyncInputSettings, WatchedLine
 from tactile_nodes.emulators.sync_line import EmulatedControlLine
 from tactile_nodes.emulators.world import Edge

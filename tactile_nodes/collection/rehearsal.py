@@ -18,7 +18,8 @@ from tactile_nodes.collection.hands import Hands
 from tactile_nodes.collection.readings import Frame, Picture, Readings
 from tactile_nodes.collection.safety import Safety, Trip
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, CncStatus, Switched, open_cnc
+from tactile_nodes.drivers.cnc import Cnc, CncSettings, CncStatus, Switched
+from tactile_nodes.drivers.cnc_opening import open_cnc
 from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
 from tactile_nodes.emulators.mounting import Mounted

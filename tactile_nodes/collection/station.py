@@ -14,8 +14,10 @@ from tactile_nodes.collection.hands import Guard, Hands
 from tactile_nodes.collection.readings import Picture, Readings, frame_of
 from tactile_nodes.collection.safety import Safety
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched, open_cnc
-from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, Sample, open_force_torque
+from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched
+from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, Sample
+from tactile_nodes.drivers.force_torque_opening import open_force_torque
 from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
 from tactile_nodes.emulators.mounting import UPRIGHT, UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.world import World, WorldSettings

@@ -1,12 +1,4 @@
-"""What every CNC does for an indentation rig, and the choice of the one that a SOURCE names.
-
-=====================================================  ================================================
-source                                                 machine
-=====================================================  ================================================
-``simulated``                                          the twin (`cnc_simulated`), in a world handed in
-``/dev/serial/by-id/…``, ``/dev/ttyUSB0`` of kind grbl    Grbl 1.1, grblHAL, FluidNC (`cnc_grbl`)
-the same of kind marlin                                 Marlin (`cnc_marlin`)
-=====================================================  ================================================
+"""What every CNC does for an indentation rig.
 
 Positions are the machine's own coordinates in mm (never work offsets), feeds are mm/min. Nothing moves before `home`
 but the tip straight up. Every target is checked against the envelope before it is sent (`cnc_envelope`).
@@ -17,15 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.health import Health
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
-
-if TYPE_CHECKING:
-    from tactile_nodes.drivers.cnc_simulated import Machine
 
 Place = tuple[float, float, float]
 Traffic = Callable[[str, int, bytes], None]
@@ -232,41 +219,3 @@ class Cnc(Protocol):
     def close(self) -> None:
         """Let go of it; motors stay on."""
         ...
-
-
-def open_cnc(
-    settings: CncSettings, clock: Clock, *, machine: Machine | None = None, traffic: Traffic | None = None
-) -> Cnc:
-    """The machine that `settings.source` names, connected.
-
-    Args:
-        settings: which one, and what it may do.
-        clock: the host's.
-        machine: the simulated machine of the twin; an emulators' `World` is one.
-        traffic: told every byte in both directions.
-
-    Raises:
-        ConfigurationError, DeviceError: as `Cnc.connect`.
-    """
-    cnc = _cnc(settings, clock, machine, traffic)
-    try:
-        cnc.connect()
-    except BaseException:
-        cnc.close()
-        raise
-    return cnc
-
-
-def _cnc(settings: CncSettings, clock: Clock, machine: Machine | None, traffic: Traffic | None) -> Cnc:
-    if settings.source == SIMULATED:
-        from tactile_nodes.drivers.cnc_simulated import SimulatedCnc
-
-        if machine is None:
-            raise ConfigurationError('the simulated CNC needs a world to stand in; hand one in, or name a serial port')
-        return SimulatedCnc(settings, clock, machine)
-    from tactile_nodes.drivers.cnc_grbl import GrblCnc
-    from tactile_nodes.drivers.cnc_marlin import MarlinCnc
-    from tactile_nodes.drivers.serial_port import open_port
-
-    kind = MarlinCnc if settings.kind == 'marlin' else GrblCnc
-    return kind(settings, clock, lambda: open_port(settings.source, settings.baud, settings.dtr, clock), traffic)

@@ -1,14 +1,4 @@
-"""What every force/torque sensor does, and the choice of the one that a SOURCE names.
-
-==============================  ========================================================================
-source                          sensor
-==============================  ========================================================================
-``simulated``                   the twin (`force_torque_simulated`)
-``netft://192.168.1.1``         an ATI Net F/T box (`net_ft`)
-``bota:/dev/serial/by-id/…``    a Bota Systems serial sensor (`force_torque_bota`)
-``text:/dev/serial/by-id/…``    lines of text, ``t_us,ch0[,ch1..5]`` (`force_torque_text`)
-==============================  ========================================================================
-"""
+"""What every force/torque sensor does."""
 
 from __future__ import annotations
 
@@ -18,10 +8,8 @@ from dataclasses import dataclass, field
 from enum import IntFlag
 from typing import NamedTuple, Protocol
 
-from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.health import Health
 from tactile_nodes.drivers.serial_port import DTR_POLICIES
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -204,47 +192,3 @@ class ForceTorqueSensor(Protocol):
     def close(self) -> None:
         """Stop, and let go of the sensor; a second call does nothing."""
         ...
-
-
-def open_force_torque(settings: ForceTorqueSettings, clock: Clock) -> ForceTorqueSensor:
-    """The sensor that `settings.source` names, open.
-
-    Raises:
-        ConfigurationError: the source names no kind of sensor.
-        DeviceError: as `ForceTorqueSensor.open`.
-    """
-    sensor = _sensor(settings, clock)
-    try:
-        sensor.open()
-    except BaseException:
-        sensor.close()
-        raise
-    return sensor
-
-
-def _sensor(settings: ForceTorqueSettings, clock: Clock) -> ForceTorqueSensor:
-    kind, _, rest = settings.source.strip().partition(':')
-    if kind == SIMULATED:
-        from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
-
-        return SimulatedForceTorque(settings, clock)
-    if kind == 'netft' and rest.strip('/'):
-        from tactile_nodes.drivers.net_ft import net_ft_sensor
-
-        return net_ft_sensor(settings, clock, rest.strip('/'))
-    if kind == 'bota' and rest:
-        from tactile_nodes.drivers.force_torque_bota import bota_sensor
-
-        return bota_sensor(settings, clock, _device(rest))
-    if kind == 'text' and rest:
-        from tactile_nodes.drivers.force_torque_text import text_line_sensor
-
-        return text_line_sensor(settings, clock, _device(rest))
-    raise ConfigurationError(
-        f'{settings.source!r} is no force/torque sensor; write simulated, netft://192.168.1.1, bota:/dev/ttyUSB0 '
-        'or text:/dev/ttyUSB0'
-    )
-
-
-def _device(rest: str) -> str:
-    return '/' + rest.lstrip('/') if rest.startswith('//') else rest

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.clock import Clock, SteppedClock, SystemClock
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, Place, open_cnc
+from tactile_nodes.drivers.cnc import Cnc, CncSettings, Place
 from tactile_nodes.drivers.cnc_grbl import GrblCnc
 from tactile_nodes.drivers.cnc_marlin import MarlinCnc
+from tactile_nodes.drivers.cnc_opening import open_cnc
 from tactile_nodes.drivers.cnc_simulated import SimulatedCnc
 from tactile_nodes.emulators.grbl import Grbl
 from tactile_nodes.emulators.grbl_dialect import GrblSettings

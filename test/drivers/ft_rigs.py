@@ -17,8 +17,8 @@ from tactile_nodes.drivers.force_torque import (
     NetFtSettings,
     Sample,
     TextLineSettings,
-    open_force_torque,
 )
+from tactile_nodes.drivers.force_torque_opening import open_force_torque
 from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.net_ft import NetFtServer
