@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.benchmarks import report
+from tactile_nodes.benchmarks.accuracy_results import Results
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.evaluate import Evaluation
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
 
@@ -36,19 +36,6 @@ class Plan:
 
 
 QUICK = Plan(presses=24, unlike=0, rounds=2, images=2)
-
-
-@dataclass(frozen=True)
-class Results:
-    """What was measured of some models; the evaluations are in the models' order.
-
-    `aside` is on what the training of the `paper` plan's model put aside, and empty if none of the models has one.
-    """
-
-    plain: dict[str, Any]
-    off_grid: Sequence[Evaluation]
-    aside: Sequence[Evaluation]
-    curve: Sequence[Evaluation]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.benchmarks import report
-from tactile_nodes.benchmarks.accuracy import Results
+from tactile_nodes.benchmarks.accuracy_results import Results
 from tactile_nodes.benchmarks.accuracy_times import STAGES
 from tactile_nodes.benchmarks.report import machine_and_commit, named_versions
 from tactile_nodes.learning import evaluation_tables as tables

@@ -10,48 +10,22 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from tactile_nodes.benchmarks.front_contenders import WAYS, Contender, Measuring, Way, contenders, one_thread
+from tactile_nodes.benchmarks.front_contenders import WAYS, Way, contenders, one_thread
+from tactile_nodes.benchmarks.front_frames import Plan, frames
+from tactile_nodes.benchmarks.front_shelf import Shelf
 from tactile_nodes.benchmarks.report import keep, surroundings
-from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table
-from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.metrics import pareto_front
-from tactile_nodes.sensing.reference import average
-from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.optics import Optics, Press
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
 ERRORS = ('armse_n', 'd_loc_mm', 'rmse_mc_n')
-SIDE = 440
-STILL_SHARE = 0.1
-ACROSS_REST_IMAGES = 100
-"""Frames that are measured against one rest image."""
-Time = tuple[float, float]
-"""CPU and wall time, ms."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Frames to learn from and to be scored by, and whether slow ways, networks and compiled loops take part."""
-
-    train: int = 1500
-    test: int = 400
-    slow: bool = True
-    networks: bool = False
-    compiled: bool = True
-
-
 QUICK = Plan(train=300, test=16, slow=False, compiled=False)
 
 
@@ -119,89 +93,6 @@ def fronts(table: dict[str, Any]) -> dict[str, list[str]]:
     names = list(table)
     costs = [table[name]['cpu_ms']['median'] for name in names]
     return {error: [names[i] for i in pareto_front(costs, [table[name][error] for name in names])] for error in ERRORS}
-
-
-@dataclass(frozen=True)
-class Frame:
-    """An image, the rest image it is measured against, where and how deep the tip was, and with which force."""
-
-    image: np.ndarray
-    rest: np.ndarray
-    press: tuple[float, float, float, float]
-
-
-def frames(plan: Plan, seed: int = 11) -> Iterator[Frame]:
-    """Presses anywhere within 27x27 mm and to 2 mm, and frames at rest; rest images of training serve no test."""
-    gel = Gel()
-    table = contact_table(gel)
-    optics, random = Optics(gel, table), np.random.default_rng(seed)
-    for phase, count in enumerate((plan.train, plan.test)):
-        for number in range(count):
-            noise = 1_000_000 * (phase + 1) + 100 * number
-            if number % ACROSS_REST_IMAGES == 0:
-                rest = average([_crop(optics.render((), noise + 1 + i)) for i in range(16)])
-            x_mm, y_mm, depth_mm = random.uniform((-13.5, -13.5, 0.05 if phase == 0 else 0.25), (13.5, 13.5, 2.0))
-            if random.random() < STILL_SHARE:
-                depth_mm = -1.0
-            image = _crop(optics.render((Press(float(x_mm), float(y_mm), float(depth_mm)),), noise))
-            yield Frame(image, rest, (x_mm, y_mm, depth_mm, table.force_at(float(depth_mm))))
-
-
-def _crop(image: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(centre_crop(image, SIDE, SIDE))
-
-
-class Shelf:
-    """What all ways measured of all frames, and how long each took over it.
-
-    `values` and `confidence` are by way, grid and encoding; `times_ms` (CPU, wall) of flow and features together.
-    """
-
-    def __init__(self, ways: Sequence[Way], taking_part: Sequence[Contender]) -> None:
-        keys = sorted({(each.way, each.regions, each.encoding) for each in taking_part})
-        self.values: dict[tuple[str, int, str], list[np.ndarray]] = {key: [] for key in keys}
-        self.confidence: dict[tuple[str, int, str], list[np.ndarray]] = {key: [] for key in keys}
-        self.times_ms: dict[tuple[str, int, str], list[Time]] = {key: [] for key in keys}
-        self.presses: list[tuple[float, float, float, float]] = []
-        self._measuring = [Measuring(way, [key[1:] for key in keys if key[0] == way.name]) for way in ways]
-        self._rest: np.ndarray | None = None
-
-    def take(self, frame: Frame) -> None:
-        """Measure one frame by all ways."""
-        if frame.rest is not self._rest:
-            self._rest = frame.rest
-            for each in self._measuring:
-                each.set_reference(frame.rest)
-                for _, flow in each.flows():
-                    flow(frame.rest)
-        for each in self._measuring[:: 1 if len(self.presses) % 2 else -1]:
-            self._take(each, frame.image)
-        self.presses.append(frame.press)
-
-    def _take(self, measuring: Measuring, image: np.ndarray) -> None:
-        for grid, flow in measuring.flows():
-            begun = _now()
-            measured = flow(image)
-            flow_ms = _since(begun)
-            for regions, encoding in measuring.wanted:
-                if grid not in (0, regions):
-                    continue
-                begun = _now()
-                features = measuring.encode(regions, encoding, measured)
-                took = _since(begun)
-                key = measuring.way.name, regions, encoding
-                self.values[key].append(features.values.astype(np.float16))
-                self.confidence[key].append(features.confidence)
-                self.times_ms[key].append((flow_ms[0] + took[0], flow_ms[1] + took[1]))
-
-
-def _now() -> tuple[int, int]:
-    return time.process_time_ns(), perf_ns()
-
-
-def _since(begun: tuple[int, int]) -> Time:
-    cpu, wall = time.process_time_ns() - begun[0], perf_ns() - begun[1]
-    return cpu / 1e6, wall / 1e6
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:

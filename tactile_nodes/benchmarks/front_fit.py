@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.benchmarks.front import Shelf, Time
 from tactile_nodes.benchmarks.front_contenders import Contender
+from tactile_nodes.benchmarks.front_shelf import Shelf, Time
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_scores import Validation

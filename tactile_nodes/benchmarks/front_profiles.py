@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from tactile_nodes.benchmarks.front import SIDE, Frame, Plan, frames
 from tactile_nodes.benchmarks.front_contenders import one_thread
+from tactile_nodes.benchmarks.front_frames import SIDE, Frame, Plan, frames
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_scores import Validation
 from tactile_nodes.model_file import LoadedModel, find_model, load_model

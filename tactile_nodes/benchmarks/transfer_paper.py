@@ -18,6 +18,18 @@ import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings
+from tactile_nodes.benchmarks.transfer_paper_scores import (
+    AS_IT_IS,
+    GROUP,
+    NEW,
+    OURS,
+    OWN,
+    PUBLISHED,
+    REST,
+    SCRATCH,
+    TENTH,
+    Score,
+)
 from tactile_nodes.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -32,31 +44,6 @@ if TYPE_CHECKING:
 GRID_SEED, NEW_SEED, TESTED = 5101, 5102, 300
 COUNTS = (100, 300, 700)
 PATIENCE = 40
-GROUP = 100
-"""aRMSE falls with the number of presses that it is taken over; so all tests are means over groups of about as many."""
-REST, NEW = 'rest of the 800', 'new places'
-AS_IT_IS, PUBLISHED, TENTH, OURS = 'no calibration', 'published layer', 'a tenth of its rate', 'layer as it ships'
-SCRATCH = 'from scratch'
-WAYS = (AS_IT_IS, PUBLISHED, TENTH, OURS, SCRATCH)
-METRICS = {'armse_n': 'aRMSE, N', 'd_loc_mm': 'd_loc, mm', 'rmse_mc_n': 'RMSE_mc, N'}
-OWN = -1
-"""The number of the source's own gel."""
-
-
-@dataclass(frozen=True)
-class Score:
-    """The paper's metrics of one readout on one test; of those that were fitted, the best epoch and the seconds."""
-
-    gel: int
-    presses: int
-    way: str
-    tested: str
-    armse_n: float
-    d_loc_mm: float
-    rmse_mc_n: float
-    best_epoch: int = 0
-    epochs: int = 0
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True)

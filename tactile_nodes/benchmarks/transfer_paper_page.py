@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.benchmarks.report import machine_and_commit, table
-from tactile_nodes.benchmarks.transfer_paper import AS_IT_IS, GROUP, METRICS, NEW, OURS, OWN, REST, SCRATCH, WAYS, Score
+from tactile_nodes.benchmarks.transfer_paper_scores import (
+    AS_IT_IS,
+    GROUP,
+    METRICS,
+    NEW,
+    OURS,
+    OWN,
+    REST,
+    SCRATCH,
+    WAYS,
+    Score,
+)
 from tactile_nodes.benchmarks.transfer_paper_steps import EPOCHS, PRESSES, FirstSteps
 
 COLOURS = {'published layer': 'C3', 'a tenth of its rate': 'C1', 'layer as it ships': 'C0', SCRATCH: 'C7'}

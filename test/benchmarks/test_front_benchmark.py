@@ -11,6 +11,7 @@ import pytest
 from tactile_nodes.benchmarks import front
 from tactile_nodes.benchmarks.front_contenders import WAYS, Measuring, Way, contenders
 from tactile_nodes.benchmarks.front_flows import SmallPixels
+from tactile_nodes.benchmarks.front_frames import Plan
 from tactile_nodes.benchmarks.front_page import page
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.features import Features
@@ -47,7 +48,7 @@ def test_small_pixels_are_how_much_brighter_a_region_is() -> None:
 
 
 def test_frames_of_the_test_have_rest_images_of_their_own() -> None:
-    seen = list(front.frames(front.Plan(train=4, test=3)))
+    seen = list(front.frames(Plan(train=4, test=3)))
     assert len(seen) == 7
     assert len({id(each.rest) for each in seen[:4]}) == 1
     assert (seen[0].rest != seen[4].rest).any()
@@ -63,7 +64,7 @@ def test_contenders_have_names_of_their_own() -> None:
 def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
     ways = [way for way in WAYS if way.name in ('ours, quarter size', 'small pixels')]
     ways = [Way(way.name, way.make, way.grids[:1], way.by_grid) for way in ways]
-    result = front.measure(ways, front.Plan(train=260, test=12, compiled=False), Progress())
+    result = front.measure(ways, Plan(train=260, test=12, compiled=False), Progress())
     ours, pixels = result['contenders']['ours, quarter size, 10x10'], result['contenders']['small pixels, 20x20']
     assert ours['armse_n'] < 0.03
     assert ours['armse_n'] < pixels['armse_n']
