@@ -216,7 +216,7 @@ class RestImages:
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:
             image = self._tracker.dead.renewed(image) if registration.straightening is None else image
-            self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S))
+            self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S), self._renewal.noise)
 
     @property
     def _dented(self) -> bool:

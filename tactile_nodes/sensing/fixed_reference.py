@@ -21,6 +21,7 @@ from tactile_nodes.sensing.fixed_reference_patches import (
     LARGEST_ANSWER_PX,
     LEAST_GAIN,
     Match,
+    Moved,
     PatchGrid,
     Templates,
     moved_image,
@@ -95,12 +96,7 @@ class InverseCompositionalFlow:
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
-        options, full = self._options, image.astype(np.float32)
-
-        def moved(right_px: float, down_px: float) -> np.ndarray:
-            by = 2**options.finest_scale
-            return shrunk(moved_image(full, right_px * by, down_px * by), options.finest_scale)
-
+        options = self._options
         height, width = (size >> options.finest_scale for size in image.shape)
         if min(height, width) < SMALLEST_PX:
             raise ImageError(
@@ -108,7 +104,9 @@ class InverseCompositionalFlow:
                 'pixels, too few to measure motion by; choose a smaller finest_scale'
             )
         side = round(options.window * max(height / options.rows, width / options.cols))
-        self._templates = Templates(PatchGrid((height, width), options.rows, options.cols, max(3, side)), moved)
+        self._templates = Templates(
+            PatchGrid((height, width), options.rows, options.cols, max(3, side)), self._moving(image)
+        )
         self._reference = image.copy()
         texture = np.square(self._templates.texture_grey)
         self._known = texture / (texture + np.float32(options.texture_grey**2))
@@ -117,6 +115,21 @@ class InverseCompositionalFlow:
             (LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST), options.iterations, self._known, _BLUR,
             (OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale),
         )  # fmt: skip
+
+    def allow_for_noise(self, noise: Float32[np.ndarray, 'h w']) -> None:
+        """Measure as beside a rest image without this noise, which counts as pattern that does not move."""
+        self._templates.allow_for_noise(self._moving(noise))
+        self._for_loops = (*self._for_loops[:2], self._templates.for_loops, *self._for_loops[3:])
+
+    def _moving(self, image: np.ndarray) -> Moved:
+        """A picture, at the resolution that is measured, moved right and down."""
+        full, scale = image.astype(np.float32), self._options.finest_scale
+
+        def moved(right_px: float, down_px: float) -> np.ndarray:
+            by = 2**scale
+            return shrunk(moved_image(full, right_px * by, down_px * by), scale)
+
+        return moved
 
     @property
     def answers(self) -> Float32[np.ndarray, 'rows cols 2 4']:

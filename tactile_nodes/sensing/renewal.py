@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float32, UInt8
 
 from tactile_nodes.sensing.reference import RestAccumulator
 
@@ -26,7 +26,7 @@ class RenewalOptions:
     and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
     for `after_s`. The noise of few frames makes motion seem less, in a picture that lost contrast by a hundredth, so a
     renewed rest image is taken once more, of the first `refined` frames that are surely at rest beside it, touches
-    between them or not, and again of more of them.
+    between them or not, and again of more of them. Until then motion is measured with that noise allowed for.
     """
 
     frames: int = 4
@@ -51,7 +51,11 @@ class Rested:
 
 
 class Renewal:
-    """Collects frames at rest, and gives their mean when a new rest image is due."""
+    """Collects frames at rest, and gives their mean when a new rest image is due.
+
+    `noise` is what the last one has more of than one of the most frames that are averaged, pixel by pixel; None where
+    it has no more.
+    """
 
     def __init__(self, options: RenewalOptions | None = None) -> None:
         self._options = options or RenewalOptions()
@@ -61,6 +65,7 @@ class Renewal:
         self._apart_s = 0.0
         self._straightening: object = None
         self._begin()
+        self.noise: Float32[np.ndarray, 'h w'] | None = None
         self._offered, self._refining, self._again = 0, False, False
         self._finer = RestAccumulator()
 
@@ -96,7 +101,8 @@ class Renewal:
         self._frames.add(straight)
         if self._frames.count < self._options.frames or stamp_ns - self._first_ns < self._options.least_s * NS_PER_S:
             return None
-        finished, self._offered, self._again = self._frames.image(), self._frames.count, False
+        self._again = False
+        finished = self._finished(self._frames)
         self._begin()
         return finished
 
@@ -107,8 +113,15 @@ class Renewal:
         self._finer.add(straight)
         if self._finer.count not in self._options.refined:
             return None
-        self._refining, self._offered, self._again = False, self._finer.count, True
-        return self._finer.image()
+        self._refining, self._again = False, True
+        return self._finished(self._finer)
+
+    def _finished(self, frames: RestAccumulator) -> UInt8[np.ndarray, 'h w']:
+        """Their mean; its noise is kept."""
+        self._offered = frames.count
+        beyond = 1 - frames.count / self._options.refined[-1]
+        self.noise = frames.noise() * np.float32(math.sqrt(beyond)) if beyond > 0 and frames.count > 1 else None
+        return frames.image()
 
     def _fits(self, stamp_ns: int, rested: Rested) -> bool:
         """Whether this frame may go into a rest image."""

@@ -11,6 +11,7 @@ from jaxtyping import Float32, UInt8
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
+from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
 from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
@@ -157,10 +158,17 @@ class FeatureTracker:
         """
         self.use(self.prepared(image))
 
-    def prepared(self, image: UInt8[np.ndarray, 'h w'], *, renewed: bool = False) -> PreparedRest:
+    def prepared(
+        self,
+        image: UInt8[np.ndarray, 'h w'],
+        *,
+        renewed: bool = False,
+        noise: Float32[np.ndarray, 'h w'] | None = None,
+    ) -> PreparedRest:
         """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
 
-        A `renewed` one is made of straightened images, and shows the gel where the first one does.
+        A `renewed` one is made of straightened images, and shows the gel where the first one does. `noise` is what it
+        has more of than those of a training.
 
         Raises:
             ImageError: it shows nothing that can be measured against.
@@ -174,6 +182,8 @@ class FeatureTracker:
             check.set_reference(image)
         flow = make_flow(self._flow.name, self._flow.options)
         flow.set_reference(image)
+        if noise is not None and isinstance(flow, InverseCompositionalFlow):
+            flow.allow_for_noise(noise)
         own = flow.displacement(image)
         registering = None if self.registration is None else Registered(image, own)
         known = self._known_beside(flow, image) if renewed else None

@@ -19,6 +19,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_of_compiling, use_compiled
+from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.picture_motion import MotionFit
 from tactile_nodes.sensing.quality import picture_faults, sharpness
@@ -104,6 +105,17 @@ def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float]
     sure = plain.confidence > 0.5
     np.testing.assert_allclose(compiled.displacement_px[sure], plain.displacement_px[sure], atol=2e-3)
     np.testing.assert_allclose(compiled.confidence, plain.confidence, atol=2e-2)
+
+
+@needs_numba
+def test_the_same_motion_is_seen_beside_a_rest_image_whose_noise_is_allowed_for(speckle: np.ndarray):
+    flow, moving = InverseCompositionalFlow(), moved(speckle, 0.4, -0.3)
+    flow.set_reference(speckle)
+    beside = flow.displacement(moving).displacement_px.mean(axis=(0, 1))
+    flow.allow_for_noise(np.random.default_rng(0).normal(0, 3, speckle.shape).astype(np.float32))
+    plain, compiled = both(lambda: flow.displacement(moving).displacement_px)
+    assert abs(plain.mean(axis=(0, 1)) / beside - 1).max() > 0.01
+    np.testing.assert_allclose(compiled, plain, atol=2e-3)
 
 
 @needs_numba
