@@ -4,7 +4,8 @@ The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2
 length), and have other markers each. Pressed by the plan of a calibration (config/plans/calibrate.yaml) and tested on
 presses at random continuous places and depths that no calibration saw, all gels and the model's own at the same ones;
 beside the model as it is, a model of many other
-gels that needs no press of the new one, and a response fitted to the same few presses alone.
+gels that needs no press of the new one, a response fitted to the same few presses alone, and a model of the same kind
+trained in full on each gel: what can be had of that gel however well it is known.
 """
 
 from __future__ import annotations
@@ -36,7 +37,13 @@ if TYPE_CHECKING:
 TEST_FRAMES, TEST_SEED, UNTOUCHED = 1500, 5003, 20
 """A fifth of the frames are without contact, all others are tested; nothing was learned from presses of this seed."""
 COUNTS = 10, 25, 50, 100
+OWN_GEL = -1
+"""The number of the model's own gel."""
 AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
+TRAINED, TRAINED_PRESSES, TRAINED_SEED = 'trained on it', 3000, 5005
+"""On the very gel, by so many presses anywhere; at other places than those tested."""
+LEAST_TRAINED, TRAINED_UNTOUCHED = 150, 40
+"""About so many frames are without contact at least."""
 MANY_PRESSES = 400
 """On each of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
 REFUSED = 'refused'
@@ -49,6 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--many', type=int, default=8, metavar='N', help='gels that a model without any press learns from (default: 8)'
     )
+    parser.add_argument(
+        '--own', type=int, default=TRAINED_PRESSES, metavar='N',
+        help=f'presses on each gel that a model of its own is trained by; 0: none (default: {TRAINED_PRESSES})',
+    )  # fmt: skip
     parser.add_argument(
         '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
     )
@@ -67,13 +78,17 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.gels < 1 or arguments.many < 0:
         raise ConfigurationError('--gels must be at least 1, and --many at least 0')
-    seed, name, said = arguments.gels_seed, 'transfer', ''
+    if arguments.own and arguments.own < LEAST_TRAINED:
+        raise ConfigurationError(f'--own must be 0, or at least {LEAST_TRAINED} for a model to be trained by')
+    seed, name, said = arguments.gels_seed, 'transfer', f' --own {arguments.own}'
     if seed != TESTED_SEED:
-        name, said = f'transfer_gels_{seed}', f' --gels-seed {seed}'
+        name, said = f'transfer_gels_{seed}', f'{said} --gels-seed {seed}'
     command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}{said}'
     plain = surroundings(command)
     loaded = load_model(find_model(arguments.model))
-    own, scores = measure(loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed)
+    own, scores = measure(
+        loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed, trained=arguments.own
+    )
     gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
     text = page(command, plain, own, scores, gels, f'{name}.png')
     print(text)
@@ -90,11 +105,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED,
-    counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES,
+    counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES, trained: int = 0,
 ) -> tuple[Score, list[Score]]:  # fmt: skip
-    """The model's score on its own gel, and all scores on the others; with a model of `many` further gels beside.
+    """The model's score on its own gel, and all further scores; with a model of `many` further gels beside.
 
-    Every gel is calibrated by `counts` presses, and tested on those of `frames` pictures.
+    Every gel is calibrated by `counts` presses, and tested on those of `frames` pictures. Where `trained` is not 0 a
+    model is trained on each of them by so many presses, and on the model's own gel, which tells what their number does.
 
     Raises:
         ModelError: it cannot be transferred.
@@ -103,15 +119,18 @@ def measure(
     from tactile_nodes.learning.transfer_checks import source_readout
 
     source, gel = source_readout(loaded), config_of(loaded).gel
-    own = score(-1, 0, AS_IT_IS, source, _tested(loaded, gel, progress, frames)[0])
+    tested, _ = _tested(loaded, gel, progress, frames)
+    own = score(OWN_GEL, 0, AS_IT_IS, source, tested)
     of_many = _of_many(loaded, gel, many, progress) if many else None
-    scores = []
+    scores = [_trained(loaded, gel, OWN_GEL, trained, tested, progress)] if trained else []
     for number in gels:
         other = other_gel(gel, number, seed)
         tested, rest = _tested(loaded, other, progress, frames)
         made = _on_gel(source, _planned(loaded, other, progress), tested, number, counts)
         if of_many is not None:
             made.append(score(number, 0, MANY, _at_rest(of_many, rest), tested))
+        if trained:
+            made.append(_trained(loaded, other, number, trained, tested, progress))
         scores += made
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
     return own, scores
@@ -134,6 +153,26 @@ def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> Ax
     )
     config = AxisymmetricConfig(most_contacts=1)
     return fit_axisymmetric(pooled, np.zeros(len(pooled.presses), bool), config, loaded.model.bins, progress)
+
+
+def _trained(loaded: LoadedModel, gel: Gel, number: int, presses: int, tested: Dataset, progress: Progress) -> Score:
+    """The score of a model trained in full on the very gel, with as many profiles as a calibration takes over."""
+    from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+    from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig
+    from tactile_nodes.learning.dataset import simulate
+    from tactile_nodes.learning.transfer_source import axisymmetric_source
+
+    known = axisymmetric_source(loaded.model.readout).response
+    config = AxisymmetricConfig(lateral=known.lateral, vertical=len(known.profiles) - known.lateral)
+    # By default random presses lie a little further out and deeper than those tested, as the source's own ones do.
+    data = DataConfig(seed=TRAINED_SEED, crop=loaded.card['crop_px'])
+    at_rest = max(data.without_contact, TRAINED_UNTOUCHED / (presses + TRAINED_UNTOUCHED))
+    data = dataclasses.replace(data, presses=round(presses / (1 - at_rest)), without_contact=at_rest)
+    dataset = simulate(dataclasses.replace(_config(loaded, gel), data=data), progress)
+    begun = clock.perf_ns()
+    readout = fit_axisymmetric(dataset, np.zeros(len(dataset.presses), bool), config, loaded.model.bins, progress)
+    seconds = (clock.perf_ns() - begun) / clock.NS_PER_S
+    return dataclasses.replace(score(number, presses, TRAINED, readout, tested), seconds=round(seconds, 1))
 
 
 def _rest_of(dataset: Dataset) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes.benchmarks.report import machine_and_commit, table
-from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY
+from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, OWN_GEL, TRAINED
 from tactile_nodes.benchmarks.transfer_scores import COMPARED, MEASURES, PLACEMENTS, Ratio, Score, ratio
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ HEADS = [
     'time, s',
     'form',
 ]
-COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1'}
+COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1', TRAINED: 'C2'}
 DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'placed_armse_n': 'aRMSE, any grid, N'}
 OF_FORCE = 'force', 'aRMSE'
 AIMS = {100: 1.1, 25: 1.5}
@@ -44,8 +44,10 @@ def page(
     picture: str = 'transfer.png',
 ) -> str:
     """The results as a page of documentation."""
+    scores, trained = [each for each in scores if each.gel != OWN_GEL], [s for s in scores if s.gel == OWN_GEL]
     rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
-    level = ['own gel', 'all', *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
+    rows += [_row(TRAINED, presses, scores) for presses in sorted({s.presses for s in scores if s.way == TRAINED})]
+    levels = [_own('all', own), *(_own(str(each.presses), each) for each in trained)]
     return '\n'.join([
         '# Transfer to other gels',
         '',
@@ -59,6 +61,7 @@ def page(
         '`covered` is the share of forces within the stated 90 % interval; `of many gels` is one response fitted to',
         'other gels of the same spread, without a press of the gel tested. Presses to calibrate by are the first of',
         '`config/plans/calibrate.yaml`. The first row is the model on its own gel.',
+        *_of_trained(trained),
         '',
         "The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid",
         f'these are a handful; `any grid` is the mean over {PLACEMENTS} placements of that grid, in which all presses',
@@ -66,7 +69,7 @@ def page(
         '',
         f'![error against number of presses]({picture})',
         '',
-        table(HEADS, [level, *(each for each in rows if each)]),
+        table(HEADS, [*levels, *(each for each in rows if each)]),
         '',
         '## Against the source on its own gel',
         '',
@@ -79,6 +82,7 @@ def page(
         'seen wrong is a third more newtons. In shares of the mean force pressed with:',
         '',
         table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
+        *_against_each(own, scores, trained),
         '',
         '## The gels',
         '',
@@ -98,6 +102,45 @@ def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
     covered = f'{np.median([each.covered for each in chosen]):.2f} ({min(each.covered for each in chosen):.2f})'
     summed = [f'{np.median(each):.4f} ({max(each):.4f})' for each in values]
     return [way, str(presses), *summed, covered, seconds, counted]
+
+
+def _own(presses: str, own: Score) -> list[str]:
+    """The row of a model on the source's own gel."""
+    return ['own gel', presses, *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
+
+
+def _of_trained(trained: Sequence[Score]) -> list[str]:
+    return [
+        f'`{TRAINED}` is a model of the same kind, trained in full on the gel tested, by {each.presses} presses at\n'
+        'random places and depths, other than those tested; the second row is as many on the own gel.'
+        for each in trained
+    ]
+
+
+def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score]) -> list[str]:
+    """What of the errors is the gels' and what the calibrations', where models were trained on each gel."""
+    levels = [each for each in scores if each.way == TRAINED]
+    if not levels:
+        return []
+    rows = [[f'{TRAINED} / the source', *(_told(ratio(own, levels, measured)) for measured in COMPARED)]]
+    rows += [
+        [f'own gel, by {each.presses} / the source', *(_told(ratio(own, [each], measured)) for measured in COMPARED)]
+        for each in trained
+    ]
+    for presses, chosen in _calibrated(scores).items():
+        of = [next(level for level in levels if level.gel == each.gel) for each in chosen]
+        told = [_told(ratio(of, chosen, measured)) for measured in COMPARED]
+        rows.append([f'calibrated by {presses} / {TRAINED}', *told])
+    return [
+        '',
+        "## Against each gel's own level",
+        '',
+        'A harder or thicker gel, or one seen aslant, may be read less exactly however well it is known. The first row',
+        'is what gels do, the rows of calibrations are what calibrations leave over; the second row is what fewer',
+        'presses than the source was trained by do.',
+        '',
+        table(['', *(f'{of}, median gel (worst)' for of in COMPARED)], rows),
+    ]
 
 
 def _aims(own: Score, scores: Sequence[Score]) -> list[list[str]]:
@@ -148,12 +191,22 @@ def draw(own: Score, scores: Sequence[Score], file: Path) -> None:
             if values:
                 panel.axhline(np.median(values), color=COLOURS[way], linestyle='--', label=f'{way}, no press')
         panel.axhline(getattr(own, name), color='k', linestyle=':', label='source on its own gel')
+        _band(panel, name, [each for each in scores if each.way == TRAINED and each.gel != OWN_GEL])
         panel.set(xscale='log', yscale='log', xlabel='presses on the new gel', ylabel=label)
         panel.set_xticks(COUNTS, [str(count) for count in COUNTS])
         panel.minorticks_off()
         panel.grid(alpha=0.3, which='both')
     drawn.axes[0].legend(fontsize=8)
     save(drawn, file)
+
+
+def _band(panel: Any, name: str, trained: Sequence[Score]) -> None:
+    """The level of models trained on each gel: the median, and all of them as a band."""
+    if not trained:
+        return
+    values = [getattr(each, name) for each in trained]
+    panel.axhline(np.median(values), color=COLOURS[TRAINED], linestyle='-.', label=TRAINED)
+    panel.axhspan(min(values), max(values), color=COLOURS[TRAINED], alpha=0.15)
 
 
 def _line(panel: Any, way: str, name: str, scores: Sequence[Score]) -> None:

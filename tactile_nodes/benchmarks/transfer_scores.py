@@ -148,7 +148,7 @@ def _placed_armse(
 
 @dataclass(frozen=True)
 class Ratio:
-    """Times the source's own on the median and on the worst gel, and their standard errors over the presses tested."""
+    """Times a level on the median and on the worst gel, and their standard errors over the presses tested."""
 
     median: float
     worst: float
@@ -156,20 +156,23 @@ class Ratio:
     worst_error: float = 0.0
 
 
-def ratio(own: Score, chosen: Sequence[Score], measured: str, of_force: bool = False) -> Ratio:
-    """Of some gels' scores, in one of `COMPARED`; errors are 0 where nothing was drawn.
+def ratio(level: Score | Sequence[Score], chosen: Sequence[Score], measured: str, of_force: bool = False) -> Ratio:
+    """Of some gels' scores, in one of `COMPARED`, and the source's, or as many of the same gels in their order.
 
-    Twice and three times as far off as the source are 2.5 on the median and 3 on the worst. With `of_force` errors
-    count as shares of the force that was pressed with: twice as far off on a gel twice as hard is 1.
+    Errors are 0 where nothing was drawn. Twice and three times as far off as the source are 2.5 on the median and 3 on
+    the worst. With `of_force` errors count as shares of the force that was pressed with: twice as far off on a gel
+    twice as hard is 1.
     """
     name = COMPARED[measured]
-    harder = np.array([each.pressed_n / own.pressed_n if of_force else 1.0 for each in chosen])
-    of = np.array([getattr(each, name) / getattr(own, name) for each in chosen]) / harder
-    drawn = [each.drawn for each in chosen if each.drawn is not None]
-    if own.drawn is None or len(drawn) < len(chosen):
-        return Ratio(float(np.median(of)), float(of.max()))
+    levels = [level] * len(chosen) if isinstance(level, Score) else list(level)
+    both = list(zip(chosen, levels, strict=True))
+    harder = np.array([each.pressed_n / own.pressed_n if of_force else 1.0 for each, own in both])
+    of = np.array([getattr(each, name) / getattr(own, name) for each, own in both]) / harder
     row = list(COMPARED).index(measured)
-    again = np.stack([each[row] for each in drawn]) / own.drawn[row] / harder[:, None]
+    drawn = [each.drawn[row] / own.drawn[row] for each, own in both if not (each.drawn is None or own.drawn is None)]
+    if len(drawn) < len(both):
+        return Ratio(float(np.median(of)), float(of.max()))
+    again = np.stack(drawn) / harder[:, None]
     return Ratio(
         float(np.median(of)), float(of.max()), float(np.median(again, axis=0).std()), float(again.max(axis=0).std())
     )  # fmt: skip

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED
+from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED
 from tactile_nodes.benchmarks.transfer_page import draw, page
 from tactile_nodes.benchmarks.transfer_scores import Score
 from tactile_nodes.simulation.gel import Gel
@@ -48,6 +48,34 @@ def test_the_table_has_median_and_worst_over_the_gels() -> None:
     assert ' 10.00x ±0.00 (10.00x ±0.00) |' in text
 
 
+def scored(gel: int, presses: int, way: str, force_n: float) -> Score:
+    return Score(gel, presses, way, force_n, 0.2, 0.05, 0.01, 0.3, 0.02, 0.88)
+
+
+def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
+    own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
+    scores = [
+        scored(OWN_GEL, 3000, TRAINED, 0.0011),
+        scored(0, 25, CALIBRATED, 0.006), scored(0, 3000, TRAINED, 0.002),
+        scored(1, 25, CALIBRATED, 0.004), scored(1, 3000, TRAINED, 0.004),
+        scored(2, 25, CALIBRATED, 0.006), scored(2, 3000, TRAINED, 0.003),
+    ]  # fmt: skip
+    text = page('tactile bench transfer', PLAIN, own, scores)
+    assert '3 simulated gels' in text
+    rows = text.split("Against each gel's own level")[1].splitlines()
+    # 3, 1 and 2 times what the same gels allow, which is 2, 4 and 3 times the source's own.
+    assert any('25' in row and ' 2.00x ±0.00 (3.00x ±0.00) |' in row for row in rows)
+    assert any(' 3.00x ±0.00 (4.00x ±0.00) |' in row for row in rows)
+    assert any('own gel' in row and ' 1.10x ±0.00 (1.10x ±0.00) |' in row for row in rows)
+
+
+def test_without_models_of_their_own_gels_have_no_level_on_the_page() -> None:
+    own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
+    text = page('tactile bench transfer', PLAIN, own, [scored(0, 25, CALIBRATED, 0.006)])
+    assert TRAINED not in text
+    assert "Against each gel's own level" not in text
+
+
 def test_gels_to_develop_on_are_none_of_those_tested() -> None:
     tested = {other_gel(Gel(), number).gel_id for number in range(10)}
     assert not tested & {other_gel(Gel(), number, 4077).gel_id for number in range(10)}
@@ -61,5 +89,6 @@ def test_gels_to_learn_from_are_none_of_those_tested() -> None:
 def test_the_figure_is_written(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.002, 0.001, 0.02, 0.003, 0.9)
-    draw(own, [Score(0, 10, CALIBRATED, 0.02, 0.2, 0.01, 0.01, 0.3, 0.02, 0.88)], tmp_path / 'transfer.png')
+    scores = [scored(0, 10, CALIBRATED, 0.02), scored(0, 3000, TRAINED, 0.01), scored(OWN_GEL, 3000, TRAINED, 0.002)]
+    draw(own, scores, tmp_path / 'transfer.png')
     assert (tmp_path / 'transfer.png').read_bytes().startswith(b'\x89PNG')
