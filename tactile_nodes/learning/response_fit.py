@@ -145,7 +145,7 @@ class Subspace:
         design = sparse_cubes(self.axes, self.places[chosen])
         still = sparse_cubes(self.axes, _floor_of(self.axes))
         square = (design.T @ design + UNTOUCHED_WEIGHT * (still.T @ still)).toarray()
-        return _Normal(square, design.T @ self.components[chosen], _curvature(self.axes))
+        return _Normal(square, design.T @ self.components[chosen], curvature(self.axes))
 
     def misfit(self, chosen: np.ndarray, coefficients: np.ndarray) -> float:
         """Root mean square of what coefficients leave over."""
@@ -286,7 +286,7 @@ def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
     return np.stack(np.meshgrid(x, y, [0.0], indexing='ij'), axis=-1).reshape(-1, 3)
 
 
-def _curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
+def curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
     """Sum of the squared second differences of the coefficients along each axis, as a quadratic form."""
     total = np.zeros(1)
     for i in range(3):

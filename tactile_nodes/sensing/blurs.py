@@ -82,7 +82,7 @@ class Blurs:
                 change += np.float32(weight) * self.levels[number - 1].change.astype(np.float32)
         was = sharp.response
         response = QuickResponse(*was.axes, was.coefficients + change, was.growth, was.power)
-        changed = replace(sharp, blurs=None, response=response)
+        changed = replace(sharp, blurs=None, drag=None, response=response)
         nearest = round(place)
         return _measured_like(changed, self.levels[nearest - 1]) if nearest > 0 else changed
 

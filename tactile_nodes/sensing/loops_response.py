@@ -20,6 +20,7 @@ from tactile_nodes.sensing.loops_common import (
     substitute,
     variances,
 )
+from tactile_nodes.sensing.loops_drag import beside_drag, dragged
 from tactile_nodes.sensing.loops_scores import seen, whitened
 from tactile_nodes.sensing.loops_width import off_by_width, value_and_slopes
 
@@ -135,29 +136,48 @@ def _start(components, table, levels, power, begin):
 
 
 @compiled()
-def _fit(components, response, table, ends, levels, power, limit, most):
-    """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
+def _one_more(components, contacts, response, table, ends, levels, power, more, told):
+    """Contacts, and one more where they leave most over: fills in contacts and information, and returns the misfit."""
     axes, coefficients, growth, limits = response
-    contacts, information, misfit = np.empty((0, 3)), np.empty((0, 0)), np.inf
-    left, made = np.empty_like(components), np.empty((4, components.shape[0]), np.float32)
-    while misfit > limit and contacts.shape[0] < most:
-        count = contacts.shape[0]
-        begin, more = np.empty((count + 1, 3)), np.empty((count + 1, 3))
-        told = np.empty((3 * count + 3, 3 * count + 3))
-        copy(contacts, begin[:count])
+    count = contacts.shape[0]
+    begin, left = np.empty((count + 1, 3)), np.empty_like(components)
+    made = np.empty((4, components.shape[0]), np.float32)
+    copy(contacts, begin[:count])
+    for c in range(left.shape[0]):
+        left[c] = components[c]
+    for n in range(count):
+        value_and_slopes(contacts[n], axes, coefficients, made)
         for c in range(left.shape[0]):
-            left[c] = components[c]
-        for n in range(count):
-            value_and_slopes(contacts[n], axes, coefficients, made)
-            for c in range(left.shape[0]):
-                left[c] -= made[0, c]
-        _start(left, table, levels, power, begin[count])
-        now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
-        found = _locate(components, begin, axes, coefficients, growth, limits, now, more, told)
-        if count and found > 0.5 * misfit:
-            break
-        contacts, information, misfit = more, told, found
-    return contacts, information, misfit
+            left[c] -= made[0, c]
+    _start(left, table, levels, power, begin[count])
+    now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
+    return _locate(components, begin, axes, coefficients, growth, limits, now, more, told)
+
+
+@compiled()
+def _fit(components, response, drag, table, ends, levels, power, limit, most, pull):
+    """As `ResponseReadout.found`: contacts (n, 3), information (3 n, 3 n), the misfit, and whether the one drags.
+
+    Fills in x, y, s, width and drag of one that does.
+    """
+    contacts, information = np.empty((1, 3)), np.empty((3, 3))
+    misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, power, contacts, information)
+    known, by_drag = np.empty((3, 3)), np.inf
+    if drag[2][0] < np.inf and _gained(components, response[2], contacts, misfit, response[0][2, 1]) >= ends[3]:
+        by_drag = dragged(components, contacts[0], response, drag, ends[0], pull, known)
+    if by_drag > limit:
+        while misfit > limit and contacts.shape[0] < most:
+            count = contacts.shape[0] + 1
+            more, told = np.empty((count, 3)), np.empty((3 * count, 3 * count))
+            found = _one_more(components, contacts, response, table, ends, levels, power, more, told)
+            if found > 0.5 * misfit:
+                break
+            contacts, information, misfit = more, told, found
+    if by_drag < np.inf and not (by_drag > limit and misfit < by_drag):
+        contacts, information, misfit = np.empty((1, 3)), known, by_drag
+        copy(pull[:3].reshape(1, 3), contacts)
+        return contacts, information, misfit, True
+    return contacts, information, misfit, False
 
 
 @compiled()
@@ -208,9 +228,12 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
+    'Tuple((f8[:, ::1], f4[:, :, :, ::1], f8[::1])), '
     'UniTuple(f8, 18), f8[:, ::1], f4[:, ::1])'
 )
-def read(values, confidence, scaling, directions, whitening, response, table, factors, ends, numbers, contacts, forces):
+def read(
+    values, confidence, scaling, directions, whitening, response, table, factors, ends, drag, numbers, contacts, forces
+):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
 
     Returns how many contacts, the standard deviation of the total, and the unlikeness; no contact where too little was
@@ -223,14 +246,18 @@ def read(values, confidence, scaling, directions, whitening, response, table, fa
     if not finite(size, scores):
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)
-    found, information, misfit = _fit(
-        components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
+    pull = np.empty(6)
+    found, information, misfit, pulled = _fit(
+        components, response, drag, table, ends, int(levels), power, limit * limit, contacts.shape[0], pull
     )
     count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
     total, touching = 0.0, _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
-    if touching:
-        near, hard = numbers[13:15]
+    near, hard = numbers[13:15]
+    if touching and pulled:
+        at_least, total = beside_drag(pull, drag, near, beyond, _stay_at_ends(found, limits, ends[0], found))
+        unlike = max(unlike, at_least)
+    elif touching:
         told = np.empty_like(found)
         surely, total = off_by_width(components, found, response, power, numbers[15:], told)
         if _stay_at_ends(found, limits, ends[0], told):

@@ -45,7 +45,7 @@ def _bends(value, axis, weights):
 
 
 @compiled()
-def _laplacian(at, axes, coefficients, result):
+def laplacian(at, axes, coefficients, result):
     """As `splines.laplacian`: fills in outputs."""
     x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
     i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
@@ -101,7 +101,7 @@ def off_by_width(components, contacts, response, power, numbers, moved):
     for n in range(count):
         height = max(height, contacts[n, 2] / axes[2, 1])
         value_and_slopes(contacts[n], axes, coefficients, made[n])
-        _laplacian(contacts[n], axes, coefficients, made[n, 4])
+        laplacian(contacts[n], axes, coefficients, made[n, 4])
     for c in range(outputs):
         certainty[c] = 1 / (1 + growth[c] * height * height)
         left[c] = components[c]

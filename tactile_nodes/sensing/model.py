@@ -103,7 +103,7 @@ class ForceEstimator:
         readout, seen = model.readout, (features.values, features.confidence)
         if altered and isinstance(readout, ResponseReadout):
             measured = self._of_blurred(readout, sharpness) if blurred else None
-            reading = read_altered(measured or readout, *seen, blurred=blurred and measured is None)
+            reading = read_altered(measured or readout.straight, *seen, blurred=blurred and measured is None)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
         else:

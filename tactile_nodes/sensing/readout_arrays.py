@@ -13,6 +13,7 @@ from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.blurs import Blur, Blurs
+from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
@@ -110,14 +111,31 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
     arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
     blurred, told = _blurs_arrays(readout.blurs)
-    return arrays | blurred, {
+    dragged, limits = _drag_arrays(readout.drag)
+    return arrays | blurred | dragged, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
         'power': response.power,
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
         **told,
+        **limits,
     }
+
+
+def _drag_arrays(drag: Drag | None) -> tuple[Arrays, dict[str, Any]]:
+    """Earlier releases leave it unread and read drags as they did."""
+    if drag is None:
+        return {}, {}
+    limits = {name: getattr(drag, name) for name in ('least_gain', 'most_mm', 'doubt_n')}
+    return {'drag': drag.coefficients}, {'drag': {'axes': [asdict(axis) for axis in drag.axes], **limits}}
+
+
+def _drag(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Drag | None:
+    if said is None:
+        return None
+    x, y, s = (SplineAxis(**axis) for axis in said['axes'])
+    return Drag(x, y, s, arrays['drag'], said['least_gain'], said['most_mm'], said['doubt_n'])
 
 
 def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
@@ -163,6 +181,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         _calibration(said['calibration']),
         said['most_contacts'],
         _blurs(arrays, said.get('blurs')),
+        _drag(arrays, said.get('drag')),
     )
 
 

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.blurs import Blurs
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.contact_drag import NO_DRAG, Drag, Dragged, dragged
 from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2, Widths, added_by_width, mended
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -65,7 +66,7 @@ def project(
 class ResponseReadout:
     """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
 
-    `blurs` is what it knows of pictures less sharp than those of its training.
+    `blurs` is what it knows of pictures less sharp than those of its training, `drag` of tips that drag the skin.
     """
 
     scaling: InputScaling
@@ -76,14 +77,23 @@ class ResponseReadout:
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
     blurs: Blurs | None = None
+    drag: Drag | None = None
 
     kind = 'response'
 
     @property
     def parameter_count(self) -> int:
-        """Coefficients of the splines, principal directions, and the scaling of the components, in sharp pictures."""
+        """Coefficients of the splines, principal directions, and the scaling of the components.
+
+        Those of presses straight down in sharp pictures: what blur and drags change is not counted.
+        """
         numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
         return sum(each.size for each in numbers)
+
+    @cached_property
+    def straight(self) -> ResponseReadout:
+        """The same that takes every press for one straight down."""
+        return self if self.drag is None else replace(self, drag=None)
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
         if self.likeness.directions.shape[1] != features or bins != self.bins:
@@ -125,7 +135,7 @@ class ResponseReadout:
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
             (np.array(told.place_factors, float), np.array(told.force_factors, float)), ends(told.least_gain),
-            tuple(float(each) for each in numbers),
+            NO_DRAG if self.drag is None else self.drag.for_loops, tuple(float(each) for each in numbers),
         )  # fmt: skip
 
     @cached_property
@@ -149,11 +159,15 @@ class ResponseReadout:
         return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
-        """As few contacts as explain the components, `most_contacts` at most."""
-        begin, calibration = self.response.start(components)[None], self.calibration
-        fit = locate(self.response, components, begin, calibration.least_gain)
-        limit = calibration.misfit_limit**2
-        while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
+        """As few contacts, pressed straight down, as explain the components, `most_contacts` at most."""
+        return self._with_more(components, self.single(components))
+
+    def single(self, components: Float32[np.ndarray, ' components']) -> Fit:
+        """The one contact, pressed straight down, that explains the components best."""
+        return locate(self.response, components, self.response.start(components)[None], self.calibration.least_gain)
+
+    def _with_more(self, components: np.ndarray, fit: Fit) -> Fit:
+        while fit.misfit > self.calibration.misfit_limit**2 and len(fit.contacts) < self.most_contacts:
             more = locate(self.response, components, self._one_more(components, fit.contacts))
             if more.misfit > 0.5 * fit.misfit:
                 break
@@ -164,17 +178,35 @@ class ResponseReadout:
         made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
         return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
 
+    def found(self, components: Float32[np.ndarray, ' components']) -> Fit | Dragged:
+        """What explains the components: one contact, one that drags, or as few as do; of the last two what does best.
+
+        A drag that leaves no more over than presses do is not looked at for a second contact.
+        """
+        single = self.single(components)
+        if self.drag is None or self.gain(components, single) < self.calibration.least_gain:
+            return self._with_more(components, single)
+        pulled = dragged(self.response, self.drag, components, single)
+        if pulled is not None and pulled.fit.misfit <= self.calibration.misfit_limit**2:
+            return pulled
+        several = self._with_more(components, single)
+        return several if pulled is None or several.misfit < pulled.fit.misfit else pulled
+
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
         if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
             return nothing_read(self.bins)
         components = self.whitening @ seen.scores
-        fit = self.fit(components)
-        contacts, limits = self.contacts(fit), self.likeness
+        found, limits = self.found(components), self.likeness
+        fit = found.fit if isinstance(found, Dragged) else found
+        contacts = self.contacts(fit)
         left_over = seen.left_over / (limits.floor + limits.share * seen.size)
         unlike, off_n = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over), 0.0
         if self.gain(components, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        elif isinstance(found, Dragged):
+            at_least, off_n = self._beside_drag(found)
+            unlike = max(unlike, at_least)
         else:
             widths = added_by_width(self.response, components, fit)
             contacts = self.contacts(mended(self.response, fit, widths))
@@ -182,6 +214,12 @@ class ResponseReadout:
             unlike = max(unlike, at_least)
         sigma_n = math.hypot(off_n, *(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def _beside_drag(self, found: Dragged) -> tuple[float, float]:
+        """How unlike the training a contact that drags is at least, and what N its force is off by for that."""
+        assert self.drag is not None
+        beyond = found.length_mm > self.drag.most_mm or bool(at_an_end(self.response, found.fit.contacts).any())
+        return BEYOND_UNLIKENESS if beyond else LIMIT_UNLIKENESS, self.drag.doubt_n * found.length_mm
 
     def _beside_training(self, fit: Fit, widths: Widths) -> tuple[float, float]:
         """How unlike the training contacts are at least, by place, force and width, and what N a width stands for."""
