@@ -13,7 +13,15 @@ import numpy as np
 from tactile_nodes.learning.onnx_graph import Value, Writer
 from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
 from tactile_nodes.learning.onnx_splines import laplacian, value_and_slopes
-from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
+from tactile_nodes.sensing.contact_width import (
+    ANY_MM2,
+    LEFT_FROM,
+    SURE_OF_WIDTH,
+    TAKEN,
+    TAKEN_BELOW,
+    USUAL_MM2,
+    WIDE_MM2,
+)
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, UNKNOWN
@@ -204,10 +212,21 @@ def _width(response: Response, components: Value, place: Value, inverse: Value) 
     known = inverse @ shared
     own = (bend * bend * certainty).sum() - shared @ known
     width = (bend @ left - known @ (slopes @ left)) / own
+    writer, share = place.writer, _taken(width, 1 / own, place[2] / response.s.high)
     usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
     plain, least, most = inverse @ (slopes @ left), place[2] * -1.0, place[2]
     step, further = plain - known * usual, (plain - known * width)[2]
-    return width, 1 / own.sqrt(), step, further.most(least).least(most) - step[2].most(least).least(most)
+    off = further.most(least).least(most) - step[2].most(least).least(most)
+    return width, 1 / own.sqrt(), writer.concat(step[0], step[1], step[2] + share * off), (1.0 - share) * off
+
+
+def _taken(width: Value, variance: Value, height: Value) -> Value:
+    """The share of a width's force that is taken; see `contact_width.taken`."""
+    usual, whatever = variance + (2 * USUAL_MM2) ** 2, variance + ANY_MM2**2
+    exponent = width * width * (1 / whatever - 1 / usual) * 0.5
+    against = (whatever / usual).sqrt() * width.writer.op('Exp', exponent)
+    fading = ((LEFT_FROM - height) * (1 / (LEFT_FROM - TAKEN_BELOW))).most(0).least(1)
+    return (width >= 0.0).where(fading * TAKEN / (against + 1.0), 0.0)
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:

@@ -7,7 +7,8 @@ together that came out as one. The force that comes out of such a contact is ano
 fit.
 
 A little of it every contact has: what splines and regions miss of a response is mostly how sharp its peak is. So place
-and force are those of a fit that also knows a width, which lies so near none as the training's own do.
+and force are those of a fit that also knows a width, which lies so near none as the training's own do. Of a light
+contact that is surely wider the force is that of a body of another shape, as far as this step knows it.
 """
 
 from __future__ import annotations
@@ -38,12 +39,29 @@ Half of it and twice as much take less of the error away, on presses at random p
 """
 
 
+ANY_MM2 = 0.3
+"""Standard deviation of the width of contacts of other shapes, which are taken to be as many as those of the tip."""
+
+TAKEN = 0.7
+"""Of what a width adds to the force, as much is taken: second order alone adds too much.
+
+(Of balls of 6 mm 0.6 to 0.75 would be right, of flat punches of 3 mm 0.8 to 0.95.)
+"""
+
+TAKEN_BELOW, LEFT_FROM = 0.3, 0.6
+"""Of the largest s. Where a body is deeper in the gel, a width adds several times too much, and presses of the tip have
+one: it is less and less of it that is taken, and from there on none."""
+
+WIDTHS = USUAL_MM2, ANY_MM2, TAKEN, TAKEN_BELOW, LEFT_FROM
+"""As loops want them."""
+
+
 @dataclass(frozen=True)
 class Widths:
     """Of each contact: how much wider it is (mm²), its standard deviation, and what that does to it.
 
-    `steps` is what x, y and s are another by with a width as usual as the training's, `off` by how much further s is
-    with any width.
+    `steps` is what x, y and s are another by with a width as usual as the training's, and s with as much of any as is
+    `taken`; `off` by how much further s is with any width.
     """
 
     mm2: Float[np.ndarray, ' contacts']
@@ -64,7 +82,7 @@ def added_by_width(response: Response, components: Float32[np.ndarray, ' compone
     left = components - sum(each[0] for each in made)
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
     found = [
-        _added(at[2], each, laplacian(response.axes, response.coefficients, at), left, certainty)
+        _added(at[2], each, laplacian(response.axes, response.coefficients, at), left, certainty, response.s.high)
         for each, at in zip(made, fit.contacts.tolist(), strict=True)
     ]
     mm2, sigma_mm2, steps, off = zip(*found, strict=True)
@@ -72,7 +90,7 @@ def added_by_width(response: Response, components: Float32[np.ndarray, ' compone
 
 
 def _added(
-    s: float, made: np.ndarray, bend: np.ndarray, left: np.ndarray, certainty: np.ndarray
+    s: float, made: np.ndarray, bend: np.ndarray, left: np.ndarray, certainty: np.ndarray, highest: float
 ) -> tuple[float, float, np.ndarray, float]:
     """One step of least squares by x, y, s and width, from a fit by the first three; s is off by itself at most."""
     slopes = np.concatenate([made[1:], bend[None]], dtype=np.float64)
@@ -82,7 +100,21 @@ def _added(
     step = spread @ (slopes @ (left * certainty))
     width, variance = float(step[3]), float(spread[3, 3])
     usual: np.ndarray = step[:3] - spread[:3, 3] * (width / (variance + USUAL_MM2**2))
-    return width, math.sqrt(variance), usual, min(max(float(step[2]), -s), s) - min(max(float(usual[2]), -s), s)
+    off = min(max(float(step[2]), -s), s) - min(max(float(usual[2]), -s), s)
+    share = taken(width, variance, s / highest)
+    usual[2] += share * off
+    return width, math.sqrt(variance), usual, (1 - share) * off
+
+
+def taken(mm2: float, variance: float, height: float) -> float:
+    """The share of a width's force that is taken: by how likely it is that of another shape, and less of hard contacts.
+
+    `height` is s in units of its largest. Either shape is as likely before anything is seen; see `ANY_MM2`.
+    """
+    usual, whatever = variance + (2 * USUAL_MM2) ** 2, variance + ANY_MM2**2
+    against = math.sqrt(whatever / usual) * math.exp(-mm2 * mm2 / 2 * (1 / usual - 1 / whatever))
+    fading = min(max((LEFT_FROM - height) / (LEFT_FROM - TAKEN_BELOW), 0.0), 1.0)
+    return TAKEN * fading / (1 + against) if mm2 > 0 else 0.0
 
 
 def mended(response: Response, fit: Fit, widths: Widths) -> Fit:

@@ -229,7 +229,7 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
     'Tuple((f8[:, ::1], f4[:, :, :, ::1], f8[::1])), '
-    'UniTuple(f8, 18), f8[:, ::1], f4[:, ::1])'
+    'UniTuple(f8, 22), f8[:, ::1], f4[:, ::1])'
 )
 def read(
     values, confidence, scaling, directions, whitening, response, table, factors, ends, drag, numbers, contacts, forces

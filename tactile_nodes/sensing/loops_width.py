@@ -86,13 +86,23 @@ def _added(made, left, certainty, granted, column, step):
 
 
 @compiled()
+def _taken(mm2, variance, height, numbers):
+    """As `contact_width.taken`; `numbers` are `contact_width.WIDTHS`."""
+    usual_mm2, any_mm2, most, below, left = numbers
+    usual, whatever = variance + 4 * usual_mm2 * usual_mm2, variance + any_mm2 * any_mm2
+    against = math.sqrt(whatever / usual) * math.exp(-mm2 * mm2 / 2 * (1 / usual - 1 / whatever))
+    fading = min(max((left - height) / (left - below), 0.0), 1.0)
+    return most * fading / (1 + against) if mm2 > 0 else 0.0
+
+
+@compiled()
 def off_by_width(components, contacts, response, power, numbers, moved):
     """Whether any contact is surely wider than the training's, and the square of what N forces are off by for that.
 
     Fills in contacts as they are with a usual width (n, 3); see `contact_width`. `numbers` are its limits.
     """
     axes, coefficients, growth, limits = response
-    wide, sure, usual = numbers
+    wide, sure, usual = numbers[:3]
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
@@ -115,9 +125,12 @@ def off_by_width(components, contacts, response, power, numbers, moved):
         for i in range(3):
             by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
             moved[n, i] = min(max(contacts[n, i] + by, limits[2, i]), limits[3, i])
+        off = min(max(step[2], -s), s) - min(max(by_s, -s), s)
+        share_taken = _taken(step[3], column[3], s / axes[2, 1], numbers[2:])
+        by = min(max(by_s + share_taken * off, -limits[1, 2]), limits[1, 2])
+        moved[n, 2] = min(max(s + by, limits[2, 2]), limits[3, 2])
         if step[3] >= wide and step[3] >= sure * math.sqrt(column[3]):
             surely = True
-            off = min(max(step[2], -s), s) - min(max(by_s, -s), s)
-            off *= max(s, 1e-9) ** (1 / power - 1) / power
+            off *= (1 - share_taken) * max(s, 1e-9) ** (1 / power - 1) / power
             total += off * off
     return surely, total

@@ -14,7 +14,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.blurs import Blurs
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.contact_drag import NO_DRAG, Drag, Dragged, dragged
-from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2, Widths, added_by_width, mended
+from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2, WIDTHS, Widths, added_by_width, mended
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
@@ -130,7 +130,7 @@ class ResponseReadout:
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
             self.bins.width_mm, self.bins.height_mm, LIMIT_UNLIKENESS, response.hard, WIDE_MM2, SURE_OF_WIDTH,
-            USUAL_MM2,
+            *WIDTHS,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,

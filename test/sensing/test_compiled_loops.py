@@ -58,6 +58,7 @@ def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
     [
         [(2.0, 1.0, 0.4)], [(-4.0, 3.0, 0.5), (5.0, -2.0, 0.7)], [(11.9, -3.0, 0.9)], [(11.9, 11.9, 0.05)], [],
         [(1.0, 0.0, 0.2), (3.0, 0.0, 0.2), (2.0, 1.0, 0.2)], [(2.0, 1.0, 0.8)],
+        [(1.3, 0.0, 0.1), (2.7, 0.0, 0.1)], [(1.3, 0.0, 0.2), (2.7, 0.0, 0.2)],
     ],
 )  # fmt: skip
 def test_the_same_forces_are_read(contacts: list[tuple[float, float, float]], lost: int):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from responding import COMPONENTS, GRID, components, features, readout, response
 
-from tactile_nodes.sensing.contact_width import USUAL_MM2, Widths, added_by_width, mended
+from tactile_nodes.sensing.contact_width import USUAL_MM2, Widths, added_by_width, mended, taken
 from tactile_nodes.sensing.response import locate
 
 GEL = response()
@@ -68,6 +68,25 @@ def test_contacts_of_a_usual_width_are_read_better_with_it_than_without() -> Non
         found.append((fit.contacts[0, 2] - 0.6, told.contacts[0, 2] - 0.6))
     without, with_it = np.sqrt(np.square(found).mean(axis=0))
     assert with_it < 0.5 * without
+
+
+def test_a_light_wide_contact_is_read_nearly_as_hard_as_it_is() -> None:
+    """Three tenths of what it is off by stay, and what of the width is of a higher order."""
+    gel = response(scale=4000.0)
+    seen = components(gel, *[(x, y, 0.0625) for x, y in ((2.8, -1.0), (1.2, -1.0), (2.0, -0.2), (2.0, -1.8))])
+    fit = locate(gel, seen, gel.start(seen)[None])
+    told = mended(gel, fit, added_by_width(gel, seen, fit)).contacts[0]
+    assert abs(fit.contacts[0, 2] - 0.25) > 0.003
+    assert abs(told[2] - 0.25) < 0.4 * abs(fit.contacts[0, 2] - 0.25)
+
+
+def test_a_share_of_a_width_is_taken_by_how_sure_it_is_and_how_light_the_contact() -> None:
+    """Of no width 0.7 / (1 + sqrt(0.0901 / 0.001)): variances of 0.01² + 0.3² and 0.01² + 0.03² mm⁴, even chances."""
+    assert taken(1e-9, 0.01**2, 0.1) == pytest.approx(0.7 / 10.49, rel=1e-3)
+    assert taken(0.5, 0.01**2, 0.1) == pytest.approx(0.7)
+    assert taken(0.5, 0.01**2, 0.45) == pytest.approx(0.35)
+    assert taken(0.5, 0.01**2, 0.6) == 0
+    assert taken(-0.5, 0.01**2, 0.1) == 0
 
 
 def test_a_contact_of_no_width_stays_what_it_is() -> None:
