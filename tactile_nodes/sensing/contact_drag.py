@@ -21,7 +21,7 @@ from jaxtyping import Float, Float16, Float32
 
 from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
 from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, MOST_STEPS, Fit, Response, damping
-from tactile_nodes.sensing.splines import SplineAxis, laplacian, value_and_slopes
+from tactile_nodes.sensing.splines import SplineAxis, laplacian, value_and_slopes, value_of
 
 AMOUNTS = 5
 LARGEST_PULL_MM = 0.5
@@ -33,7 +33,8 @@ ANY_WIDTH_MM2 = 1.5
 GRANTED = (*DAMPING, USUAL_MM2**-2, USUAL_PULL_MM**-2, USUAL_PULL_MM**-2)
 """Information that a step by x, y, s, width and drag is granted."""
 
-LOOSER = ANY_WIDTH_MM2**-2 - USUAL_MM2**-2
+ASKED = (*DAMPING, ANY_WIDTH_MM2**-2, USUAL_PULL_MM**-2, USUAL_PULL_MM**-2)
+"""The same while a drag is asked for."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +63,20 @@ class Drag:
         return np.ascontiguousarray(self.coefficients.reshape(*self.coefficients.shape[:3], -1), np.float32)
 
     @cached_property
+    def straight_table(self) -> Float32[np.ndarray, 'nx ny ns outputs']:
+        """Those of a short drag along x and along y."""
+        first = self.coefficients[:, :, :, :2]
+        return np.ascontiguousarray(first.reshape(*first.shape[:3], -1), np.float32)
+
+    @cached_property
     def for_loops(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Axes, coefficients and numbers."""
         axes = np.array([[axis.low, axis.high, axis.intervals] for axis in self.axes], float)
-        how = LARGEST_PULL_MM, MOST_STEPS, LOOSER, WIDE_MM2, SURE_OF_WIDTH, *GRANTED
+        how = LARGEST_PULL_MM, MOST_STEPS, WIDE_MM2, SURE_OF_WIDTH, *GRANTED, *ASKED
         return axes, self.table, np.array([self.least_gain, self.most_mm, self.doubt_n, *how], float)
 
 
-NO_DRAG = np.zeros((3, 3)), np.zeros((0, 0, 0, 0), np.float32), np.array([np.inf, *(0.0,) * (7 + len(GRANTED))])
+NO_DRAG = np.zeros((3, 3)), np.zeros((0, 0, 0, 0), np.float32), np.array([np.inf, *(0.0,) * (6 + 2 * len(GRANTED))])
 """As `Drag.for_loops` where none was measured."""
 
 
@@ -99,13 +106,13 @@ def amounts_slopes(pull_mm: Float[np.ndarray, ' 2']) -> Float[np.ndarray, '2 amo
 
 def dragged(response: Response, drag: Drag, components: Float32[np.ndarray, ' components'], fit: Fit) -> Dragged | None:
     """A fit of one contact with its drag; None where it may well be one that was pressed straight down."""
+    if gained_by_drag(response, drag, components, fit) < drag.least_gain:
+        return None
     _, largest, low, high = response.limits_array
     here, best, least = np.array([*fit.contacts[0], 0.0, 0.0, 0.0]), None, np.inf
-    for number in range(MOST_STEPS):
+    for _ in range(MOST_STEPS):
         made, information, down = _compare(response, drag, components, here)
         step = np.linalg.solve(information, down)
-        if number == 0 and _gained(information, down) < drag.least_gain:
-            return None
         misfit, cost = made
         if cost < least:
             least, best = cost, (here, information, misfit)
@@ -123,20 +130,20 @@ def dragged(response: Response, drag: Drag, components: Float32[np.ndarray, ' co
 
 
 def gained_by_drag(response: Response, drag: Drag, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
-    """How much more probable a drag makes what is seen, to the first order: half the fall of the squared misfit."""
-    _, information, down = _compare(response, drag, components, np.array([*fit.contacts[0], 0.0, 0.0, 0.0]))
-    return _gained(information, down)
+    """How much more probable one step by place, force and a drag makes what is seen than one without, of any width.
 
-
-def _gained(information: np.ndarray, down: np.ndarray) -> float:
-    """How much more probable a first step by all six makes what is seen than one without a drag, of any width.
-
-    Of a body of another shape the response to the tip is off all around it, so a wide contact's gain counts less.
+    Half the fall of the squared misfit. Of a body of another shape the response to the tip is off all around it, so a
+    wide contact's gain counts less.
     """
-    loose = information.copy()
-    loose[3, 3] += LOOSER
-    spread = np.linalg.inv(loose)
-    with_it, without = spread @ down, np.linalg.solve(loose[:4, :4], down[:4])
+    place = fit.contacts[0].tolist()
+    made = value_and_slopes(response.axes, response.coefficients, place)
+    bend = laplacian(response.axes, response.coefficients, place)
+    short = value_of(drag.axes, drag.straight_table, place).reshape(2, -1)
+    slopes = np.concatenate([made[1:], bend[None], short], dtype=np.float64)
+    weighted = slopes * response.certainty(place[2])
+    down, information = weighted @ (components - made[0]), weighted @ slopes.T + np.diag(ASKED)
+    spread = np.linalg.inv(information)
+    with_it, without = spread @ down, np.linalg.solve(information[:4, :4], down[:4])
     wide = max(abs(float(with_it[3])) - SURE_OF_WIDTH * math.sqrt(spread[3, 3]), 0.0) / WIDE_MM2
     return float(down @ with_it - down[:4] @ without) / 2 / (1 + wide**2)
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
-from tactile_nodes.sensing.loops_width import laplacian, value_and_slopes
+from tactile_nodes.sensing.loops_width import laplacian, value_and_slopes, value_of
 
 AMOUNTS = 5
 
@@ -51,11 +51,27 @@ def _slopes(here, response, drag, slopes):
 
 
 @compiled()
-def _compare(components, here, response, drag, slopes, information, down):
-    """As `contact_drag._compare`: fills in information and the way down; returns misfit and cost."""
-    growth, high, granted = response[2], response[0][2, 1], drag[2][8:]
+def _asked_slopes(here, response, drag, slopes):
+    """The same where nothing is wide or drags yet."""
+    axes, coefficients = response[0], response[1]
+    outputs = slopes.shape[1]
+    made, bend = np.empty((4, outputs), np.float32), np.empty(outputs, np.float32)
+    short = np.empty(2 * outputs, np.float32)
+    value_and_slopes(here, axes, coefficients, made)
+    laplacian(here, axes, coefficients, bend)
+    value_of(here, drag[0], drag[1], short)
+    for c in range(outputs):
+        for part in range(4):
+            slopes[part, c] = made[part, c]
+        slopes[4, c] = bend[c]
+        slopes[5, c], slopes[6, c] = short[c], short[outputs + c]
+
+
+@compiled()
+def _sums(components, here, response, granted, slopes, information, down):
+    """Fills in information and the way down of slopes; returns misfit and cost."""
+    growth, high = response[2], response[0][2, 1]
     outputs = components.shape[0]
-    _slopes(here, response, drag, slopes)
     left, certainty = np.empty(outputs), np.empty(outputs)
     squares = 0.0
     height = here[2] / high
@@ -82,14 +98,13 @@ def _compare(components, here, response, drag, slopes, information, down):
 
 
 @compiled()
-def _solved(information, down, count, looser, step):
-    """Fills in the step by the first `count` numbers, with a width that is held less; returns how far down it leads."""
+def _solved(information, down, count, step):
+    """Fills in the step by the first `count` numbers; returns how far down it leads."""
     system = np.empty((count, count))
     for i in range(count):
         step[i] = down[i]
         for j in range(count):
             system[i, j] = information[i, j]
-    system[3, 3] += looser
     factorise(system)
     substitute(system, step[:count])
     along = 0.0
@@ -99,17 +114,18 @@ def _solved(information, down, count, looser, step):
 
 
 @compiled()
-def _variance(information, of, looser):
-    """Of one of the six numbers, with a width that is held less."""
-    system, column = np.empty((6, 6)), np.zeros(6)
-    for i in range(6):
-        for j in range(6):
-            system[i, j] = information[i, j]
-    system[3, 3] += looser
-    factorise(system)
-    column[of] = 1.0
-    substitute(system, column)
-    return column[of]
+def _gained(components, here, response, drag, slopes, information, down):
+    """As `contact_drag.gained_by_drag`."""
+    numbers, step, one = drag[2], np.empty(6), np.zeros(6)
+    _asked_slopes(here, response, drag, slopes)
+    _sums(components, here, response, numbers[13:19], slopes, information, down)
+    without = _solved(information, down, 4, step)
+    gain = (_solved(information, down, 6, step) - without) / 2
+    one[3] = 1.0
+    width = step[3]
+    variance = _solved(information, one, 6, step)
+    wide = max(abs(width) - numbers[6] * math.sqrt(variance), 0.0) / numbers[5]
+    return gain / (1 + wide * wide)
 
 
 @compiled()
@@ -146,16 +162,13 @@ def dragged(components, contact, response, drag, converged, found, known):
     slopes, information, down = np.empty((7, components.shape[0])), np.empty((6, 6)), np.empty(6)
     here, step, kept = np.zeros(6), np.empty(6), np.empty((6, 6))
     here[0], here[1], here[2] = contact[0], contact[1], contact[2]
+    if _gained(components, here, response, drag, slopes, information, down) < numbers[0]:
+        return np.inf
     least, best = np.inf, np.inf
-    for number in range(int(numbers[4])):
-        misfit, cost = _compare(components, here, response, drag, slopes, information, down)
-        if number == 0:
-            without = _solved(information, down, 4, numbers[5], step)
-            gain = (_solved(information, down, 6, numbers[5], step) - without) / 2
-            wide = max(abs(step[3]) - numbers[7] * math.sqrt(_variance(information, 3, numbers[5])), 0.0) / numbers[6]
-            if gain / (1 + wide * wide) < numbers[0]:
-                return np.inf
-        _solved(information, down, 6, 0.0, step)
+    for _ in range(int(numbers[4])):
+        _slopes(here, response, drag, slopes)
+        misfit, cost = _sums(components, here, response, numbers[7:13], slopes, information, down)
+        _solved(information, down, 6, step)
         if cost < least:
             least, best = cost, misfit
             for i in range(6):

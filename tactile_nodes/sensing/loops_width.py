@@ -33,6 +33,21 @@ def value_and_slopes(at, axes, coefficients, result):
 
 
 @compiled()
+def value_of(at, axes, coefficients, result):
+    """As `splines.value_of`, of as many outputs as the result has."""
+    x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
+    i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
+    for c in range(result.shape[0]):
+        result[c] = 0
+    for m in range(4):
+        for n in range(4):
+            for o in range(4):
+                row, weight = coefficients[i + m, j + n, k + o], np.float32(x[0, m] * y[0, n] * s[0, o])
+                for c in range(result.shape[0]):
+                    result[c] += weight * row[c]
+
+
+@compiled()
 def _bends(value, axis, weights):
     """Second derivatives of the four cubic splines that are not zero at a value."""
     low, high, intervals = axis[0], axis[1], axis[2]
