@@ -76,6 +76,15 @@ class Ready:
     estimator: ForceEstimator
     inputs: Inputs
     provenance: types.Provenance
+    blurred_method: str = ''
+
+    def fits(self, known: Inputs) -> bool:
+        """Whether it reads such features; of blurred pictures they may be measured otherwise."""
+        return self.inputs in (known, replace(known, method=self.inputs.method) if self.blurred(known.method) else None)
+
+    def blurred(self, method: str) -> bool:
+        """Whether it is by this method that motion in blurred pictures is measured, and in sharp ones by another."""
+        return bool(self.blurred_method) and method == self.blurred_method
 
     @classmethod
     def read(cls, name: str) -> Ready:
@@ -90,7 +99,8 @@ class Ready:
             model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
             calibration_id=loaded.model_id if calibrated else '',
         )  # fmt: skip
-        return cls(name, file, loaded, estimator, Inputs.of_model(loaded), provenance)
+        blurred = '' if loaded.blurred_flow is None else told(make_flow(*loaded.blurred_flow))
+        return cls(name, file, loaded, estimator, Inputs.of_model(loaded), provenance, blurred)
 
 
 class Estimating:
@@ -117,7 +127,7 @@ class Estimating:
         """
         ready, last = Ready.read(name), self._last
         known = self.now.inputs if last is None else Inputs.of_message(last)
-        if ready.inputs != known:
+        if not ready.fits(known):
             raise ModelError(
                 f'model {name} needs {ready.inputs}, and what comes in is {known}; choose a model of these features, '
                 'or start flow features and force estimator with that one'
@@ -182,8 +192,9 @@ class Estimating:
             return estimator.at_rest(seen)
         altered, blurred = features.reasons & ALTERED, features.reasons & FORCE.REASON_BLURRED
         return estimator.predict(
-            seen, altered=bool(altered), blurred=bool(blurred), sharpness=float(features.rest_sharpness)
-        )
+            seen, altered=bool(altered), blurred=bool(blurred), sharpness=float(features.rest_sharpness),
+            at_scale=self.now.blurred(features.method),
+        )  # fmt: skip
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

@@ -29,7 +29,7 @@ from tactile_nodes.params import parameter
 from tactile_nodes.rest_images import RestImages
 from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
 from tactile_nodes.sensing.freshness import Freshness
 from tactile_nodes.sensing.quality import picture_faults
 from tactile_nodes.sensing.renewal import RenewalOptions
@@ -62,6 +62,18 @@ class FollowingParams(MethodParams):
     stale_after_s: float = parameter(0.2, 'age from which a frame is called stale', minimum=0.001)
 
 
+class Told:
+    """A flow method in words, found once."""
+
+    def __init__(self, flow: FlowMethod) -> None:
+        self._flow, self._words = flow, told(flow)
+
+    def __call__(self, flow: FlowMethod) -> str:
+        if flow is not self._flow:
+            self._flow, self._words = flow, told(flow)
+        return self._words
+
+
 class Following:
     """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
 
@@ -74,19 +86,21 @@ class Following:
     def __init__(self, params: FollowingParams, tell: Callable[[str], None] | None = None) -> None:
         if params.compiled:
             use_compiled(tell=tell)
-        flow, self._encoding, texture = make_methods(params)
-        self._method = told(flow)
+        methods = make_methods(params)
+        self._encoding, self._method = methods.encoding, Told(methods.flow)
         self._tracker = FeatureTracker(
-            flow,
-            self._encoding,
+            methods.flow,
+            methods.encoding,
             rest_frames=params.reference_frames,
             marked_share=params.marked_share,
             check=make_check(params.stillness),
             registration=make_registration(params.registration),
-            texture=texture if params.renew else None,
+            texture=methods.texture if params.renew else None,
+            blurred_flow=methods.blurred_flow,
+            blurred_below=methods.blurred_below,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
-        self._rest_images = RestImages(self._tracker, flow.name, renewal)
+        self._rest_images = RestImages(self._tracker, methods.flow.name, renewal)
         self._freshness = Freshness(params.stale_after_s)
         self._last: tuple[np.ndarray, DisplacementField] | None = None
         self._trouble = ''
@@ -221,7 +235,7 @@ class Following:
             header=head,
             image_width=image.shape[1],
             image_height=image.shape[0],
-            method=self._method,
+            method=self._method(self._tracker.flow),
             reference_id=self._tracker.reference_id,
             image_level=level,
             rest_sharpness=self._rest_images.sharpness,

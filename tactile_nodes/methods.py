@@ -80,6 +80,18 @@ class RegistrationParams:
     )
 
 
+@dataclass(frozen=True)
+class Methods:
+    """The flow method and the features; of a model that knows them how far each spot of its gel goes, and the flow
+    method of pictures less sharp than `blurred_below`."""
+
+    flow: FlowMethod
+    encoding: FeatureEncoding
+    texture: TextureGains | None = None
+    blurred_flow: FlowMethod | None = None
+    blurred_below: float = 0.0
+
+
 def make_check(params: StillnessParams) -> StillnessCheck | None:
     """The check that parameters ask for; None where every frame is to be measured."""
     if not params.check:
@@ -94,10 +106,8 @@ def make_registration(params: RegistrationParams) -> Registration | None:
     return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
 
-def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding, TextureGains | None]:
-    """The flow method and the features that parameters ask for, and how far each spot of a model's gel goes.
-
-    The last is None of a model that does not know it, or without one.
+def make_methods(params: MethodParams) -> Methods:
+    """What parameters ask for.
 
     Raises:
         ConfigurationError: no such method or option.
@@ -105,12 +115,14 @@ def make_methods(params: MethodParams) -> tuple[FlowMethod, FeatureEncoding, Tex
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        return make_flow(*loaded.flow), make_encoding(*loaded.encoding), loaded.texture
+        blurred = None if loaded.blurred_flow is None else make_flow(*loaded.blurred_flow)
+        known = loaded.texture, blurred, loaded.blurred_below
+        return Methods(make_flow(*loaded.flow), make_encoding(*loaded.encoding), *known)
     regions = {'rows': params.rows, 'cols': params.cols}
     options = asdict(params.dis)
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
-    return make_flow(params.method, options), make_encoding(params.encoding, regions), None
+    return Methods(make_flow(params.method, options), make_encoding(params.encoding, regions))
 
 
 def told(flow: FlowMethod) -> str:

@@ -22,9 +22,11 @@ from safetensors import SafetensorError
 from tactile_nodes.errors import ModelError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.blurs import FinerBlurs
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
@@ -61,6 +63,22 @@ class LoadedModel:
     def flow(self) -> tuple[str, dict[str, object]]:
         """Name and options of the optical flow that the model was trained with."""
         return self.card['flow']['name'], dict(self.card['flow']['options'])
+
+    @property
+    def blurred_flow(self) -> tuple[str, dict[str, object]] | None:
+        """The flow that measures much blurred pictures, where it is another."""
+        name, options = self.flow
+        return None if self._finer is None else (name, {**options, 'finest_scale': self._finer.finest_scale})
+
+    @property
+    def blurred_below(self) -> float:
+        """Of which sharpness rest images have that flow."""
+        return 0.0 if self._finer is None else self._finer.below
+
+    @property
+    def _finer(self) -> FinerBlurs | None:
+        readout = self.model.readout
+        return readout.blurs.finer if isinstance(readout, ResponseReadout) and readout.blurs is not None else None
 
     @property
     def encoding(self) -> tuple[str, dict[str, object]]:

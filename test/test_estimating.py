@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactile_nodes import conversions
+from tactile_nodes.errors import ModelError
 from tactile_nodes.estimating import Estimating, told_sigma_n
 from tactile_nodes.messages import types
+from tactile_nodes.methods import told
+from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.sensing.blurs import FinerBlurs
+from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.model import ForceMap
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import value_and_slopes
@@ -83,3 +90,38 @@ def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> Non
         estimating.answer(each, '', 0.85, 0.0) for each in (features(estimating, 0.5), blind, features(estimating, 0.5))
     ]
     assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
+
+
+@pytest.fixture
+def fast_at_full_size(tmp_path: Path) -> Path:
+    """As it ships, with what it knows of blurred pictures as if it were of pictures measured at full size."""
+    loaded, file = load_model(find_model('fast')), tmp_path / 'fast.safetensors'
+    readout = loaded.model.readout
+    assert isinstance(readout, ResponseReadout)
+    assert readout.blurs is not None
+    finer = FinerBlurs(0, readout.blurs.levels)
+    readout = replace(readout, blurs=replace(readout.blurs, finer=finer))
+    save_model(file, replace(loaded.model, readout=readout), loaded.card, loaded.rest_image)
+    return file
+
+
+def test_how_motion_was_measured_says_what_reads_it(fast_at_full_size: Path) -> None:
+    """A blur of 1 px changes what a contact of 0.5 N does by 4 mN there."""
+    estimating = Estimating(str(fast_at_full_size))
+    loaded = load_model(fast_at_full_size)
+    assert loaded.blurred_flow is not None
+    sharp = replace(features(estimating, 0.5), rest_sharpness=0.42, method=told(make_flow(*loaded.flow)))
+    blurred = replace(sharp, method=told(make_flow(*loaded.blurred_flow)))
+    by_sharp, by_blurred = (estimating.answer(each, '', 0.85, 0.0).total for each in (sharp, blurred))
+    assert by_sharp == pytest.approx(0.5, abs=2e-3)
+    assert abs(by_blurred - by_sharp) > 0.002
+
+
+def test_a_model_takes_over_while_pictures_are_measured_as_blurred_ones(fast_at_full_size: Path) -> None:
+    estimating, loaded = Estimating(str(fast_at_full_size)), load_model(fast_at_full_size)
+    assert loaded.blurred_flow is not None
+    seen = replace(features(estimating, 0.5), rest_sharpness=0.42, method=told(make_flow(*loaded.blurred_flow)))
+    estimating.answer(seen, '', 0.85, 0.0)
+    assert estimating.prepared(str(fast_at_full_size)).inputs == estimating.now.inputs
+    with pytest.raises(ModelError, match='what comes in'):
+        estimating.prepared('accurate')

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
-from tactile_nodes.sensing.blurs import Blur, Blurs
+from tactile_nodes.sensing.blurs import Blur, Blurs, FinerBlurs
 from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -165,6 +165,41 @@ def test_what_a_model_knows_of_drags_changes_nothing_else_in_its_file(tmp_path: 
     assert isinstance(readout, ResponseReadout)
     assert readout.drag is not None
     assert (readout.drag.least_gain, readout.drag.most_mm, readout.drag.doubt_n) == (1e-9, 0.8, 0.02)
+
+
+def finer_response() -> ForceModel:
+    """One that measures much blurred pictures at full size."""
+    model = blurred_response()
+    assert isinstance(model.readout, ResponseReadout)
+    assert model.readout.blurs is not None
+    (level,) = model.readout.blurs.levels
+    weak, strong = (replace(level, sharpness=each, change=each * level.change) for each in (0.5, 0.4))
+    return replace(
+        model, readout=replace(model.readout, blurs=replace(model.readout.blurs, finer=FinerBlurs(0, (weak, strong))))
+    )
+
+
+def test_a_model_says_how_much_blurred_pictures_are_measured(tmp_path: Path):
+    """By its own flow at another scale from 0.45 on, where its training did so."""
+    file = tmp_path / 'model.safetensors'
+    save_model(file, blurred_response(), CARD)
+    assert (load_model(file).blurred_flow, load_model(file).blurred_below) == (None, 0.0)
+    save_model(file, finer_response(), CARD)
+    loaded = load_model(file)
+    name, options = loaded.flow
+    assert loaded.blurred_flow == (name, {**options, 'finest_scale': 0})
+    assert loaded.blurred_below == pytest.approx(0.45)
+
+
+def test_what_a_model_knows_of_pictures_that_are_measured_otherwise_comes_back(tmp_path: Path):
+    file = tmp_path / 'model.safetensors'
+    save_model(file, finer_response(), CARD)
+    random = np.random.default_rng(1)
+    features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
+    models = finer_response(), load_model(file).model, small_response()
+    before, after, without = (ForceEstimator(each).predict(features, sharpness=0.44, at_scale=True) for each in models)
+    assert after.contacts == before.contacts
+    assert after.contacts != without.contacts
 
 
 def test_what_a_model_knows_of_blur_changes_nothing_else_in_its_file(tmp_path: Path):

@@ -44,11 +44,13 @@ class BlurredPresses:
     """The first samples of a training's data set, measured in blurred pictures.
 
     `sharpness` is that of the blurred rest images, `sharp` that of the rest images themselves (means over them).
+    `finest_scale` is where they were measured, if elsewhere than sharp ones.
     """
 
     sharp: float
     sharpness: float
     dataset: Dataset
+    finest_scale: int | None = None
 
 
 class BlurredMeasurer:
@@ -77,7 +79,7 @@ class BlurredMeasurer:
 def simulate_blurred(config: TrainConfig, progress: Progress) -> tuple[BlurredPresses, ...]:
     """The first `response.blurred_presses` samples of `simulate`, for each of `response.blur_px`.
 
-    Blocks that were made before are read.
+    Where they are measured at another scale, too, those come last. Blocks that were made before are read.
 
     Raises:
         ConfigurationError: blurs are not given in order, each stronger than the one before.
@@ -86,13 +88,21 @@ def simulate_blurred(config: TrainConfig, progress: Progress) -> tuple[BlurredPr
     if not settings.blur_px or not settings.blurred_presses:
         return ()
     require_in_order(settings.blur_px)
-    name = f'blurred{RECIPE}-{"-".join(f"{each:g}" for each in settings.blur_px)}'
+    own = _measured(config, None, progress)
+    return own if config.blurred_scale is None else own + _measured(config, config.blurred_scale, progress)
+
+
+def _measured(config: TrainConfig, finest_scale: int | None, progress: Progress) -> tuple[BlurredPresses, ...]:
+    """At one scale; None: that of sharp pictures."""
+    settings = config.response
+    at = '' if finest_scale is None else f'-scale{finest_scale}'
+    name = f'blurred{RECIPE}-{"-".join(f"{each:g}" for each in settings.blur_px)}{at}'
     folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
     folder.mkdir(parents=True, exist_ok=True)
     size = config.data.presses_per_rest_image or PRESSES_PER_BLOCK
     blocks = blocks_of(config, folder)[: -(-settings.blurred_presses // size)]
-    render(blocks, partial(_render_block, settings.blur_px), progress, 'blurring presses')
-    return _load(blocks, len(settings.blur_px))
+    render(blocks, partial(_render_block, settings.blur_px, finest_scale), progress, 'blurring presses')
+    return _load(blocks, len(settings.blur_px), finest_scale)
 
 
 def require_in_order(blur_px: Sequence[float]) -> None:
@@ -101,7 +111,7 @@ def require_in_order(blur_px: Sequence[float]) -> None:
         raise ConfigurationError('response.blur_px must name blurs in px, each stronger than the one before, above 0')
 
 
-def _render_block(blur_px: Sequence[float], block: Block) -> int:
+def _render_block(blur_px: Sequence[float], finest_scale: int | None, block: Block) -> int:
     """As `dataset` makes blocks, blurred by so much each; returns its number of presses."""
     config = block.config
     optics = Optics(config.gel, table := contact_table(config.gel))
@@ -110,7 +120,9 @@ def _render_block(blur_px: Sequence[float], block: Block) -> int:
     rest = [cropped(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)]
     first, noise = config.make_flow(), PictureNoise.of(rest)
     first.set_reference(average(rest))
-    measurers = [BlurredMeasurer(sigma_px, config.make_flow(), config.make_encoding()) for sigma_px in blur_px]
+    measurers = [
+        BlurredMeasurer(sigma_px, config.make_flow_at(finest_scale), config.make_encoding()) for sigma_px in blur_px
+    ]
     for number, each in enumerate(measurers):
         each.use_reference(rest, first, noise, seed=len(measurers) * block.number + number)
     presses, seen = planned_presses(config.data, block.number, block.first, block.presses), []
@@ -131,7 +143,7 @@ def _render_block(blur_px: Sequence[float], block: Block) -> int:
     return block.presses
 
 
-def _load(blocks: Sequence[Block], levels: int) -> tuple[BlurredPresses, ...]:
+def _load(blocks: Sequence[Block], levels: int, finest_scale: int | None) -> tuple[BlurredPresses, ...]:
     loaded: list[dict[str, Any]] = []
     for block in blocks:
         with np.load(block.file) as arrays:
@@ -144,5 +156,6 @@ def _load(blocks: Sequence[Block], levels: int) -> tuple[BlurredPresses, ...]:
             np.concatenate([each[name][level] for each in loaded]) for name in ('features', 'confidence')
         )
         dataset = Dataset(features, presses, np.arange(len(presses)), confidence, 'blurred')
-        made.append(BlurredPresses(sharp, float(np.mean([each['sharpness'][level] for each in loaded])), dataset))
+        sharpness_there = float(np.mean([each['sharpness'][level] for each in loaded]))
+        made.append(BlurredPresses(sharp, sharpness_there, dataset, finest_scale))
     return tuple(made)

@@ -24,6 +24,7 @@ from typing import Any
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
+from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
@@ -127,6 +128,9 @@ class ResponseConfig:
     blur_px: tuple[float, ...] = parameter(
         (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
     )
+    blurred_full_size: bool = parameter(
+        True, 'measure blurred pictures at full size, too, where their motion is told with a fifth less noise'
+    )
     blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
     dragged_presses: int = parameter(
         2000, 'presses that are made once more with a drag of the tip, simulated ones alone; 0: none', minimum=0
@@ -218,6 +222,19 @@ class TrainConfig:
 
     def make_flow(self) -> FlowMethod:
         return make_flow(self.flow.name, self.flow.options)
+
+    @property
+    def blurred_scale(self) -> int | None:
+        """The `finest_scale` at which motion in blurred pictures is measured, too, beside that of sharp ones."""
+        by_patches, response = self.flow.name == InverseCompositionalFlow.name, self.response
+        coarser = self.make_flow().options.get('finest_scale') != 0
+        return 0 if by_patches and coarser and response.blurred_full_size and len(response.blur_px) > 1 else None
+
+    def make_flow_at(self, finest_scale: int | None) -> FlowMethod:
+        """The flow at another scale; None: at its own."""
+        if finest_scale is None:
+            return self.make_flow()
+        return make_flow(self.flow.name, {**self.flow.options, 'finest_scale': finest_scale})
 
     def make_encoding(self) -> FeatureEncoding:
         return make_encoding(self.encoding.name, self.encoding.options)

@@ -61,10 +61,15 @@ class Blur:
 
 @dataclass(frozen=True)
 class Blurs:
-    """What a readout knows of blurred pictures: the sharpness of its own, and responses in less and less sharp ones."""
+    """What a readout knows of blurred pictures: the sharpness of its own, and responses in less and less sharp ones.
+
+    `finer` are those for motion that is measured at another scale, as it is in much blurred pictures: there patches at
+    full size know more of it.
+    """
 
     sharpness: float
     levels: tuple[Blur, ...]
+    finer: FinerBlurs | None = None
 
     def readout(self, sharp: ResponseReadout, sharpness: float) -> ResponseReadout | None:
         """What reads motion beside a rest image of this sharpness; None where `sharp` does as it is.
@@ -73,18 +78,39 @@ class Blurs:
         """
         if not (math.isfinite(sharpness) and 0 < sharpness < self.sharpness - AS_SHARP):
             return None
-        known = [self.sharpness, *(each.sharpness for each in self.levels)]
-        place = float(np.interp(-sharpness, [-each for each in known], range(len(known))))
-        below = min(int(place), len(self.levels) - 1)
-        part, change = place - below, np.zeros(sharp.response.coefficients.shape, np.float32)
-        for number, weight in ((below, 1 - part), (below + 1, part)):
-            if number > 0 and weight > 0:
-                change += np.float32(weight) * self.levels[number - 1].change.astype(np.float32)
-        was = sharp.response
-        response = QuickResponse(*was.axes, was.coefficients + change, was.growth, was.power)
-        changed = replace(sharp, blurs=None, drag=None, response=response)
-        nearest = round(place)
-        return _measured_like(changed, self.levels[nearest - 1]) if nearest > 0 else changed
+        return _between(sharp, sharpness, [(self.sharpness, None), *((each.sharpness, each) for each in self.levels)])
+
+
+@dataclass(frozen=True)
+class FinerBlurs:
+    """Responses in less and less sharp pictures, two at least, whose motion is measured at `finest_scale`."""
+
+    finest_scale: int
+    levels: tuple[Blur, ...]
+
+    @property
+    def below(self) -> float:
+        """Of which sharpness pictures are measured so: half way from the first level to the second."""
+        return (self.levels[0].sharpness + self.levels[1].sharpness) / 2
+
+    def readout(self, sharp: ResponseReadout, sharpness: float) -> ResponseReadout:
+        """What reads such motion beside a rest image of this sharpness."""
+        return _between(sharp, sharpness, [(each.sharpness, each) for each in self.levels])
+
+
+def _between(sharp: ResponseReadout, sharpness: float, levels: list[tuple[float, Blur | None]]) -> ResponseReadout:
+    """In straight lines between levels; None is what sharp pictures are read by."""
+    place = float(np.interp(-sharpness, [-each for each, _ in levels], range(len(levels))))
+    below = min(int(place), len(levels) - 2)
+    part, change = place - below, np.zeros(sharp.response.coefficients.shape, np.float32)
+    for (_, level), weight in zip(levels[below : below + 2], (1 - part, part), strict=True):
+        if level is not None and weight > 0:
+            change += np.float32(weight) * level.change.astype(np.float32)
+    was = sharp.response
+    response = QuickResponse(*was.axes, was.coefficients + change, was.growth, was.power)
+    changed = replace(sharp, blurs=None, drag=None, response=response)
+    nearest = levels[round(place)][1]
+    return changed if nearest is None else _measured_like(changed, nearest)
 
 
 def _measured_like(changed: ResponseReadout, blur: Blur) -> ResponseReadout:

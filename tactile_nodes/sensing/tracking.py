@@ -15,7 +15,7 @@ from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
 from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.quality import require_picture, require_rest_image
+from tactile_nodes.sensing.quality import require_picture, require_rest_image, sharpness
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
@@ -60,6 +60,7 @@ class FeatureTracker:
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
         registration: takes the motion of the whole picture out; None leaves it in.
         texture: how far each spot of the gel goes, where that is known.
+        blurred_flow: how motion is measured beside a renewed rest image less sharp than `blurred_below`.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class FeatureTracker:
         check: StillnessCheck | None = None,
         registration: Registration | None = None,
         texture: TextureGains | None = None,
+        blurred_flow: FlowMethod | None = None,
+        blurred_below: float = 0.0,
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
@@ -88,7 +91,8 @@ class FeatureTracker:
         self._known: KnownTexture | None = None
         self._bands: RollingBands
         self._least_sure = 0.0
-        self._flow = flow
+        self._flow = self._sharp_flow = flow
+        self._blurred_flow, self._blurred_below = blurred_flow, blurred_below
         self._encoding = encoding
         self._rest_frames = rest_frames
         self._marked_share = marked_share
@@ -96,6 +100,11 @@ class FeatureTracker:
         self._first_offered: StillnessCheck
         self._left_to_skip = self._offered = 0
         self.unsteady = self.still = False
+
+    @property
+    def flow(self) -> FlowMethod:
+        """How motion is measured beside the rest image in use."""
+        return self._flow
 
     @property
     def capturing(self) -> bool:
@@ -180,7 +189,9 @@ class FeatureTracker:
         check = None if self._check is None else StillnessCheck(self._check.options)
         if check is not None:
             check.set_reference(image)
-        flow = make_flow(self._flow.name, self._flow.options)
+        blurred = renewed and sharpness(image) < self._blurred_below
+        kind = self._blurred_flow if self._blurred_flow and blurred else self._sharp_flow
+        flow = make_flow(kind.name, kind.options)
         flow.set_reference(image)
         if noise is not None and isinstance(flow, InverseCompositionalFlow):
             flow.allow_for_noise(noise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from dots import SIDE, Motion, picture, press
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.quality import sharpness
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.texture_places import LEAST_PX, OtherTexture, other_texture, sloping
 from tactile_nodes.sensing.tracking import FeatureTracker
@@ -122,3 +124,20 @@ def test_a_tracker_takes_motion_beside_a_renewed_rest_image_for_that_beside_the_
     assert tracker.field(picture(press(220, 240, 4.0)), 2).displacement_px == pytest.approx(
         FULL.displacement(picture(press(220, 240, 4.0))).displacement_px, abs=1e-4
     )
+
+
+def test_beside_a_renewed_rest_image_that_is_blurred_motion_is_measured_by_the_flow_for_it() -> None:
+    half, full = (
+        InverseCompositionalFlow(InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=scale))
+        for scale in (1, 0)
+    )
+    encoding = make_encoding('cartesian_mean', {'rows': PATCHES, 'cols': PATCHES})
+    blurred = cv2.GaussianBlur(FIRST, (0, 0), 1.0)
+    between = (sharpness(blurred) + sharpness(FEWER)) / 2
+    tracker = FeatureTracker(half, encoding, registration=Registration(), blurred_flow=full, blurred_below=between)
+    tracker.use_reference(FIRST)
+    scales = [tracker.flow.options['finest_scale']]
+    for rest in (FEWER, blurred, FEWER):
+        tracker.use(tracker.prepared(rest, renewed=True), offset=PictureMotion(), motion=PictureMotion())
+        scales.append(tracker.flow.options['finest_scale'])
+    assert scales == [1, 1, 0, 1]
