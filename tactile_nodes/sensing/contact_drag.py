@@ -104,9 +104,18 @@ def amounts_slopes(pull_mm: Float[np.ndarray, ' 2']) -> Float[np.ndarray, '2 amo
     return np.array([[1, 0, 2 * x, 2 * y, 2 * x], [0, 1, -2 * y, 2 * x, 2 * y]])
 
 
-def dragged(response: Response, drag: Drag, components: Float32[np.ndarray, ' components'], fit: Fit) -> Dragged | None:
-    """A fit of one contact with its drag; None where it may well be one that was pressed straight down."""
-    if gained_by_drag(response, drag, components, fit) < drag.least_gain:
+def dragged(
+    response: Response,
+    drag: Drag,
+    components: Float32[np.ndarray, ' components'],
+    fit: Fit,
+    misfit_limit: float = np.inf,
+) -> Dragged | None:
+    """A fit of one contact with its drag; None where it may well be one that was pressed straight down.
+
+    Beyond `misfit_limit` a fit is not near enough to tell a width by.
+    """
+    if gained_by_drag(response, drag, components, fit, misfit_limit) < drag.least_gain:
         return None
     _, largest, low, high = response.limits_array
     here, best, least = np.array([*fit.contacts[0], 0.0, 0.0, 0.0]), None, np.inf
@@ -129,11 +138,17 @@ def dragged(response: Response, drag: Drag, components: Float32[np.ndarray, ' co
     return Dragged(Fit(at[None, :3], known, misfit), at[4:])
 
 
-def gained_by_drag(response: Response, drag: Drag, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+def gained_by_drag(
+    response: Response,
+    drag: Drag,
+    components: Float32[np.ndarray, ' components'],
+    fit: Fit,
+    misfit_limit: float = np.inf,
+) -> float:
     """How much more probable one step by place, force and a drag makes what is seen than one without, of any width.
 
     Half the fall of the squared misfit. Of a body of another shape the response to the tip is off all around it, so a
-    wide contact's gain counts less.
+    wide contact's gain counts less, unless the fit leaves more than `misfit_limit` over (mean square).
     """
     place = fit.contacts[0].tolist()
     made = value_and_slopes(response.axes, response.coefficients, place)
@@ -144,8 +159,11 @@ def gained_by_drag(response: Response, drag: Drag, components: Float32[np.ndarra
     down, information = weighted @ (components - made[0]), weighted @ slopes.T + np.diag(ASKED)
     spread = np.linalg.inv(information)
     with_it, without = spread @ down, np.linalg.solve(information[:4, :4], down[:4])
+    gain = float(down @ with_it - down[:4] @ without) / 2
+    if fit.misfit > misfit_limit:
+        return gain
     wide = max(abs(float(with_it[3])) - SURE_OF_WIDTH * math.sqrt(spread[3, 3]), 0.0) / WIDE_MM2
-    return float(down @ with_it - down[:4] @ without) / 2 / (1 + wide**2)
+    return gain / (1 + wide**2)
 
 
 def _compare(

@@ -114,8 +114,8 @@ def _solved(information, down, count, step):
 
 
 @compiled()
-def _gained(components, here, response, drag, slopes, information, down):
-    """As `contact_drag.gained_by_drag`."""
+def _gained(components, here, astray, response, drag, slopes, information, down):
+    """As `contact_drag.gained_by_drag`; `astray` where the fit leaves more over than it may."""
     numbers, step, one = drag[2], np.empty(6), np.zeros(6)
     _asked_slopes(here, response, drag, slopes)
     _sums(components, here, response, numbers[13:19], slopes, information, down)
@@ -124,7 +124,7 @@ def _gained(components, here, response, drag, slopes, information, down):
     one[3] = 1.0
     width = step[3]
     variance = _solved(information, one, 6, step)
-    wide = max(abs(width) - numbers[6] * math.sqrt(variance), 0.0) / numbers[5]
+    wide = 0.0 if astray else max(abs(width) - numbers[6] * math.sqrt(variance), 0.0) / numbers[5]
     return gain / (1 + wide * wide)
 
 
@@ -153,7 +153,7 @@ def _of_place(information, limits, known):
 
 
 @compiled()
-def dragged(components, contact, response, drag, converged, found, known):
+def dragged(components, contact, astray, response, drag, converged, found, known):
     """As `contact_drag.dragged`: fills in x, y, s, width and drag, and the information on x, y and s.
 
     Returns the misfit, infinite where the contact may well be one that was pressed straight down.
@@ -162,7 +162,7 @@ def dragged(components, contact, response, drag, converged, found, known):
     slopes, information, down = np.empty((7, components.shape[0])), np.empty((6, 6)), np.empty(6)
     here, step, kept = np.zeros(6), np.empty(6), np.empty((6, 6))
     here[0], here[1], here[2] = contact[0], contact[1], contact[2]
-    if _gained(components, here, response, drag, slopes, information, down) < numbers[0]:
+    if _gained(components, here, astray, response, drag, slopes, information, down) < numbers[0]:
         return np.inf
     least, best = np.inf, np.inf
     for _ in range(int(numbers[4])):

@@ -186,8 +186,9 @@ class ResponseReadout:
         single = self.single(components)
         if self.drag is None or self.gain(components, single) < self.calibration.least_gain:
             return self._with_more(components, single)
-        pulled = dragged(self.response, self.drag, components, single)
-        if pulled is not None and pulled.fit.misfit <= self.calibration.misfit_limit**2:
+        limit = self.calibration.misfit_limit**2
+        pulled = dragged(self.response, self.drag, components, single, limit)
+        if pulled is not None and pulled.fit.misfit <= limit:
             return pulled
         several = self._with_more(components, single)
         return several if pulled is None or several.misfit < pulled.fit.misfit else pulled
