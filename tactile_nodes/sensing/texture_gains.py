@@ -1,7 +1,7 @@
 """How far each spot of a gel's texture goes beside the motion around it, as presses showed it.
 
 Markers near the skin go with what presses, those near the camera hardly move, and every region has some of all depths:
-of the simulated gel single spots go a quarter further or less than the rest (`tactile model info fast`). A patch finds
+of the simulated gel single spots go a third further or less than the rest (`tactile model info fast`). A patch finds
 the mean over its spots, so another one where some of them are gone. Which spots go how far, a rest image does not tell.
 Presses do: a picture moved back by the smooth motion that patches found is the rest image, but for what single spots
 went further. To the first order that is the gradient of the rest image times the motion, times the spot's gain; least
@@ -21,8 +21,9 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.picture_change import PictureChange, PictureComparison
 
-SPOT_PX = 1.5
-"""Standard deviation of the Gaussian that pixels are averaged by: a marker is some 3 px wide."""
+SPOT_PX = 0.6
+"""Standard deviation of the Gaussian that pixels are averaged by. Spots are some 3 px wide and lie half upon each
+other: averaged by as much as they are wide, forces are a twentieth further off where a fifth of them is gone."""
 
 LEAST_POWER = 0.1
 """Of what the middle spot shows, which every spot is granted of no gain at all: what shows little is not believed."""
