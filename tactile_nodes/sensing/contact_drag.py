@@ -28,6 +28,12 @@ LARGEST_PULL_MM = 0.5
 """Of one step, along x and along y."""
 USUAL_PULL_MM = 1.0
 """Standard deviation of drags: so wide that it only keeps those finite which nothing tells."""
+ASTRAY = 10.0
+"""Times as much as presses leave over (mean square): from there on a fit is not near enough to tell a width by.
+
+Balls of 6 mm and punches of 3 mm leave up to nine times as much, drags of a millimetre fifty times and more.
+"""
+
 ANY_WIDTH_MM2 = 1.5
 """Standard deviation of widths while a drag is asked for: what a wider body adds is none."""
 GRANTED = (*DAMPING, USUAL_MM2**-2, USUAL_PULL_MM**-2, USUAL_PULL_MM**-2)

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from tactile_nodes.sensing.contact_drag import ASTRAY
 from tactile_nodes.sensing.loops_common import (
     compiled,
     copy,
@@ -164,7 +165,7 @@ def _fit(components, response, drag, table, ends, levels, power, limit, most, pu
     misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, power, contacts, information)
     known, by_drag = np.empty((3, 3)), np.inf
     if drag[2][0] < np.inf and _gained(components, response[2], contacts, misfit, response[0][2, 1]) >= ends[3]:
-        by_drag = dragged(components, contacts[0], misfit > limit, response, drag, ends[0], pull, known)
+        by_drag = dragged(components, contacts[0], misfit > ASTRAY * limit, response, drag, ends[0], pull, known)
     if by_drag > limit:
         while misfit > limit and contacts.shape[0] < most:
             count = contacts.shape[0] + 1

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.blurs import Blurs
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.contact_drag import NO_DRAG, Drag, Dragged, dragged
+from tactile_nodes.sensing.contact_drag import ASTRAY, NO_DRAG, Drag, Dragged, dragged
 from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2, WIDTHS, Widths, added_by_width, mended
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -187,7 +187,7 @@ class ResponseReadout:
         if self.drag is None or self.gain(components, single) < self.calibration.least_gain:
             return self._with_more(components, single)
         limit = self.calibration.misfit_limit**2
-        pulled = dragged(self.response, self.drag, components, single, limit)
+        pulled = dragged(self.response, self.drag, components, single, ASTRAY * limit)
         if pulled is not None and pulled.fit.misfit <= limit:
             return pulled
         several = self._with_more(components, single)
