@@ -13,13 +13,14 @@ together.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float16, Float32
 
 from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
+from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, MOST_STEPS, Fit, Response, damping
 from tactile_nodes.sensing.splines import SplineAxis, laplacian, value_and_slopes, value_of
 
@@ -96,6 +97,11 @@ class Dragged:
     @property
     def length_mm(self) -> float:
         return float(np.hypot(*self.pull_mm))
+
+    def moved(self, contact: Contact) -> Contact:
+        """Where the tip is now: the fit's place is that of the skin which it took along, with the gel at rest."""
+        x_mm, y_mm = (float(each) for each in self.pull_mm)
+        return replace(contact, x_mm=contact.x_mm + x_mm, y_mm=contact.y_mm + y_mm)
 
 
 def amounts(pull_mm: Float[np.ndarray, ' 2']) -> Float[np.ndarray, ' amounts']:

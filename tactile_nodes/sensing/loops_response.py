@@ -269,6 +269,9 @@ def read(
     if not touching:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere
+    elif pulled:
+        contacts[0, 0] += pull[4]
+        contacts[0, 1] += pull[5]
     for n in range(count):
         total += contacts[n, 4] * contacts[n, 4]
     spread_over_bins(contacts, count, numbers[11:13], forces)

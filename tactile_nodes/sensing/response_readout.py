@@ -206,6 +206,7 @@ class ResponseReadout:
         if self.gain(components, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         elif isinstance(found, Dragged):
+            contacts = (found.moved(contacts[0]),)
             at_least, off_n = self._beside_drag(found)
             unlike = max(unlike, at_least)
         else:
