@@ -1,8 +1,8 @@
 """A tip that drags the skin sideways: what that adds to the motion, and place and force beside it.
 
 Motion of a drag is antisymmetric, as is what a press makes when it is moved or made harder on one side. So a fit of
-place and force alone takes a drag for another place and another force: 0.1 mm for 10 to 30 mN. Training measures what
-a drag adds, beside its presses: so much for each mm along x and along y, and for the squares and the product of both,
+place and force alone takes a drag for another place and another force. Training measures, beside its presses, what a
+drag adds: so much for each mm along x and along y, and for the squares and the product of both,
 as motion of regions is not quite in proportion to that of the skin. All five are smooth functions of place and force.
 
 Each contact that was found alone is asked: how much more probable does a drag make what is seen? Where it is more than
