@@ -84,7 +84,7 @@ FAR_LIGHT = (0.4, 1.4)
 """Beyond these no rest image helps enough: too dark, too bright."""
 
 FAINT_LIGHT = 0.15
-"""In less of the light forces are no forces any more: in a tenth of it they are 0.06 N off."""
+"""In less of the light forces are no forces any more (docs/results/drift.md, the light fades)."""
 
 SHARPNESS_OFF = (-0.018, 0.05)
 """A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
