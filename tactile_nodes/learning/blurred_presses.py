@@ -11,19 +11,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.blurred_pictures import PictureNoise, SoftwareBlur
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.dataset import (
-    PRESSES_PER_BLOCK,
     Block,
     Dataset,
-    blocks_of,
+    blocks_of_first,
     cropped,
     noise_seeds,
-    recipe_id,
     render,
 )
 from tactile_nodes.learning.plans import planned_presses
@@ -97,10 +94,7 @@ def _measured(config: TrainConfig, finest_scale: int | None, progress: Progress)
     settings = config.response
     at = '' if finest_scale is None else f'-scale{finest_scale}'
     name = f'blurred{RECIPE}-{"-".join(f"{each:g}" for each in settings.blur_px)}{at}'
-    folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
-    folder.mkdir(parents=True, exist_ok=True)
-    size = config.data.presses_per_rest_image or PRESSES_PER_BLOCK
-    blocks = blocks_of(config, folder)[: -(-settings.blurred_presses // size)]
+    blocks = blocks_of_first(config, settings.blurred_presses, name)
     render(blocks, partial(_render_block, settings.blur_px, finest_scale), progress, 'blurring presses')
     return _load(blocks, len(settings.blur_px), finest_scale)
 

@@ -129,7 +129,7 @@ class ResponseConfig:
         (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
     )
     blurred_full_size: bool = parameter(
-        True, 'measure blurred pictures at full size, too, where their motion is told with a fifth less noise'
+        True, 'measure blurred pictures at full size, too, where their motion is told with less noise'
     )
     blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
     dragged_presses: int = parameter(

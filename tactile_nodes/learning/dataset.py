@@ -121,6 +121,13 @@ def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
     ]
 
 
+def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]:
+    """Those that hold the first presses of a plan, with files in a folder of that name beside the data set's own."""
+    folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
+    folder.mkdir(parents=True, exist_ok=True)
+    return [block for block in blocks_of(config, folder) if block.first < presses]
+
+
 def render(
     blocks: list[Block], make: Callable[[Block], int], progress: Progress, title: str = 'rendering presses'
 ) -> None:

@@ -25,8 +25,8 @@ from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
 
 SPACING_MM, LEVELS = 3.0, 2
-"""A drag reaches as far as the contact is wide and no further than the layer is thick. With a knot every 4 mm forces
-under a drag of half a millimetre are a tenth further off."""
+"""A drag reaches as far as the contact is wide and no further than the layer is thick. With knots further apart
+forces under a drag of half a millimetre are further off."""
 
 SMOOTHING = (1e-4, 1e-3, 1e-2, 1e-1)
 """Weights of the penalty on curvature that are tried."""

@@ -11,17 +11,14 @@ from itertools import islice
 import numpy as np
 from jaxtyping import Float32, Int
 
-from tactile_nodes import paths
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.dataset import (
-    PRESSES_PER_BLOCK,
     Block,
     Dataset,
-    blocks_of,
+    blocks_of_first,
     cropped,
     noise_seeds,
-    recipe_id,
     render,
 )
 from tactile_nodes.learning.plans import planned_presses
@@ -59,10 +56,7 @@ def simulate_dragged(config: TrainConfig, progress: Progress) -> DraggedPresses 
     settings = config.response
     if not settings.dragged_presses:
         return None
-    folder = paths.cache_directory() / 'datasets' / recipe_id(config) / f'dragged{RECIPE}-{settings.drag_mm:g}'
-    folder.mkdir(parents=True, exist_ok=True)
-    size = config.data.presses_per_rest_image or PRESSES_PER_BLOCK
-    blocks = blocks_of(config, folder)[: -(-settings.dragged_presses // size)]
+    blocks = blocks_of_first(config, settings.dragged_presses, f'dragged{RECIPE}-{settings.drag_mm:g}')
     render(blocks, partial(_render_block, settings.drag_mm), progress, 'dragging presses')
     return _load(blocks)
 

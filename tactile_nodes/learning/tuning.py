@@ -149,7 +149,8 @@ class SimulatedSource:
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
         config = candidate.of(self._base)
-        settings = replace(config.response, blurred_presses=0, texture_presses=0)  # compared in pictures as they are
+        # Candidates are compared by presses straight down, in pictures as they are.
+        settings = replace(config.response, blurred_presses=0, dragged_presses=0, texture_presses=0)
         return training_data(replace(config, response=settings), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:

@@ -2,8 +2,8 @@
 
 Motion of a drag is antisymmetric, as is what a press makes when it is moved or made harder on one side. So a fit of
 place and force alone takes a drag for another place and another force. Training measures, beside its presses, what a
-drag adds: so much for each mm along x and along y, and for the squares and the product of both,
-as motion of regions is not quite in proportion to that of the skin. All five are smooth functions of place and force.
+drag adds: so much for each mm along x and along y, and for the squares and the product of both, as motion of regions is
+not quite in proportion to that of the skin. All five are smooth functions of place and force.
 
 Each contact that was found alone is asked: how much more probable does a drag make what is seen? Where it is more than
 all but one of a thousand presses straight down are made, place, force, width (see `contact_width`) and drag are found
@@ -32,7 +32,7 @@ USUAL_PULL_MM = 1.0
 ASTRAY = 10.0
 """Times as much as presses leave over (mean square): from there on a fit is not near enough to tell a width by.
 
-Balls of 6 mm and punches of 3 mm leave up to nine times as much, drags of a millimetre fifty times and more.
+Balls and punches leave less, drags of a millimetre much more.
 """
 
 ANY_WIDTH_MM2 = 1.5

@@ -43,10 +43,7 @@ ANY_MM2 = 0.3
 """Standard deviation of the width of contacts of other shapes, which are taken to be as many as those of the tip."""
 
 TAKEN = 0.7
-"""Of what a width adds to the force, as much is taken: second order alone adds too much.
-
-(Of balls of 6 mm 0.6 to 0.75 would be right, of flat punches of 3 mm 0.8 to 0.95.)
-"""
+"""Of what a width adds to the force, as much is taken: second order alone adds too much, most of all of balls."""
 
 TAKEN_BELOW, LEFT_FROM = 0.3, 0.6
 """Of the largest s. Where a body is deeper in the gel, a width adds several times too much, and presses of the tip have

@@ -137,7 +137,7 @@ def off_by_width(components, contacts, response, power, numbers, moved):
         _added(made[n], left, certainty, limits[0], column, step)
         share, s = step[3] / (column[3] + usual * usual), contacts[n, 2]
         by_s = step[2] - column[2] * share
-        for i in range(3):
+        for i in range(2):
             by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
             moved[n, i] = min(max(contacts[n, i] + by, limits[2, i]), limits[3, i])
         off = min(max(step[2], -s), s) - min(max(by_s, -s), s)

@@ -23,7 +23,7 @@ from tactile_nodes.sensing.picture_change import PictureChange, PictureCompariso
 
 SPOT_PX = 0.6
 """Standard deviation of the Gaussian that pixels are averaged by. Spots are some 3 px wide and lie half upon each
-other: averaged by as much as they are wide, forces are a twentieth further off where a fifth of them is gone."""
+other: averaged by as much as they are wide, forces are further off where some of them are gone."""
 
 LEAST_POWER = 0.1
 """Of what the middle spot shows, which every spot is granted of no gain at all: what shows little is not believed."""
