@@ -2,8 +2,9 @@
 
 The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2 degrees tilted, 3 rolled, 3 % of focal
 length), and have other markers each. Pressed by the plan of a calibration (config/plans/calibrate.yaml) and tested on
-presses at random continuous places and depths that no calibration saw, all gels and the model's own at the same ones;
-beside the model as it is, a model of many other
+presses at random continuous places and depths that no calibration saw, all gels and the model's own at the same ones.
+Presses to calibrate by are held for some pictures, as a rig holds them; those tested are read from a single one. Beside
+the model as it is, a model of many other
 gels that needs no press of the new one, a response fitted to the same few presses alone, and a model of the same kind
 trained in full on each gel: what can be had of that gel however well it is known.
 """
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.response_readout import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
+PICTURES = 8
+"""Of each press to calibrate by: as many as config/calibrate.yaml has the rig take."""
 TEST_FRAMES, TEST_SEED, UNTOUCHED = 1500, 5003, 20
 """A fifth of the frames are without contact, all others are tested; nothing was learned from presses of this seed."""
 COUNTS = 10, 25, 50, 100
@@ -61,11 +64,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f'presses on each gel that a model of its own is trained by; 0: none (default: {TRAINED_PRESSES})',
     )  # fmt: skip
     parser.add_argument(
+        '--pictures', type=int, default=PICTURES, metavar='N',
+        help=f'pictures of each press to calibrate by, while it is held (default: {PICTURES})',
+    )  # fmt: skip
+    parser.add_argument(
         '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
     )
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FOLDER',
-        help='write transfer.json, transfer.md and transfer.png there; of other gels transfer_gels_N.*',
+        help='write transfer.json, .md and .png there; of other gels or pictures transfer_gels_N_pictures_N.*',
     )  # fmt: skip
 
 
@@ -78,19 +85,24 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.gels < 1 or arguments.many < 0:
         raise ConfigurationError('--gels must be at least 1, and --many at least 0')
+    if arguments.pictures < 1:
+        raise ConfigurationError('--pictures must be at least 1')
     if arguments.own and arguments.own < LEAST_TRAINED:
         raise ConfigurationError(f'--own must be 0, or at least {LEAST_TRAINED} for a model to be trained by')
     seed, name, said = arguments.gels_seed, 'transfer', f' --own {arguments.own}'
     if seed != TESTED_SEED:
         name, said = f'transfer_gels_{seed}', f'{said} --gels-seed {seed}'
+    if arguments.pictures != PICTURES:
+        name, said = f'{name}_pictures_{arguments.pictures}', f'{said} --pictures {arguments.pictures}'
     command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}{said}'
     plain = surroundings(command)
     loaded = load_model(find_model(arguments.model))
     own, scores = measure(
-        loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed, trained=arguments.own
-    )
+        loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed, trained=arguments.own,
+        pictures=arguments.pictures,
+    )  # fmt: skip
     gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
-    text = page(command, plain, own, scores, gels, f'{name}.png')
+    text = page(command, plain, own, scores, gels, f'{name}.png', arguments.pictures)
     print(text)
     if arguments.output:
         keep(
@@ -106,11 +118,13 @@ def run(arguments: argparse.Namespace) -> int:
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED,
     counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES, trained: int = 0,
+    pictures: int = PICTURES,
 ) -> tuple[Score, list[Score]]:  # fmt: skip
     """The model's score on its own gel, and all further scores; with a model of `many` further gels beside.
 
-    Every gel is calibrated by `counts` presses, and tested on those of `frames` pictures. Where `trained` is not 0 a
-    model is trained on each of them by so many presses, and on the model's own gel, which tells what their number does.
+    Every gel is calibrated by `counts` presses, of so many `pictures` each, and tested on those of `frames` frames.
+    Where `trained` is not 0 a model is trained on each of them by so many presses, and on the model's own gel, which
+    tells what their number does.
 
     Raises:
         ModelError: it cannot be transferred.
@@ -126,7 +140,7 @@ def measure(
     for number in gels:
         other = other_gel(gel, number, seed)
         tested, rest = _tested(loaded, other, progress, frames)
-        made = _on_gel(source, _planned(loaded, other, progress), tested, number, counts)
+        made = _on_gel(source, _planned(loaded, other, progress, pictures), tested, number, counts)
         if of_many is not None:
             made.append(score(number, 0, MANY, _at_rest(of_many, rest), tested))
         if trained:
@@ -202,11 +216,11 @@ def _tested(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> t
     return dataset.take(np.flatnonzero(dataset.presses[:, 2] > 0)), _rest_of(dataset)
 
 
-def _planned(loaded: LoadedModel, gel: Gel, progress: Progress) -> Dataset:
+def _planned(loaded: LoadedModel, gel: Gel, progress: Progress, pictures: int = 1) -> Dataset:
     """As many presses of the plan of a calibration as the longest one has, about a rest image of their own."""
     from tactile_nodes.learning.pressed_gels import planned
 
-    return planned(_config(loaded, gel), progress)
+    return planned(_config(loaded, gel), progress, pictures)
 
 
 def _config(loaded: LoadedModel, gel: Gel) -> TrainConfig:
@@ -234,7 +248,8 @@ def _on_gel(source: AnyReadout, planned: Dataset, tested: Dataset, number: int, 
         seconds = (clock.perf_ns() - begun) / clock.NS_PER_S
         scored = score(number, presses, CALIBRATED, readout, tested)
         scores.append(dataclasses.replace(scored, form=form, seconds=round(seconds, 1)))
-        scores.append(score(number, presses, ALONE, _alone(few, presses, source), tested))
+        alone = _alone(first_presses(few, presses, pictures=1), presses, source)
+        scores.append(score(number, presses, ALONE, alone, tested))
     return scores
 
 

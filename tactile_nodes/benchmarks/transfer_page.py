@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes.benchmarks.report import machine_and_commit, table
-from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, OWN_GEL, TRAINED
+from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, OWN_GEL, PICTURES, TRAINED
 from tactile_nodes.benchmarks.transfer_scores import COMPARED, MEASURES, PLACEMENTS, Ratio, Score, ratio
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def page(
     scores: Sequence[Score],
     gels: Sequence[Gel] = (),
     picture: str = 'transfer.png',
+    pictures: int = PICTURES,
 ) -> str:
     """The results as a page of documentation."""
     scores, trained = [each for each in scores if each.gel != OWN_GEL], [s for s in scores if s.gel == OWN_GEL]
@@ -60,7 +61,8 @@ def page(
         "places, the model's own gel at the same places and depths. The place is the median over the presses of a gel;",
         '`covered` is the share of forces within the stated 90 % interval; `of many gels` is one response fitted to',
         'other gels of the same spread, without a press of the gel tested. Presses to calibrate by are the first of',
-        '`config/plans/calibrate.yaml`. The first row is the model on its own gel.',
+        f'`config/plans/calibrate.yaml`, {_held(pictures)}; `fitted alone` gets the first of them. Presses tested are',
+        'read from single pictures. The first row is the model on its own gel.',
         *_of_trained(trained),
         '',
         "The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid",
@@ -107,6 +109,10 @@ def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
 def _own(presses: str, own: Score) -> list[str]:
     """The row of a model on the source's own gel."""
     return ['own gel', presses, *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
+
+
+def _held(pictures: int) -> str:
+    return 'one picture each' if pictures == 1 else f'held for {pictures} pictures each'
 
 
 def _of_trained(trained: Sequence[Score]) -> list[str]:

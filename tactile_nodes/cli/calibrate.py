@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 DESCRIPTION = (
     'Transfer the model of one gel to another (other hardness, markers, thickness or camera) by a few presses on the '
-    'new one. The result is a model file like any other. `tactile launch calibrate` does the same while a rig presses.'
+    'new one. All images of a press held still count, and the force over that time. The result is a model file like '
+    'any other. `tactile launch calibrate` does the same while a rig presses.'
 )
 EPILOG = """\
 examples:

@@ -23,6 +23,7 @@ examples:
   tactile dataset build collected_1 -o presses.npz --profile accurate
   tactile dataset build collected_1 -o presses.npz --flow dis --encoding cartesian_mean --rows 20 --cols 20
   tactile dataset info presses.npz --picture presses.png
+  tactile dataset build new_gel_bag -o new_gel.npz --profile portable --frames each    # for tactile calibrate
   tactile train --dataset presses.npz -o gel-7.safetensors
 """
 FRAMES = ('mean', 'first', 'each')
@@ -63,8 +64,9 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--surface', default='32x32', metavar='MMxMM', help='what the bins divide (default: 32x32)')
     parser.add_argument('--crop', type=int, default=440, metavar='PX', help='side of the images (default: 440)')
     parser.add_argument(
-        '--frames', choices=FRAMES, default='first', help='which images of a window are measured (default: first)'
-    )
+        '--frames', choices=FRAMES, default='first',
+        help='which images of a window are measured; for calibrations: each (default: first)',
+    )  # fmt: skip
     parser.add_argument(
         '--without-contact', type=float, default=0.05, metavar='SHARE',
         help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,11 +46,24 @@ class Presses:
         known = np.flatnonzero(scaling.trusted.reshape(-1) > 0)
         motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
         confidence = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
-        noise = 1 / scaling.gain.reshape(-1, 2)[known].astype(float)
-        certainty = 1 / (noise**2 + LEAST_NOISE_PX**2)
+        certainty = 1 / (_noise_of(scaling) ** 2 + LEAST_NOISE_PX**2)
         seen = confidence >= scaling.confidence_floor
         contacts = dataset.presses[rows][:, [0, 1, 3]].astype(float)
         return cls(contacts, np.where(seen[..., None], motion, 0.0).astype(float), seen[..., None] * certainty)
+
+    @classmethod
+    def of_holds(cls, dataset: Dataset, holds: Sequence[np.ndarray], scaling: InputScaling) -> Presses:
+        """One press for each hold: the mean motion of its samples, each region's of those that show it.
+
+        The variance of noise is divided by their number; rounding and the flow's own errors are not.
+        """
+        pictures = cls.of(dataset, np.concatenate(holds), scaling)
+        first = np.cumsum([0, *(len(each) for each in holds[:-1])])
+        shown = np.add.reduceat((pictures.certainty > 0).astype(float), first, axis=0)
+        motion = np.add.reduceat(pictures.motion, first, axis=0) / np.maximum(shown, 1)
+        noise = np.square(_noise_of(scaling)) / np.maximum(shown, 1)
+        certainty = np.where(shown > 0, 1 / (noise + LEAST_NOISE_PX**2), 0.0)
+        return cls(pictures.contacts[first], motion, certainty)
 
     def __len__(self) -> int:
         return len(self.contacts)
@@ -69,6 +83,12 @@ class Presses:
         share = np.interp(response.distances_mm(self.contacts), DOUBT_MM, doubt)
         off = np.square(share) * np.square(told).sum(axis=-1)
         return np.asarray(np.sqrt(self.certainty / (1 + self.certainty * off[..., None])))
+
+
+def _noise_of(scaling: InputScaling) -> Float[np.ndarray, 'regions 2']:
+    """The noise at rest (px) of the known regions in one picture."""
+    known = np.flatnonzero(scaling.trusted.reshape(-1) > 0)
+    return np.asarray(1 / scaling.gain.reshape(-1, 2)[known].astype(float))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from tactile_nodes.simulation.gel import Gel
 FRAMES = {
     'mean': 'the mean of the images of a window, measured once: least noise, less than live images have',
     'first': 'the first image of a window: the noise of a live image',
-    'each': 'every image of a window: the noise of live images, and a sample for each',
+    'each': 'every image of a window: the noise of live images, and a sample for each; calibrations take their mean',
 }
 
 

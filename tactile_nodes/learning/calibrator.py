@@ -130,8 +130,9 @@ class Calibrator:
         flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
         crop = loaded.image_size[0]
         options = BuildOptions(
-            flow=flow, encoding=encoding, bins=loaded.model.bins, gel=self.gel, crop=crop, without_contact=UNTOUCHED
-        )
+            flow=flow, encoding=encoding, bins=loaded.model.bins, frames='each', gel=self.gel, crop=crop,
+            without_contact=UNTOUCHED,
+        )  # fmt: skip
         self._measurer = Measurer(flow, encoding, crop)
         self._builder = Builder(options, self._measurer)
         self._rest: PictureComparison | None = None

@@ -12,7 +12,7 @@ import json
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -42,6 +42,7 @@ class Dataset:
 
     `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` is the row of `confidence`
     that belongs to sample i: one for each rest image, or, of a flow that judges every frame, one for each sample.
+    Samples of one number in `hold` are pictures of one press held still; None: each sample is another press.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -49,6 +50,7 @@ class Dataset:
     rest: np.ndarray
     confidence: Float32[np.ndarray, 'rests rows cols']
     fingerprint: str
+    hold: Int[np.ndarray, ' samples'] | None = field(default=None, kw_only=True)
 
     def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
         """The paper's labels: the whole force in the bin of the indentation's centre."""
@@ -67,7 +69,10 @@ class Dataset:
 
     def take(self, rows: Int[np.ndarray, ' chosen']) -> Dataset:
         """Some of the samples, under the fingerprint of all."""
-        return replace(self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows])
+        return replace(
+            self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
+            hold=None if self.hold is None else self.hold[rows],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

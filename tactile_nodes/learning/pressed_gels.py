@@ -10,7 +10,9 @@ import numpy as np
 
 from tactile_nodes.collection.plan import load_plan_settings, plan_path
 from tactile_nodes.learning.config import DataConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.held_presses import simulate_held
+from tactile_nodes.learning.holds import holds_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
@@ -29,11 +31,14 @@ def pressed_gels(config: TrainConfig, count: int, progress: Progress) -> Iterato
         yield planned(other, progress), anywhere(other, progress)
 
 
-def planned(config: TrainConfig, progress: Progress) -> Dataset:
-    """The first presses of the plan of a calibration, and some images of the untouched gel, about one rest image."""
+def planned(config: TrainConfig, progress: Progress, pictures: int = 1) -> Dataset:
+    """The first presses of the plan of a calibration, and some images of the untouched gel, about one rest image.
+
+    Each press is held for so many `pictures`.
+    """
     plan = load_plan_settings(plan_path(PLAN))
     return _simulated(
-        config, progress, plan=plan.kind, presses=PLANNED, seed=plan.seed, reach_mm=plan.reach_mm,
+        config, progress, pictures, plan=plan.kind, presses=PLANNED, seed=plan.seed, reach_mm=plan.reach_mm,
         shallowest_mm=min(plan.depths_mm), deepest_mm=max(plan.depths_mm),
         without_contact=UNTOUCHED / (PLANNED + UNTOUCHED),
     )  # fmt: skip
@@ -47,13 +52,17 @@ def anywhere(config: TrainConfig, progress: Progress, frames: int = FRAMES, seed
     )  # fmt: skip
 
 
-def _simulated(config: TrainConfig, progress: Progress, **data: Any) -> Dataset:
+def _simulated(config: TrainConfig, progress: Progress, pictures: int = 1, **data: Any) -> Dataset:
     settings = DataConfig(presses_per_rest_image=0, processes=1, crop=config.data.crop, **data)
-    return simulate(dataclasses.replace(config, data=settings), progress)
+    return simulate_held(dataclasses.replace(config, data=settings), pictures, progress)
 
 
-def first_presses(dataset: Dataset, presses: int) -> Dataset:
-    """The first presses, and some images of the untouched gel, which cost a rig nothing."""
+def first_presses(dataset: Dataset, presses: int, *, pictures: int | None = None) -> Dataset:
+    """The first presses, and some images of the untouched gel, which cost a rig nothing.
+
+    Of each press the first `pictures`; None: all.
+    """
     touched = dataset.presses[:, 2] > 0
-    chosen = np.concatenate([np.flatnonzero(touched)[:presses], np.flatnonzero(~touched)[:UNTOUCHED]])
+    holds = holds_of(dataset, np.flatnonzero(touched))[:presses]
+    chosen = np.concatenate([*(each[:pictures] for each in holds), np.flatnonzero(~touched)[:UNTOUCHED]])
     return dataset.take(np.sort(chosen))

@@ -98,6 +98,14 @@ class RecordedPresses:
         return numbers.reshape(-1)
 
     @property
+    def hold_number(self) -> Int[np.ndarray, ' samples']:
+        """A number for each window of a press that was measured against one rest image, the same for its pictures."""
+        rests = np.unique(self.reference_id, return_inverse=True)[1]
+        keys = np.column_stack([self.press_number, self.attempt, self.window_ns, self.contact, rests.reshape(-1)])
+        numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
+        return numbers.reshape(-1)
+
+    @property
     def texture(self) -> TextureGains | None:
         """How far each spot of the gel goes, if presses told."""
         return TextureGains(self.texture_gains, self.rest_image) if self.texture_gains.size else None
@@ -119,7 +127,7 @@ class RecordedPresses:
         presses = np.column_stack([self.position_mm, depth, self.force_n])[rows]
         return _Samples(
             self.features[rows], presses.astype(np.float32), self.confidence_row[rows], self.confidence,
-            self.fingerprint, self.position_mm[rows], self.force_n[rows],
+            self.fingerprint, self.position_mm[rows], self.force_n[rows], hold=self.hold_number[rows],
         )  # fmt: skip
 
 
@@ -137,6 +145,7 @@ class _Samples(Dataset):
         return replace(
             self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
             position_mm=self.position_mm[rows], force_n=self.force_n[rows],
+            hold=None if self.hold is None else self.hold[rows],
         )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ from tactile_nodes.learning.axisymmetric_regions import (
 )
 from tactile_nodes.learning.axisymmetric_unsure import with_unsure
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.holds import still_holds
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
@@ -141,7 +142,11 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
 
 @dataclass(frozen=True)
 class OtherGel:
-    """Presses on another gel, and what is expected of its regions before any of them is looked at."""
+    """Presses on another gel, and what is expected of its regions before any of them is looked at.
+
+    `presses` are means over the pictures of each hold, to fit to; `rows` is one picture of each, to judge by: a model
+    is read from single pictures.
+    """
 
     source: AxisymmetricReadout
     scaling: InputScaling
@@ -156,11 +161,10 @@ class OtherGel:
         """Its regions are those that show markers on it, whether or not they did on the known gel."""
         touched = dataset.presses[:, 2] > 0
         scaling = _scaling_of(source.scaling, dataset)
-        rows, untouched = np.flatnonzero(touched), np.flatnonzero(~touched)
+        holds, untouched = still_holds(dataset, np.flatnonzero(touched), scaling.trusted), np.flatnonzero(~touched)
         typical = Typical.of(source.response, views(source.scaling.trusted))
-        return cls(
-            source, scaling, Presses.of(dataset, rows, scaling), rows, untouched, typical, views(scaling.trusted)
-        )
+        presses, rows = Presses.of_holds(dataset, holds, scaling), np.array([each[0] for each in holds])
+        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted))
 
     @property
     def start(self) -> AxisymmetricResponse:
