@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from tactile_nodes.sensing.contact_width import USUAL_MM2
+from tactile_nodes.sensing.picture_noise import left_over, usual_noise, with_noise
 from tactile_nodes.sensing.reading import Reading, spread_over_bins
 from tactile_nodes.sensing.response import CONVERGED_MM, Fit, damping
 from tactile_nodes.sensing.response_readout import ResponseReadout
@@ -55,11 +56,13 @@ def read_altered(
     off = _off(readout.scaling(values, confidence).astype(float), confidence).reshape(-1)
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])
-    contacts = readout.contacts(_refined(readout, components, begin, off, 0.0 if blurred else USUAL_MM2))
+    fit, answers = _refined(readout, components, begin, off, 0.0 if blurred else USUAL_MM2)
+    contacts = with_noise(readout.contacts(fit), readout, fit, answers, usual_noise(readout, confidence))
     sigma_n = max(plain.total_sigma_n, math.hypot(*(each.sigma_n for each in contacts)))
     return replace(
-        plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, total_sigma_n=sigma_n
-    )
+        plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, total_sigma_n=sigma_n,
+        left_over=left_over(readout, values, confidence, seen.scores),
+    )  # fmt: skip
 
 
 def _off(
@@ -78,10 +81,10 @@ def _refined(
     begin: Float[np.ndarray, 'contacts 3'],
     off: Float[np.ndarray, ' inputs'],
     width_mm2: float,
-) -> Fit:
+) -> tuple[Fit, Float[np.ndarray, 'n components']]:
     """Gauss-Newton with the covariance of all components, whose part of `off` is that of the inputs' variances.
 
-    `width_mm2` is the standard deviation of each contact's width.
+    `width_mm2` is the standard deviation of each contact's width. With the fit comes what it answers to each component.
     """
     response, mixing = readout.response, readout.mixing
     _, largest, low, high = response.limits_array
@@ -101,4 +104,5 @@ def _refined(
         here = moved
         if done:
             break
-    return Fit(here, information, float(left @ sure @ left) / len(components))
+    fit = Fit(here, information, float(left @ sure @ left) / len(components))
+    return fit, np.linalg.solve(information + granted, weighted)

@@ -63,7 +63,8 @@ class ForceMap:
     `contacts` are in the surface frame, strongest first; `contact_mm` is the first one's place. `position_sigma_mm` is
     that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` above 1 says that
     the frame is unlike what the model learned from. All three are NaN for models that do not know.
-    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now.
+    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `left_over`
+    is that of the reading.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -75,6 +76,7 @@ class ForceMap:
     total_sigma_n: float = UNKNOWN
     position_sigma_mm: float = UNKNOWN
     unlikeness: float = UNKNOWN
+    left_over: Float32[np.ndarray, ' inputs'] | None = None
 
 
 class ForceEstimator:
@@ -158,6 +160,7 @@ def _force_map(reading: Reading, confidence: float) -> ForceMap:
         total_sigma_n=reading.total_sigma_n,
         position_sigma_mm=strongest.sigma_mm,
         unlikeness=reading.unlikeness,
+        left_over=reading.left_over,
     )
 
 

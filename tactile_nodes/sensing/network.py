@@ -104,6 +104,11 @@ class InputScaling:
         lost: np.ndarray = (self.trusted > 0) & (confidence < self.confidence_floor)
         return lost
 
+    def known(self, confidence: Float32[np.ndarray, '*batch rows cols']) -> Bool[np.ndarray, '*batch rows cols']:
+        """The regions that held markers in training and can be followed now."""
+        found: np.ndarray = (self.trusted > 0) & (confidence >= self.confidence_floor)
+        return found
+
     def __call__(
         self, values: Float32[np.ndarray, '*batch rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Float32[np.ndarray, '*batch rows cols channels']:
