@@ -33,9 +33,6 @@ UNMEASURED = (
 )
 """Nothing is known of such a frame: its numbers are NaN."""
 
-ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
-"""Regions of such a picture show motion a little other than those that the model learned from."""
-
 INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 
@@ -64,43 +61,73 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Ready:
-    """A model that was read, checked and run once, so that its first frame takes no longer than the others.
+class Reads:
+    """What features a model reads, and what reads them: run once, so that its first frame takes no longer."""
 
-    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too.
+    inputs: Inputs
+    estimator: ForceEstimator
+
+    @classmethod
+    def of_model(cls, loaded: LoadedModel) -> Reads:
+        """By a model as it was loaded."""
+        estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
+        still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
+        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+        return cls(Inputs.of_model(loaded), estimator)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A model that was read, checked and run once.
+
+    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too. `finer` is
+    what reads pictures unlike those of its training.
     """
 
     name: str
     file: Path
     loaded: LoadedModel
-    estimator: ForceEstimator
-    inputs: Inputs
+    own: Reads
     provenance: types.Provenance
-    blurred_method: str = ''
+    finer: Reads | None = None
 
-    def fits(self, known: Inputs) -> bool:
-        """Whether it reads such features; of blurred pictures they may be measured otherwise."""
-        return self.inputs in (known, replace(known, method=self.inputs.method) if self.blurred(known.method) else None)
+    @property
+    def inputs(self) -> Inputs:
+        """What features it reads of pictures like those of its training."""
+        return self.own.inputs
 
-    def blurred(self, method: str) -> bool:
-        """Whether it is by this method that motion in blurred pictures is measured, and in sharp ones by another."""
-        return bool(self.blurred_method) and method == self.blurred_method
+    def found(self, features: types.FlowFeatures, *, altered: bool, blurred: bool) -> ForceMap:
+        """The force of one frame; of one that is measured finer by what reads such, or by means over its regions.
+
+        Raises:
+            ModelError, MessageError: the features are none that the model can read.
+        """
+        seen, reads = conversions.features_array(features), self.own
+        if not np.isfinite(seen.values).all():
+            return unknown_forces(self.loaded.model.bins)
+        if features.finer and self.finer is not None:
+            reads = self.finer
+        elif features.finer:
+            seen = seen.coarser(self.inputs.layout.rows, self.inputs.layout.cols)
+        if features.untouched:
+            return reads.estimator.at_rest(seen)
+        return reads.estimator.predict(
+            seen, altered=altered or features.finer, blurred=blurred or features.finer,
+            sharpness=float(features.rest_sharpness),
+        )  # fmt: skip
 
     @classmethod
     def read(cls, name: str) -> Ready:
         """From a file, or one that ships. Raises ModelError."""
         file = find_model(name)
         loaded = load_model(file)
-        estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
-        still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
-        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
         calibrated = loaded.card.get('data', {}).get('origin') == 'calibration'
         provenance = types.Provenance(
             model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
             calibration_id=loaded.model_id if calibrated else '',
         )  # fmt: skip
-        blurred = '' if loaded.blurred_flow is None else told(make_flow(*loaded.blurred_flow))
-        return cls(name, file, loaded, estimator, Inputs.of_model(loaded), provenance, blurred)
+        finer = None if loaded.finer is None else Reads.of_model(loaded.finer)
+        return cls(name, file, loaded, Reads.of_model(loaded), provenance, finer)
 
 
 class Estimating:
@@ -126,8 +153,8 @@ class Estimating:
             ModelError: there is no such model, or it needs other features than come in.
         """
         ready, last = Ready.read(name), self._last
-        known = self.now.inputs if last is None else Inputs.of_message(last)
-        if not ready.fits(known):
+        known = self.now.inputs if last is None or last.finer else Inputs.of_message(last)
+        if ready.inputs != known:
             raise ModelError(
                 f'model {name} needs {ready.inputs}, and what comes in is {known}; choose a model of these features, '
                 'or start flow features and force estimator with that one'
@@ -185,16 +212,9 @@ class Estimating:
     def _found(self, features: types.FlowFeatures) -> ForceMap:
         if features.reasons & UNMEASURED:
             return unknown_forces(self.now.loaded.model.bins)
-        estimator, seen = self.now.estimator, conversions.features_array(features)
-        if not np.isfinite(seen.values).all():
-            return unknown_forces(self.now.loaded.model.bins)
-        if features.untouched:
-            return estimator.at_rest(seen)
-        altered, blurred = features.reasons & ALTERED, features.reasons & FORCE.REASON_BLURRED
-        return estimator.predict(
-            seen, altered=bool(altered), blurred=bool(blurred), sharpness=float(features.rest_sharpness),
-            at_scale=self.now.blurred(features.method),
-        )  # fmt: skip
+        blurred = bool(features.reasons & FORCE.REASON_BLURRED)
+        altered = blurred or bool(features.reasons & FORCE.REASON_LIGHT_CHANGED)
+        return self.now.found(features, altered=altered, blurred=blurred)
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -87,20 +88,20 @@ class Following:
         if params.compiled:
             use_compiled(tell=tell)
         methods = make_methods(params)
-        self._encoding, self._method = methods.encoding, Told(methods.flow)
+        flow, encoding = methods.own.flow, methods.own.encoding
+        self._encoding, self._method = encoding, Told(flow)
         self._tracker = FeatureTracker(
-            methods.flow,
-            methods.encoding,
+            flow,
+            encoding,
             rest_frames=params.reference_frames,
             marked_share=params.marked_share,
             check=make_check(params.stillness),
             registration=make_registration(params.registration),
-            texture=methods.texture if params.renew else None,
-            blurred_flow=methods.blurred_flow,
-            blurred_below=methods.blurred_below,
+            texture=methods.own.texture if params.renew else None,
+            finer=methods.finer,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
-        self._rest_images = RestImages(self._tracker, methods.flow.name, renewal)
+        self._rest_images = RestImages(self._tracker, flow.name, renewal)
         self._freshness = Freshness(params.stale_after_s)
         self._last: tuple[np.ndarray, DisplacementField] | None = None
         self._trouble = ''
@@ -170,7 +171,7 @@ class Following:
         features = self._tracker.features(field_px)
         features_ns = perf_ns()
         self._last = image, field_px
-        untouched = self._tracker.untouched(field_px)
+        untouched, beside = self._tracker.untouched(field_px), self._beside()
         reasons = stale | self._rest_images.judge(image, faults.level, head)
         stages = types.StageTimes(
             acquire=acquire_s,
@@ -181,7 +182,7 @@ class Following:
         )
         return self._message(
             image, head, features, faults.level,
-            untouched=untouched, reasons=reasons, stages=stages,
+            beside=beside, untouched=untouched, reasons=reasons, stages=stages,
         )  # fmt: skip
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
@@ -218,6 +219,16 @@ class Following:
         still = np.zeros((rows, cols, len(self._encoding.channels)), np.float32)
         return Features(self._encoding.name, still, np.zeros((rows, cols), np.float32))
 
+    def _beside(self) -> dict[str, Any]:
+        """What a message says of the rest image in use, and of how motion is measured beside it."""
+        rest = self._tracker.rest
+        return {
+            'method': self._method(self._tracker.flow),
+            'reference_id': self._tracker.reference_id,
+            'rest_sharpness': self._rest_images.sharpness,
+            'finer': rest is not None and rest.finer,
+        }
+
     def _message(
         self,
         image: UInt8[np.ndarray, 'h w'],
@@ -225,6 +236,7 @@ class Following:
         features: Features,
         level: float,
         *,
+        beside: dict[str, Any] | None = None,
         untouched: bool = False,
         reasons: int = 0,
         stages: types.StageTimes | None = None,
@@ -235,10 +247,8 @@ class Following:
             header=head,
             image_width=image.shape[1],
             image_height=image.shape[0],
-            method=self._method(self._tracker.flow),
-            reference_id=self._tracker.reference_id,
             image_level=level,
-            rest_sharpness=self._rest_images.sharpness,
+            **(beside or {**self._beside(), 'finer': False}),
             untouched=untouched,
             moved=moved_px,
             picture_motion=np.array(registration.since_rest.terms if registration and moved_px else (), np.float32),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import ClassVar
 
-from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
+from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
 from tactile_nodes.sensing.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
-from tactile_nodes.sensing.texture_gains import TextureGains
+from tactile_nodes.sensing.tracking import Measuring
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,10 @@ class RegistrationParams:
 
 @dataclass(frozen=True)
 class Methods:
-    """The flow method and the features; of a model that knows them how far each spot of its gel goes, and the flow
-    method of pictures less sharp than `blurred_below`."""
+    """How motion is measured, and by a model that has one the finer way for pictures unlike those of its training."""
 
-    flow: FlowMethod
-    encoding: FeatureEncoding
-    texture: TextureGains | None = None
-    blurred_flow: FlowMethod | None = None
-    blurred_below: float = 0.0
+    own: Measuring
+    finer: Measuring | None = None
 
 
 def make_check(params: StillnessParams) -> StillnessCheck | None:
@@ -115,14 +111,17 @@ def make_methods(params: MethodParams) -> Methods:
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        blurred = None if loaded.blurred_flow is None else make_flow(*loaded.blurred_flow)
-        known = loaded.texture, blurred, loaded.blurred_below
-        return Methods(make_flow(*loaded.flow), make_encoding(*loaded.encoding), *known)
+        return Methods(_measuring(loaded), None if loaded.finer is None else _measuring(loaded.finer))
     regions = {'rows': params.rows, 'cols': params.cols}
     options = asdict(params.dis)
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
-    return Methods(make_flow(params.method, options), make_encoding(params.encoding, regions))
+    return Methods(Measuring(make_flow(params.method, options), make_encoding(params.encoding, regions)))
+
+
+def _measuring(loaded: LoadedModel) -> Measuring:
+    """As a model was trained."""
+    return Measuring(make_flow(*loaded.flow), make_encoding(*loaded.encoding), loaded.texture)
 
 
 def told(flow: FlowMethod) -> str:

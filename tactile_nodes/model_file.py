@@ -22,11 +22,9 @@ from safetensors import SafetensorError
 from tactile_nodes.errors import ModelError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.blurs import FinerBlurs
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
@@ -37,6 +35,7 @@ Axisymmetric ones were written as version 4 before they knew streaks; those file
 """
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
+FINER_MODEL = 'finer_model'
 TEXTURE_GAINS, TEXTURE_PICTURE = 'texture_gains', 'texture_picture'
 GAIN_UNIT = 0.01
 NO_IMAGE = np.zeros((0, 0), np.uint8)
@@ -47,13 +46,14 @@ class LoadedModel:
     """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
 
     The rest image of a file without one has no rows. `texture` is how far each spot of its gel goes, where that was
-    learned.
+    learned. `finer` is a model of the same gel that measures motion finer, and reads pictures unlike the training's.
     """
 
     model: ForceModel
     card: Mapping[str, Any]
     rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: NO_IMAGE)
     texture: TextureGains | None = None
+    finer: LoadedModel | None = None
 
     @property
     def model_id(self) -> str:
@@ -63,22 +63,6 @@ class LoadedModel:
     def flow(self) -> tuple[str, dict[str, object]]:
         """Name and options of the optical flow that the model was trained with."""
         return self.card['flow']['name'], dict(self.card['flow']['options'])
-
-    @property
-    def blurred_flow(self) -> tuple[str, dict[str, object]] | None:
-        """The flow that measures much blurred pictures, where it is another."""
-        name, options = self.flow
-        return None if self._finer is None else (name, {**options, 'finest_scale': self._finer.finest_scale})
-
-    @property
-    def blurred_below(self) -> float:
-        """Of which sharpness rest images have that flow."""
-        return 0.0 if self._finer is None else self._finer.below
-
-    @property
-    def _finer(self) -> FinerBlurs | None:
-        readout = self.model.readout
-        return readout.blurs.finer if isinstance(readout, ResponseReadout) and readout.blurs is not None else None
 
     @property
     def encoding(self) -> tuple[str, dict[str, object]]:
@@ -120,17 +104,20 @@ def save_model(
     card: Mapping[str, Any],
     rest_image: np.ndarray | None = None,
     texture: TextureGains | None = None,
+    finer: Path | None = None,
 ) -> str:
     """Write a model with its card and return its id; large tables are stored as 16 bit floats.
 
     `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it. `texture` is
-    stored in steps of a hundredth.
+    stored in steps of a hundredth. `finer` is the file of a model that reads pictures unlike the training's; this one
+    holds it from then on.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
-    described.pop('texture', None)
+    for name in ('texture', 'finer'):
+        described.pop(name, None)
     if rest_image is not None and rest_image.size:
         tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
     if texture is not None:
@@ -138,6 +125,9 @@ def save_model(
         tensors[TEXTURE_PICTURE] = np.ascontiguousarray(texture.picture, np.uint8)
         steps = np.clip(np.rint(texture.gains / GAIN_UNIT), -127, 127)
         tensors[TEXTURE_GAINS] = np.ascontiguousarray(steps, np.int8)
+    if finer is not None:
+        described['finer'] = {'model': finer.name, 'model_id': load_model(finer).model_id}
+        tensors[FINER_MODEL] = np.frombuffer(_read(finer), np.uint8)
     # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
@@ -156,7 +146,11 @@ def load_model(path: Path | str) -> LoadedModel:
         ModelError: the file is missing, damaged, no model of ours, or of a newer format.
     """
     path = Path(path)
-    data = _read(path)
+    return _parsed(path, _read(path))
+
+
+def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
+    """A model of a file's bytes, or of those that such a file holds: what is `inner` holds no other."""
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
@@ -165,7 +159,7 @@ def load_model(path: Path | str) -> LoadedModel:
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
             f'to {STREAKED_VERSION}; update tactile_nodes or train the model again'
         )
-    return _loaded(path, data, card, checksum[:12])
+    return _loaded(path, data, card, checksum[:12], inner)
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
@@ -219,7 +213,7 @@ def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
     return checksum
 
 
-def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> LoadedModel:
+def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str, inner: bool) -> LoadedModel:
     try:
         bins = BinGrid(**card['bins'])
         arrays = safetensors.numpy.load(data)
@@ -230,7 +224,9 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
             contact_threshold_n=card['contact_threshold_n'],
             model_id=model_id,
         )
-        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays))
+        held = None if inner or FINER_MODEL not in arrays else arrays[FINER_MODEL].tobytes()
+        finer = None if held is None else _parsed(path, held, inner=True)
+        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays), finer)
     except (SafetensorError, KeyError, TypeError) as error:
         raise ModelError(f'{path} lacks a part of the model ({error}); train it again or fetch it again') from error
 

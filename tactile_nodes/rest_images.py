@@ -30,9 +30,13 @@ LOOK_EVERY, NO_TOUCH = 4, 40.0
 MOST_LIGHT_SHARE = 0.05
 """A dense search takes light for motion: where any block of the picture is brighter or darker by more, it is off."""
 
-MOST_NOISE = 1.3
+MOST_NOISE, NOISE_GONE = 1.3, 1.15
 """What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
-within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3."""
+within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3. What was above the
+first is noisy until it is below the second."""
+
+ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
+"""Regions of such a picture show motion a little other than those that a model learned from."""
 
 MOST_DEAD = 0.01
 """Share of the pixels from which a picture with dead ones filled in is another: of 5 % `accurate` is up to 1.8 times as
@@ -62,7 +66,7 @@ class RestImages:
         self._changed = self._blurred = False
         self._added: float | None = None
         self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
-        self._odd = False
+        self._odd = self._noisy = False
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
@@ -105,10 +109,14 @@ class RestImages:
             return
         self._coming = None
         try:
-            self._tracker.use(coming.prepared(), offset=coming.offset, motion=coming.motion)
+            rest = coming.prepared()
         except ImageError as error:
             self.trouble = str(error)
             return
+        if rest.image is self._tracker.reference:
+            self._tracker.use_again(rest)
+            return
+        self._tracker.use(rest, offset=coming.offset, motion=coming.motion)
         self._announce(head, renewed=True)
 
     def mended(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
@@ -129,7 +137,8 @@ class RestImages:
         guessed = self._tracker.dead.count > MOST_DEAD * image.size
         reasons |= self._look_closer() | (self._tracker.banded or guessed) * FORCE.REASON_LIGHT_CHANGED
         if not (self._odd and self._find_dead(image, stamp_ns(head.stamp))):
-            self._offer_renewal(stamp_ns(head.stamp), still)
+            self._offer_renewal(stamp_ns(head.stamp), still, altered=bool(reasons & ALTERED))
+        self._follow_noise(stamp_ns(head.stamp))
         return reasons
 
     def _look_closer(self) -> int:
@@ -142,10 +151,11 @@ class RestImages:
         if (seen := self._tracker.stillness(self._tracker.straight)) is None or seen.motion > NO_TOUCH:
             return self._seen
         gone = seen.unexplained or registration.explained < EXPLAINED
-        self._gone = gone if self._tracker.rest is self._first else self._gone or gone
+        self._gone = self._gone or gone if self._beside_another else gone
         usual = self._noise_grey = self._noise_grey or seen.noise_grey
         noisy = seen.noise_grey > MOST_NOISE * usual
         self._odd = seen.unexplained or noisy
+        self._noisy = seen.noise_grey > (NOISE_GONE if self._noisy else MOST_NOISE) * usual
         other_light = self._dense and seen.light_share > MOST_LIGHT_SHARE
         self._changed |= other_light
         self._seen = (other_light or self._gone) * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
@@ -196,15 +206,19 @@ class RestImages:
         beside = self._now.near(level, sharp)
         self._changed, self._blurred = beside.light or beside.blurred, beside.blurred
         told = beside | self._captured.far(level, sharp)
+        self._noisy |= told.noisy
         other = beside or self._captured.as_sharp(sharp, of=self._now.sharpness)
-        if other and self._tracker.rest is not self._first and not self._captured.near(level, sharp):
+        if other and self._beside_another and not self._captured.near(level, sharp):
             assert self._first is not None
             self._tracker.use(self._first, offset=PictureMotion(), motion=PictureMotion())  # all is as it was
             self._announce(head, renewed=True)
         return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
 
-    def _offer_renewal(self, at_ns: int, still: bool) -> None:
-        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
+    def _offer_renewal(self, at_ns: int, still: bool, *, altered: bool) -> None:
+        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames.
+
+        Beside a picture that is `altered` motion is measured by the finer way.
+        """
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
@@ -216,7 +230,25 @@ class RestImages:
         image = self._renewal.offer(straight, at_ns, rested, registration.straightening)
         if image is not None:
             image = self._tracker.dead.renewed(image) if registration.straightening is None else image
-            self._coming = Coming(self._tracker, image, at_ns + round(PREPARE_S * NS_PER_S), self._renewal.noise)
+            due_ns = at_ns + round(PREPARE_S * NS_PER_S)
+            self._coming = Coming(self._tracker, image, due_ns, self._renewal.noise, finer=altered)
+
+    def _follow_noise(self, at_ns: int) -> None:
+        """Measure by the finer way while a picture is noisy and else the same: its rest image is as good as ever."""
+        first, rest = self._first, self._tracker.rest
+        if first is None or rest is None or self._beside_another:
+            return
+        if rest is not first and not self._noisy:
+            self._tracker.use_again(first)
+        other = self._changed or self._blurred or self._gone
+        if rest is first and self._noisy and not other and self._coming is None and self._tracker.knows_finer:
+            due_ns = at_ns + round(PREPARE_S * NS_PER_S)
+            self._coming = Coming(self._tracker, first.image, due_ns, finer=True)
+
+    @property
+    def _beside_another(self) -> bool:
+        """Whether the rest image in use is another than the captured one."""
+        return self._first is not None and self._tracker.reference is not self._first.image
 
     @property
     def _dented(self) -> bool:
@@ -242,7 +274,7 @@ class RestImages:
         self._tracker.dead.beside(image)
         if not renewed:
             self._coming, self._captured, self._first = None, self._now, self._tracker.rest
-            self._seen, self._gone, self._noise_grey, self._odd = 0, False, 0.0, False
+            self._seen, self._gone, self._noise_grey, self._odd, self._noisy = 0, False, 0.0, False, False
         if self._renewal is not None:
             self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
         self._announced = conversions.image_message(image, head)

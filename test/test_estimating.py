@@ -16,7 +16,6 @@ from tactile_nodes.estimating import Estimating, told_sigma_n
 from tactile_nodes.messages import types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import find_model, load_model, save_model
-from tactile_nodes.sensing.blurs import FinerBlurs
 from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.model import ForceMap
 from tactile_nodes.sensing.response_readout import ResponseReadout
@@ -92,36 +91,36 @@ def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> Non
     assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
 
 
-@pytest.fixture
-def fast_at_full_size(tmp_path: Path) -> Path:
-    """As it ships, with what it knows of blurred pictures as if it were of pictures measured at full size."""
-    loaded, file = load_model(find_model('fast')), tmp_path / 'fast.safetensors'
-    readout = loaded.model.readout
-    assert isinstance(readout, ResponseReadout)
-    assert readout.blurs is not None
-    finer = FinerBlurs(0, readout.blurs.levels)
-    readout = replace(readout, blurs=replace(readout.blurs, finer=finer))
-    save_model(file, replace(loaded.model, readout=readout), loaded.card, loaded.rest_image)
-    return file
+def finer_features(s: float) -> types.FlowFeatures:
+    """Those of the same press as the finer model of `fast` sees it."""
+    return replace(features(Estimating('accurate'), s), finer=True, method=told(make_flow(*load_model(FINER).flow)))
 
 
-def test_how_motion_was_measured_says_what_reads_it(fast_at_full_size: Path) -> None:
-    """A blur of 1 px changes what a contact of 0.5 N does by 4 mN there."""
-    estimating = Estimating(str(fast_at_full_size))
-    loaded = load_model(fast_at_full_size)
-    assert loaded.blurred_flow is not None
-    sharp = replace(features(estimating, 0.5), rest_sharpness=0.42, method=told(make_flow(*loaded.flow)))
-    blurred = replace(sharp, method=told(make_flow(*loaded.blurred_flow)))
-    by_sharp, by_blurred = (estimating.answer(each, '', 0.85, 0.0).total for each in (sharp, blurred))
-    assert by_sharp == pytest.approx(0.5, abs=2e-3)
-    assert abs(by_blurred - by_sharp) > 0.002
+FINER = find_model('accurate')
 
 
-def test_a_model_takes_over_while_pictures_are_measured_as_blurred_ones(fast_at_full_size: Path) -> None:
-    estimating, loaded = Estimating(str(fast_at_full_size)), load_model(fast_at_full_size)
-    assert loaded.blurred_flow is not None
-    seen = replace(features(estimating, 0.5), rest_sharpness=0.42, method=told(make_flow(*loaded.blurred_flow)))
-    estimating.answer(seen, '', 0.85, 0.0)
-    assert estimating.prepared(str(fast_at_full_size)).inputs == estimating.now.inputs
+def test_what_was_measured_finer_is_read_by_the_finer_model() -> None:
+    fast, accurate = Estimating('fast'), Estimating('accurate')
+    seen = replace(finer_features(0.5), reasons=FORCE.REASON_LIGHT_CHANGED)
+    by_fast, by_accurate = (each.answer(seen, '', 0.85, 0.0) for each in (fast, accurate))
+    assert by_fast.total == by_accurate.total == pytest.approx(0.5, abs=2e-3)
+    assert (by_fast.total_sigma, by_fast.unlikeness) == (by_accurate.total_sigma, by_accurate.unlikeness)
+    assert by_fast.provenance.model == 'fast'
+
+
+def test_a_model_without_a_finer_one_reads_means_of_what_was_measured_finer(tmp_path: Path) -> None:
+    """A mean over a region of the motion that four smaller ones found is nearly what a larger one finds."""
+    loaded, file = load_model(find_model('fast')), tmp_path / 'alone.safetensors'
+    save_model(file, loaded.model, loaded.card)
+    alone = Estimating(str(file))
+    assert alone.answer(finer_features(0.5), '', 0.85, 0.0).total == pytest.approx(0.5, rel=0.1)
+    with pytest.raises(ModelError, match='configure the features'):
+        alone.answer(replace(finer_features(0.5), finer=False), '', 0.85, 0.0)
+
+
+def test_a_model_takes_over_while_pictures_are_measured_finer() -> None:
+    estimating = Estimating('fast')
+    estimating.answer(finer_features(0.5), '', 0.85, 0.0)
+    assert estimating.prepared('fast').inputs == estimating.now.inputs
     with pytest.raises(ModelError, match='what comes in'):
-        estimating.prepared('accurate')
+        estimating.prepared('portable')

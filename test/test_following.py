@@ -26,16 +26,16 @@ S = 1_000_000_000
 
 
 class Stream:
-    """Frames of dots at 30 a second through the features of `fast`."""
+    """Frames of dots at 30 a second through the features of `fast`, or of a model."""
 
-    def __init__(self, finest_scale: int = 1) -> None:
+    def __init__(self, finest_scale: int = 1, model: str = '') -> None:
         flow = InverseCompositionalParams(finest_scale=finest_scale)
-        params = FollowingParams(rows=10, cols=10, reference_frames=4, inverse_compositional=flow)
+        params = FollowingParams(model=model, rows=10, cols=10, reference_frames=4, inverse_compositional=flow)
         self.following, self.number = Following(params), 0
         self.following.begin_capture()
         self.announced: list[str] = []
         self.spot: tuple[slice, slice] | None = None
-        self.bands_grey = self.blur_px = 0.0
+        self.bands_grey = self.blur_px = self.noise_grey = 0.0
 
     def feed(self, frames: int, *motions: object, light: float = 1.0, age_s: float = 0.001) -> types.FlowFeatures:
         for _ in range(frames):
@@ -43,6 +43,9 @@ class Stream:
             image = picture(*motions, number=self.number, light=light)  # type: ignore[arg-type]
             if self.blur_px:
                 image = cv2.GaussianBlur(image, (0, 0), self.blur_px)
+            if self.noise_grey:
+                noise = np.random.default_rng(self.number).normal(0, self.noise_grey, image.shape)
+                image = np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
             if self.spot is not None:
                 image[self.spot] //= 6
             if self.bands_grey:
@@ -101,6 +104,39 @@ def test_a_blur_of_a_third_of_a_pixel_has_a_rest_image_of_its_own_until_it_ends(
     stream.feed(2, touch)
     assert stream.following.reference_id == stream.announced[0]
     assert stream.feed(1, touch).rest_sharpness == sharp
+
+
+def measured_finer(told: types.FlowFeatures) -> bool:
+    """Whether a message is of finer features, in all that it says of them."""
+    assert len(told.values) == told.rows * told.cols * told.channels
+    assert (told.finer, told.rows, 'finest_scale=0' in told.method) in ((True, 20, True), (False, 10, False))
+    return bool(told.finer)
+
+
+def test_a_noisy_picture_is_measured_finer_beside_the_same_rest_image_while_it_is_noisy() -> None:
+    stream, touch = Stream(model='fast'), press(200, 200, 1.0)
+    stream.feed(8)
+    assert not measured_finer(stream.feed(1, touch))
+    stream.noise_grey = 4.0
+    noisy = [stream.feed(1) for _ in range(14)]
+    assert [measured_finer(each) for each in noisy][-6:] == [True] * 6
+    assert stream.feed(1, touch).reasons & FORCE.REASON_BLURRED
+    stream.noise_grey = 0.0
+    quiet = [stream.feed(1) for _ in range(4)]
+    assert not measured_finer(quiet[-1])
+    assert {each.reference_id for each in (*noisy, *quiet)} == {stream.announced[0]}
+    assert len(stream.announced) == 1
+
+
+def test_a_picture_of_another_light_is_measured_finer_until_all_is_as_it_was() -> None:
+    """And of no frame is it told wrongly, not of that either in which the first rest image comes back."""
+    stream, touch = Stream(model='fast'), press(200, 200, 1.0)
+    stream.feed(8)
+    dim = [measured_finer(stream.feed(1, light=0.5)) for _ in range(20)]
+    assert (dim[0], dim[-1]) == (False, True)
+    assert measured_finer(stream.feed(1, touch, light=0.5))
+    bright = [measured_finer(stream.feed(1, *motion)) for motion in ((), (), (touch,), ())]
+    assert bright[-2:] == [False, False]
 
 
 def test_bands_that_roll_over_the_picture_are_told_while_they_last_and_make_no_rest_image() -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
-from tactile_nodes.sensing.blurs import Blur, Blurs, FinerBlurs
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -165,41 +165,6 @@ def test_what_a_model_knows_of_drags_changes_nothing_else_in_its_file(tmp_path: 
     assert isinstance(readout, ResponseReadout)
     assert readout.drag is not None
     assert (readout.drag.least_gain, readout.drag.most_mm, readout.drag.doubt_n) == (1e-9, 0.8, 0.02)
-
-
-def finer_response() -> ForceModel:
-    """One that measures much blurred pictures at full size."""
-    model = blurred_response()
-    assert isinstance(model.readout, ResponseReadout)
-    assert model.readout.blurs is not None
-    (level,) = model.readout.blurs.levels
-    weak, strong = (replace(level, sharpness=each, change=each * level.change) for each in (0.5, 0.4))
-    return replace(
-        model, readout=replace(model.readout, blurs=replace(model.readout.blurs, finer=FinerBlurs(0, (weak, strong))))
-    )
-
-
-def test_a_model_says_how_much_blurred_pictures_are_measured(tmp_path: Path):
-    """By its own flow at another scale from 0.45 on, where its training did so."""
-    file = tmp_path / 'model.safetensors'
-    save_model(file, blurred_response(), CARD)
-    assert (load_model(file).blurred_flow, load_model(file).blurred_below) == (None, 0.0)
-    save_model(file, finer_response(), CARD)
-    loaded = load_model(file)
-    name, options = loaded.flow
-    assert loaded.blurred_flow == (name, {**options, 'finest_scale': 0})
-    assert loaded.blurred_below == pytest.approx(0.45)
-
-
-def test_what_a_model_knows_of_pictures_that_are_measured_otherwise_comes_back(tmp_path: Path):
-    file = tmp_path / 'model.safetensors'
-    save_model(file, finer_response(), CARD)
-    random = np.random.default_rng(1)
-    features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
-    models = finer_response(), load_model(file).model, small_response()
-    before, after, without = (ForceEstimator(each).predict(features, sharpness=0.44, at_scale=True) for each in models)
-    assert after.contacts == before.contacts
-    assert after.contacts != without.contacts
 
 
 def test_what_a_model_knows_of_blur_changes_nothing_else_in_its_file(tmp_path: Path):
@@ -377,3 +342,30 @@ def test_how_far_spots_of_the_texture_go_comes_back_in_steps_of_a_hundredth(tmp_
 def test_a_model_that_never_learned_the_texture_has_none(tmp_path: Path) -> None:
     save_model(tmp_path / 'plain.safetensors', small_model(), CARD)
     assert load_model(tmp_path / 'plain.safetensors').texture is None
+
+
+def test_a_model_holds_the_finer_one_that_reads_pictures_unlike_its_training(tmp_path: Path):
+    """As it was in its file, and that file may go; what that one holds in turn is not asked for."""
+    finest, finer, file = (tmp_path / f'{name}.safetensors' for name in ('finest', 'finer', 'model'))
+    save_model(finest, small_response(), CARD)
+    finer_id = save_model(finer, blurred_response(), CARD, finer=finest)
+    save_model(file, small_response(), CARD, finer=finer)
+    finer.unlink()
+    loaded = load_model(file)
+    assert loaded.finer is not None
+    assert (loaded.finer.model_id, loaded.finer.finer) == (finer_id, None)
+    assert loaded.card['finer'] == {'model': 'finer.safetensors', 'model_id': finer_id}
+    readout = loaded.finer.model.readout
+    assert isinstance(readout, ResponseReadout)
+    assert readout.blurs is not None
+
+
+def test_a_model_that_is_saved_without_a_finer_one_names_none(tmp_path: Path):
+    finer, file = tmp_path / 'finer.safetensors', tmp_path / 'model.safetensors'
+    save_model(finer, blurred_response(), CARD)
+    save_model(file, small_response(), CARD, finer=finer)
+    card = load_model(file).card
+    save_model(file, small_response(), card)
+    loaded = load_model(file)
+    assert loaded.finer is None
+    assert 'finer' not in loaded.card

@@ -17,7 +17,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_calibration import calibrated, rescaled
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, Subspace, at_new_places, inner_held_out
-from tactile_nodes.sensing.blurs import Blur, Blurs, FinerBlurs
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
 SMOOTHING = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
@@ -55,13 +55,7 @@ def with_blurs(
         for each in blurred:
             levels.append(_level(readout, dataset, each, held_out, config))
             bar.advance(1, f'at a sharpness of {each.sharpness:.3f}')
-    scale = blurred[-1].finest_scale
-    own, finer = (
-        tuple(level for level, each in zip(levels, blurred, strict=True) if each.finest_scale == at)
-        for at in (None, scale)
-    )
-    at_scale = None if scale is None else FinerBlurs(scale, finer)
-    return replace(readout, blurs=Blurs(blurred[0].sharp, own, at_scale))
+    return replace(readout, blurs=Blurs(blurred[0].sharp, tuple(levels)))
 
 
 def _level(

@@ -41,13 +41,11 @@ class BlurredPresses:
     """The first samples of a training's data set, measured in blurred pictures.
 
     `sharpness` is that of the blurred rest images, `sharp` that of the rest images themselves (means over them).
-    `finest_scale` is where they were measured, if elsewhere than sharp ones.
     """
 
     sharp: float
     sharpness: float
     dataset: Dataset
-    finest_scale: int | None = None
 
 
 class BlurredMeasurer:
@@ -76,7 +74,7 @@ class BlurredMeasurer:
 def simulate_blurred(config: TrainConfig, progress: Progress) -> tuple[BlurredPresses, ...]:
     """The first `response.blurred_presses` samples of `simulate`, for each of `response.blur_px`.
 
-    Where they are measured at another scale, too, those come last. Blocks that were made before are read.
+    Blocks that were made before are read.
 
     Raises:
         ConfigurationError: blurs are not given in order, each stronger than the one before.
@@ -85,18 +83,10 @@ def simulate_blurred(config: TrainConfig, progress: Progress) -> tuple[BlurredPr
     if not settings.blur_px or not settings.blurred_presses:
         return ()
     require_in_order(settings.blur_px)
-    own = _measured(config, None, progress)
-    return own if config.blurred_scale is None else own + _measured(config, config.blurred_scale, progress)
-
-
-def _measured(config: TrainConfig, finest_scale: int | None, progress: Progress) -> tuple[BlurredPresses, ...]:
-    """At one scale; None: that of sharp pictures."""
-    settings = config.response
-    at = '' if finest_scale is None else f'-scale{finest_scale}'
-    name = f'blurred{RECIPE}-{"-".join(f"{each:g}" for each in settings.blur_px)}{at}'
+    name = f'blurred{RECIPE}-{"-".join(f"{each:g}" for each in settings.blur_px)}'
     blocks = blocks_of_first(config, settings.blurred_presses, name)
-    render(blocks, partial(_render_block, settings.blur_px, finest_scale), progress, 'blurring presses')
-    return _load(blocks, len(settings.blur_px), finest_scale)
+    render(blocks, partial(_render_block, settings.blur_px), progress, 'blurring presses')
+    return _load(blocks, len(settings.blur_px))
 
 
 def require_in_order(blur_px: Sequence[float]) -> None:
@@ -105,7 +95,7 @@ def require_in_order(blur_px: Sequence[float]) -> None:
         raise ConfigurationError('response.blur_px must name blurs in px, each stronger than the one before, above 0')
 
 
-def _render_block(blur_px: Sequence[float], finest_scale: int | None, block: Block) -> int:
+def _render_block(blur_px: Sequence[float], block: Block) -> int:
     """As `dataset` makes blocks, blurred by so much each; returns its number of presses."""
     config = block.config
     optics = Optics(config.gel, table := contact_table(config.gel))
@@ -114,9 +104,7 @@ def _render_block(blur_px: Sequence[float], finest_scale: int | None, block: Blo
     rest = [cropped(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)]
     first, noise = config.make_flow(), PictureNoise.of(rest)
     first.set_reference(average(rest))
-    measurers = [
-        BlurredMeasurer(sigma_px, config.make_flow_at(finest_scale), config.make_encoding()) for sigma_px in blur_px
-    ]
+    measurers = [BlurredMeasurer(sigma_px, config.make_flow(), config.make_encoding()) for sigma_px in blur_px]
     for number, each in enumerate(measurers):
         each.use_reference(rest, first, noise, seed=len(measurers) * block.number + number)
     presses, seen = planned_presses(config.data, block.number, block.first, block.presses), []
@@ -137,7 +125,7 @@ def _render_block(blur_px: Sequence[float], finest_scale: int | None, block: Blo
     return block.presses
 
 
-def _load(blocks: Sequence[Block], levels: int, finest_scale: int | None) -> tuple[BlurredPresses, ...]:
+def _load(blocks: Sequence[Block], levels: int) -> tuple[BlurredPresses, ...]:
     loaded: list[dict[str, Any]] = []
     for block in blocks:
         with np.load(block.file) as arrays:
@@ -151,5 +139,5 @@ def _load(blocks: Sequence[Block], levels: int, finest_scale: int | None) -> tup
         )
         dataset = Dataset(features, presses, np.arange(len(presses)), confidence, 'blurred')
         sharpness_there = float(np.mean([each['sharpness'][level] for each in loaded]))
-        made.append(BlurredPresses(sharp, sharpness_there, dataset, finest_scale))
+        made.append(BlurredPresses(sharp, sharpness_there, dataset))
     return tuple(made)

@@ -24,7 +24,6 @@ from typing import Any
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
@@ -128,9 +127,6 @@ class ResponseConfig:
     blur_px: tuple[float, ...] = parameter(
         (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
     )
-    blurred_full_size: bool = parameter(
-        True, 'measure blurred pictures at full size, too, where their motion is told with less noise'
-    )
     blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
     dragged_presses: int = parameter(
         2000, 'presses that are made once more with a drag of the tip, simulated ones alone; 0: none', minimum=0
@@ -172,6 +168,9 @@ READOUTS = 'network', 'response', 'axisymmetric'
 class _Blocks:
     output: str = parameter('model.safetensors', 'the file to write')
     readout: str = parameter('network', 'what turns features into forces', choices=READOUTS)
+    finer: str = parameter(
+        '', 'a model of the same gel, by name or file, that reads pictures unlike those of the training; none: this one'
+    )
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
@@ -193,6 +192,7 @@ class TrainConfig:
 
     output: Path = Path('model.safetensors')
     readout: str = 'network'
+    finer: str = ''
     data: DataConfig = field(default_factory=DataConfig)
     flow: Choice = field(default_factory=lambda: Choice('dis'))
     encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
@@ -223,19 +223,6 @@ class TrainConfig:
     def make_flow(self) -> FlowMethod:
         return make_flow(self.flow.name, self.flow.options)
 
-    @property
-    def blurred_scale(self) -> int | None:
-        """The `finest_scale` at which motion in blurred pictures is measured, too, beside that of sharp ones."""
-        by_patches, response = self.flow.name == InverseCompositionalFlow.name, self.response
-        coarser = self.make_flow().options.get('finest_scale') != 0
-        return 0 if by_patches and coarser and response.blurred_full_size and len(response.blur_px) > 1 else None
-
-    def make_flow_at(self, finest_scale: int | None) -> FlowMethod:
-        """The flow at another scale; None: at its own."""
-        if finest_scale is None:
-            return self.make_flow()
-        return make_flow(self.flow.name, {**self.flow.options, 'finest_scale': finest_scale})
-
     def make_encoding(self) -> FeatureEncoding:
         return make_encoding(self.encoding.name, self.encoding.options)
 
@@ -261,6 +248,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
     return TrainConfig(
         output=Path(blocks.output),
         readout=blocks.readout,
+        finer=blocks.finer,
         data=blocks.data,
         flow=_choice('flow', 'dis', written, str(path)),
         encoding=_choice('encoding', 'polar_mean', written, str(path)),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__, clock
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.axisymmetric_carried import learned_carried
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.blurred_fit import with_blurs
@@ -24,7 +25,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.runs import Run, RunFolder
 from tactile_nodes.learning.source import TrainingData, training_data
-from tactile_nodes.model_file import save_model
+from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import AnyReadout
@@ -48,13 +49,15 @@ def train(
     readout on the same machine, in one go or in several. `command` goes into the model's card.
 
     Raises:
-        ConfigurationError: torch is not installed, the configuration contradicts the recorded presses, or another
-            process trains the same run.
+        ConfigurationError: torch is not installed, the configuration contradicts the recorded presses or the finer
+            model, or another process trains the same run.
+        ModelError: the finer model is missing or damaged.
         DatasetError: the presses cannot be used, or are too few.
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
     progress = progress or Progress()
+    finer = finer_file(config)
     data = training_data(config, progress)
     run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
     with run:
@@ -67,10 +70,29 @@ def train(
         )
         scores = validation_of(readout, data)
         card = card_of(data, report, scores, command)
-        model_id = save_model(config.output, model, card, data.rest_image, data.texture)
+        model_id = save_model(config.output, model, card, data.rest_image, data.texture, finer)
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     return config.output
+
+
+def finer_file(config: TrainConfig) -> Path | None:
+    """The file of the model that reads pictures unlike those of this training, if there is to be one.
+
+    Raises:
+        ConfigurationError: it is of another gel or other bins, or reads images of another size.
+        ModelError: it is missing or damaged.
+    """
+    if not config.finer:
+        return None
+    loaded = load_model(file := find_model(config.finer))
+    theirs = loaded.gel, loaded.model.bins, loaded.image_size
+    if theirs != (config.gel.gel_id, config.bins, (config.data.crop, config.data.crop)) or config.data.file:
+        raise ConfigurationError(
+            f'the finer model {config.finer} is of gel {loaded.gel} with {loaded.model.bins} in images of '
+            f'{loaded.image_size[0]} px, and not of the simulated gel that is trained on; train it on that one first'
+        )
+    return file
 
 
 def threshold_of(config: TrainConfig) -> float:

@@ -857,12 +857,13 @@ class FlowFeatures(Message):
     reference_id: str
     image_level: float
     rest_sharpness: float
+    finer: bool
     untouched: bool
     moved: float
     picture_motion: NDArray[Any]
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., rest_sharpness: float = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., rest_sharpness: float = ..., finer: bool = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]

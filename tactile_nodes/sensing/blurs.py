@@ -61,15 +61,10 @@ class Blur:
 
 @dataclass(frozen=True)
 class Blurs:
-    """What a readout knows of blurred pictures: the sharpness of its own, and responses in less and less sharp ones.
-
-    `finer` are those for motion that is measured at another scale, as it is in much blurred pictures: there patches at
-    full size know more of it.
-    """
+    """What a readout knows of blurred pictures: the sharpness of its own, and responses in less and less sharp ones."""
 
     sharpness: float
     levels: tuple[Blur, ...]
-    finer: FinerBlurs | None = None
 
     def readout(self, sharp: ResponseReadout, sharpness: float) -> ResponseReadout | None:
         """What reads motion beside a rest image of this sharpness; None where `sharp` does as it is.
@@ -79,23 +74,6 @@ class Blurs:
         if not (math.isfinite(sharpness) and 0 < sharpness < self.sharpness - AS_SHARP):
             return None
         return _between(sharp, sharpness, [(self.sharpness, None), *((each.sharpness, each) for each in self.levels)])
-
-
-@dataclass(frozen=True)
-class FinerBlurs:
-    """Responses in less and less sharp pictures, two at least, whose motion is measured at `finest_scale`."""
-
-    finest_scale: int
-    levels: tuple[Blur, ...]
-
-    @property
-    def below(self) -> float:
-        """Of which sharpness pictures are measured so: half way from the first level to the second."""
-        return (self.levels[0].sharpness + self.levels[1].sharpness) / 2
-
-    def readout(self, sharp: ResponseReadout, sharpness: float) -> ResponseReadout:
-        """What reads such motion beside a rest image of this sharpness."""
-        return _between(sharp, sharpness, [(each.sharpness, each) for each in self.levels])
 
 
 def _between(sharp: ResponseReadout, sharpness: float, levels: list[tuple[float, Blur | None]]) -> ResponseReadout:

@@ -12,9 +12,11 @@ from tactile_nodes.sensing.tracking import FeatureTracker, PreparedRest
 
 
 class Coming:
-    """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
+    """A rest image, made of straightened images or the one in use, that is being prepared beside the frames; used from
+    a stamp on.
 
-    `offset` is where it lies beside the first rest image; `noise` is what it has more of than one of many frames.
+    `offset` is where it lies beside the first rest image; `noise` is what it has more of than one of many frames;
+    `finer` asks for the finer way to measure.
     """
 
     def __init__(
@@ -23,13 +25,15 @@ class Coming:
         image: UInt8[np.ndarray, 'h w'],
         due_ns: int,
         noise: Float32[np.ndarray, 'h w'] | None = None,
+        *,
+        finer: bool = False,
     ) -> None:
-        self.due_ns = due_ns
+        self.due_ns, self._renewed = due_ns, image is not tracker.reference
         registration = tracker.registration
         self.offset = registration.beside_frame if registration else None
         self.motion = registration.motion if registration else None
         self._found: PreparedRest | ImageError | None = None
-        made_of = tracker, image, noise
+        made_of = tracker, image, noise, finer
         self._thread = threading.Thread(target=self._prepare, args=made_of, name='rest image', daemon=True)
         self._thread.start()
 
@@ -45,8 +49,10 @@ class Coming:
         assert self._found is not None
         return self._found
 
-    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], noise: np.ndarray | None) -> None:
+    def _prepare(
+        self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], noise: np.ndarray | None, finer: bool
+    ) -> None:
         try:
-            self._found = tracker.prepared(image, renewed=True, noise=noise)
+            self._found = tracker.prepared(image, renewed=self._renewed, finer=finer, noise=noise)
         except ImageError as error:
             self._found = error

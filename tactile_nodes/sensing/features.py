@@ -16,6 +16,9 @@ from jaxtyping import Float32, UInt8
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.flow import DisplacementField, checked_options
 
+LEAST_SURE = 1e-6
+"""Where nothing is believed motion is told as none."""
+
 
 @dataclass(frozen=True)
 class Features:
@@ -24,6 +27,15 @@ class Features:
     encoding: str
     values: Float32[np.ndarray, 'rows cols channels']
     confidence: Float32[np.ndarray, 'rows cols']
+
+    def coarser(self, rows: int, cols: int) -> Features:
+        """Means of motion over fewer regions, by how far each of these can be believed; of as many they stay."""
+        if rows > len(self.confidence) or cols > self.confidence.shape[1] or self.encoding != CartesianMean.name:
+            return self
+        sure = cv2.resize(self.confidence, (cols, rows), interpolation=cv2.INTER_AREA)
+        weighted = cv2.resize(self.values * self.confidence[:, :, None], (cols, rows), interpolation=cv2.INTER_AREA)
+        values = weighted.reshape(rows, cols, -1) / np.maximum(sure, np.float32(LEAST_SURE))[:, :, None]
+        return Features(self.encoding, values, sure)
 
 
 @runtime_checkable

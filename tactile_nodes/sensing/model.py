@@ -87,7 +87,7 @@ class ForceEstimator:
         self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
-        self._blurred: tuple[tuple[float, bool], ResponseReadout | None] = (0.0, False), None
+        self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
 
     def predict(
         self,
@@ -96,12 +96,10 @@ class ForceEstimator:
         altered: bool = False,
         blurred: bool = False,
         sharpness: float = 0.0,
-        at_scale: bool = False,
     ) -> ForceMap:
         """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
 
-        `blurred`: and of another sharpness; `sharpness` is that of the rest image, 0 where nobody told. `at_scale`:
-        motion was measured as in blurred pictures, where the model asks for it (`Blurs.finer`).
+        `blurred`: and of another sharpness; `sharpness` is that of the rest image, 0 where nobody told.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -110,8 +108,8 @@ class ForceEstimator:
         if (features.encoding, *features.values.shape) != self._layout:
             raise ModelError(_other_layout(model, features))
         readout, seen = model.readout, (features.values, features.confidence)
-        if (altered or at_scale) and isinstance(readout, ResponseReadout):
-            measured = self._of_blurred(readout, sharpness, at_scale=at_scale) if blurred or at_scale else None
+        if altered and isinstance(readout, ResponseReadout):
+            measured = self._of_blurred(readout, sharpness) if blurred else None
             reading = read_altered(measured or readout.straight, *seen, blurred=blurred and measured is None)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
@@ -121,13 +119,12 @@ class ForceEstimator:
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         return _force_map(reading, float(textured) / self._trusted)
 
-    def _of_blurred(self, readout: ResponseReadout, sharpness: float, *, at_scale: bool) -> ResponseReadout | None:
+    def _of_blurred(self, readout: ResponseReadout, sharpness: float) -> ResponseReadout | None:
         """What reads pictures of this sharpness, made once for each rest image; None where training did not measure."""
-        blurs = readout.blurs.finer if readout.blurs is not None and at_scale else readout.blurs
-        if blurs is None:
+        if readout.blurs is None:
             return None
-        if (sharpness, at_scale) != self._blurred[0]:
-            self._blurred = (sharpness, at_scale), blurs.readout(readout, sharpness)
+        if sharpness != self._blurred[0]:
+            self._blurred = sharpness, readout.blurs.readout(readout, sharpness)
         return self._blurred[1]
 
     def at_rest(self, features: Features) -> ForceMap:

@@ -12,7 +12,7 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
-from tactile_nodes.sensing.blurs import Blur, Blurs, FinerBlurs
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -27,7 +27,6 @@ from tactile_nodes.sensing.witness import Witness
 Arrays = dict[str, np.ndarray]
 WITNESS = 'witness.'
 BLUR_ARRAYS = 'change', 'turning', 'growth'
-FINER = 'finer_blur'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
 
 
@@ -143,44 +142,29 @@ def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
     """A name of its own for each level; earlier releases leave them unread and read blurred pictures as they did."""
     if blurs is None:
         return {}, {}
-    arrays, levels = _levels_arrays('blur', blurs.levels)
-    said = {'blurs': {'sharpness': blurs.sharpness, 'levels': levels}}
-    if blurs.finer is not None:
-        more, levels = _levels_arrays(FINER, blurs.finer.levels)
-        finer = {'finest_scale': blurs.finer.finest_scale, 'levels': levels}
-        arrays, said = arrays | more, {**said, 'finer_blurs': finer}
-    return arrays, said
-
-
-def _levels_arrays(prefix: str, blurs: tuple[Blur, ...]) -> tuple[Arrays, list[dict[str, Any]]]:
     arrays: Arrays = {}
     levels = []
-    for number, each in enumerate(blurs):
-        arrays |= {f'{prefix}{number}.{name}': getattr(each, name) for name in BLUR_ARRAYS}
+    for number, each in enumerate(blurs.levels):
+        arrays |= {f'blur{number}.{name}': getattr(each, name) for name in BLUR_ARRAYS}
         limits = {name: getattr(each, name) for name in ('sharpness', 'floor', 'share')}
         levels.append({**limits, 'calibration': asdict(each.calibration)})
-    return arrays, levels
+    return arrays, {'blurs': {'sharpness': blurs.sharpness, 'levels': levels}}
 
 
-def _blurs(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any]) -> Blurs | None:
-    own, finer = said.get('blurs'), said.get('finer_blurs')
-    if own is None:
+def _blurs(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Blurs | None:
+    if said is None:
         return None
-    at_scale = None if finer is None else FinerBlurs(finer['finest_scale'], _levels(FINER, arrays, finer['levels']))
-    return Blurs(own['sharpness'], _levels('blur', arrays, own['levels']), at_scale)
-
-
-def _levels(prefix: str, arrays: Mapping[str, np.ndarray], said: list[Mapping[str, Any]]) -> tuple[Blur, ...]:
-    return tuple(
+    levels = tuple(
         Blur(
             sharpness=each['sharpness'],
             calibration=_calibration(each['calibration']),
             floor=each['floor'],
             share=each['share'],
-            **{name: arrays[f'{prefix}{number}.{name}'] for name in BLUR_ARRAYS},
+            **{name: arrays[f'blur{number}.{name}'] for name in BLUR_ARRAYS},
         )
-        for number, each in enumerate(said)
+        for number, each in enumerate(said['levels'])
     )
+    return Blurs(said['sharpness'], levels)
 
 
 def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
@@ -196,7 +180,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
-        _blurs(arrays, said),
+        _blurs(arrays, said.get('blurs')),
         _drag(arrays, said.get('drag')),
     )
 

@@ -123,7 +123,7 @@ class Registration:
         So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
         `motion` is that of the picture when it was taken: what was learned of it since is noise, up to a knock.
         """
-        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
+        self.measure_by(rest)
         self.lost, self.found = False, 1.0
         self._base = offset or PictureMotion()
         if offset is None:
@@ -136,6 +136,10 @@ class Registration:
         self._forget_offset()
         self.dent = DentedRest()
         self._last_ns: int | None = None
+
+    def measure_by(self, rest: Registered) -> None:
+        """Take it that motion comes from other patches now, beside the same rest image."""
+        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
 
     def begin_anew(self) -> None:  # what was found since the rest image came is forgotten
         self.set_reference(self._rest, self._base, self._resting)

@@ -15,7 +15,7 @@ from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
 from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.quality import require_picture, require_rest_image, sharpness
+from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
@@ -26,9 +26,18 @@ from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
 
 
 @dataclass(frozen=True)
+class Measuring:
+    """How motion is measured, how it is summed up, and how far each spot of the gel goes, where that is known."""
+
+    flow: FlowMethod
+    encoding: FeatureEncoding
+    texture: TextureGains | None = None
+
+
+@dataclass(frozen=True)
 class PreparedRest:
     """A rest image with all that is computed of it once; `own` is what the flow finds in itself, `known`
-    takes motion beside it for that beside the first one."""
+    takes motion beside it for that beside the first one. `finer`: motion is measured by the finer way."""
 
     image: UInt8[np.ndarray, 'h w']
     flow: FlowMethod
@@ -37,6 +46,7 @@ class PreparedRest:
     own: DisplacementField
     registering: Registered | None
     known: KnownTexture | None = None
+    finer: bool = False
 
 
 PATIENCE = 4
@@ -60,7 +70,7 @@ class FeatureTracker:
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
         registration: takes the motion of the whole picture out; None leaves it in.
         texture: how far each spot of the gel goes, where that is known.
-        blurred_flow: how motion is measured beside a renewed rest image less sharp than `blurred_below`.
+        finer: how motion is measured beside renewed rest images that are asked to be measured so.
     """
 
     def __init__(
@@ -73,8 +83,7 @@ class FeatureTracker:
         check: StillnessCheck | None = None,
         registration: Registration | None = None,
         texture: TextureGains | None = None,
-        blurred_flow: FlowMethod | None = None,
-        blurred_below: float = 0.0,
+        finer: Measuring | None = None,
     ) -> None:
         self.reference: np.ndarray | None = None
         self.reference_id = ''
@@ -86,14 +95,13 @@ class FeatureTracker:
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
         self._first: PreparedRest | None = None
-        self._texture = texture
+        self._own, self._finer = Measuring(flow, encoding, texture), finer
+        self._first_finer: tuple[PreparedRest, FlowMethod] | None = None
         self._other: OtherTexture | None = None
         self._known: KnownTexture | None = None
         self._bands: RollingBands
         self._least_sure = 0.0
-        self._flow = self._sharp_flow = flow
-        self._blurred_flow, self._blurred_below = blurred_flow, blurred_below
-        self._encoding = encoding
+        self._flow, self._encoding = flow, encoding
         self._rest_frames = rest_frames
         self._marked_share = marked_share
         self._rest: RestAccumulator | None = None
@@ -105,6 +113,11 @@ class FeatureTracker:
     def flow(self) -> FlowMethod:
         """How motion is measured beside the rest image in use."""
         return self._flow
+
+    @property
+    def knows_finer(self) -> bool:
+        """Whether there is a finer way to measure."""
+        return self._finer is not None
 
     @property
     def capturing(self) -> bool:
@@ -172,39 +185,46 @@ class FeatureTracker:
         image: UInt8[np.ndarray, 'h w'],
         *,
         renewed: bool = False,
+        finer: bool = False,
         noise: Float32[np.ndarray, 'h w'] | None = None,
     ) -> PreparedRest:
         """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
 
-        A `renewed` one is made of straightened images, and shows the gel where the first one does. `noise` is what it
-        has more of than those of a training.
+        A `renewed` one is made of straightened images, and shows the gel where the first one does. `finer` asks for the
+        finer way to measure beside it, if there is one. `noise` is what it has more of than those of a training.
 
         Raises:
             ImageError: it shows nothing that can be measured against.
         """
-        encoding = make_encoding(self._encoding.name, self._encoding.options)
+        kind = self._finer if finer and self._finer is not None else self._own
+        encoding = make_encoding(kind.encoding.name, kind.encoding.options)
         encoding.set_reference(image)
         still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
         require_rest_image(image, encoding.encode(still).confidence, self._marked_share)
         check = None if self._check is None else StillnessCheck(self._check.options)
         if check is not None:
             check.set_reference(image)
-        blurred = renewed and sharpness(image) < self._blurred_below
-        kind = self._blurred_flow if self._blurred_flow and blurred else self._sharp_flow
-        flow = make_flow(kind.name, kind.options)
-        flow.set_reference(image)
+        flow = _beside(kind, image)
         if noise is not None and isinstance(flow, InverseCompositionalFlow):
             flow.allow_for_noise(noise)
         own = flow.displacement(image)
         registering = None if self.registration is None else Registered(image, own)
-        known = self._known_beside(flow, image) if renewed else None
-        return PreparedRest(image, flow, encoding, check, own, registering, known)
+        known = self._known_beside(kind, flow, image) if renewed else None
+        return PreparedRest(image, flow, encoding, check, own, registering, known, kind is self._finer)
 
-    def _known_beside(self, flow: FlowMethod, image: UInt8[np.ndarray, 'h w']) -> KnownTexture | None:
+    def _known_beside(self, kind: Measuring, flow: FlowMethod, image: UInt8[np.ndarray, 'h w']) -> KnownTexture | None:
         """What takes motion beside a renewed rest image for that beside the first one, by how far each spot goes."""
-        if self._first is None or self._texture is None:
+        if (first := self._first) is None or kind.texture is None:
             return None
-        return known_texture(self._texture, (flow, image), (self._first.flow, self._first.image))
+        return known_texture(kind.texture, (flow, image), (self._first_flow(first, kind), first.image))
+
+    def _first_flow(self, first: PreparedRest, kind: Measuring) -> FlowMethod:
+        """The flow beside the first rest image; the finer one is made when it is asked for."""
+        if kind is not self._finer:
+            return first.flow
+        if (made := self._first_finer) is None or made[0] is not first:
+            self._first_finer = made = first, _beside(kind, first.image)
+        return made[1]
 
     def use(
         self, rest: PreparedRest, *, offset: PictureMotion | None = None, motion: PictureMotion | None = None
@@ -214,17 +234,27 @@ class FeatureTracker:
         `offset`: it was made of straightened images, and lies so far beside the first one. None: it is a first one.
         `motion` is that of the whole picture when they were taken.
         """
-        self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
-        self.rest, self._still, self._seen, self._own = rest, None, None, rest.own
+        self._measure_by(rest)
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         self._bands = RollingBands(rest.image)
-        sure = rest.own.confidence
-        self._least_sure = 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
         self._first = rest if offset is None or self._first is None else self._first
-        self._other = other_texture(rest.flow, self._first.flow, rest.image.shape)
+        kind = self._finer if rest.finer and self._finer else self._own
+        self._other = other_texture(rest.flow, self._first_flow(self._first, kind), rest.image.shape)
         self._known = rest.known if self._other else None
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset, motion)
+
+    def use_again(self, rest: PreparedRest) -> None:
+        """Measure against the rest image in use as it was prepared for another way to measure."""
+        self._measure_by(rest)
+        if self.registration and rest.registering:
+            self.registration.measure_by(rest.registering)
+
+    def _measure_by(self, rest: PreparedRest) -> None:
+        self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
+        self.rest, self._still, self._seen = rest, None, None
+        sure = rest.own.confidence
+        self._least_sure = 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
 
     def field(self, image: UInt8[np.ndarray, 'h w'], stamp_ns: int = 0) -> DisplacementField:
         """The displacement of `image`, taken at `stamp_ns`, against the rest image.
@@ -315,11 +345,18 @@ class FeatureTracker:
     def _at_rest(self) -> tuple[DisplacementField, Features]:
         """No motion, with the confidence that the rest image has in itself."""
         if self._still is None:
-            assert self.reference is not None
-            own = self._own
+            assert self.rest is not None
+            own = self.rest.own
             field = DisplacementField(np.zeros_like(own.displacement_px), own.confidence)
             self._still = field, self._encoding.encode(field)
         return self._still
+
+
+def _beside(kind: Measuring, image: UInt8[np.ndarray, 'h w']) -> FlowMethod:
+    """A flow of this kind that measures against an image."""
+    flow = make_flow(kind.flow.name, kind.flow.options)
+    flow.set_reference(image)
+    return flow
 
 
 def overlay(

@@ -120,7 +120,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
 def test_blurred_presses_are_the_first_of_the_training_in_its_order(config: TrainConfig) -> None:
     """Of the first block all that are not put aside for the test; of motion blur takes a little."""
     data = simulated_data(config, Progress())
-    weak, strong = data.blurred[:2]
+    weak, strong = data.blurred
     count = len(weak.dataset.presses)
     assert 8 <= count <= 16
     np.testing.assert_array_equal(weak.dataset.presses, data.dataset.presses[:count])
@@ -128,29 +128,6 @@ def test_blurred_presses_are_the_first_of_the_training_in_its_order(config: Trai
     assert weak.sharp > weak.sharpness > strong.sharpness
     apart = np.abs(weak.dataset.features - data.dataset.features[:count]).max()
     assert 0 < apart < 0.2
-
-
-def test_blurred_presses_are_measured_at_full_size_too_where_sharp_ones_are_not(config: TrainConfig) -> None:
-    """Of the same blurred pictures but for their noise, so motion is nearly the same."""
-    half, full = simulate_blurred(config, Progress())[1::2]
-    assert (half.finest_scale, full.finest_scale) == (None, 0)
-    assert full.sharpness == pytest.approx(half.sharpness, abs=0.002)
-    assert 0 < np.abs(full.dataset.features - half.dataset.features).max() < 0.2
-    unwanted = ResponseConfig(blur_px=(0.5, 1.0), blurred_presses=16, blurred_full_size=False)
-    own = Choice('inverse_compositional', {'rows': 10, 'cols': 10, 'finest_scale': 0})
-    for other in (dataclasses.replace(config, response=unwanted), dataclasses.replace(config, flow=own)):
-        assert [each.finest_scale for each in simulate_blurred(other, Progress())] == [None, None]
-
-
-def test_what_is_measured_at_another_scale_is_known_apart(sharp: ResponseReadout) -> None:
-    data = presses(2000, seed=1)
-    own, weak, strong = (blurred(data.take(np.arange(FIRST)), seed=seed) for seed in (5, 8, 9))
-    finer = [dataclasses.replace(weak, finest_scale=0), dataclasses.replace(strong, finest_scale=0, sharpness=0.4)]
-    blurs = with_blurs(sharp, data, [own, *finer], np.arange(2000) % 8 == 1, CONFIG, Progress()).blurs
-    assert blurs is not None
-    assert blurs.finer is not None
-    assert [each.sharpness for each in blurs.levels] == [own.sharpness]
-    assert (blurs.finer.finest_scale, [each.sharpness for each in blurs.finer.levels]) == (0, [weak.sharpness, 0.4])
 
 
 def test_blurs_that_are_not_in_order_are_refused(config: TrainConfig) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from responding import BINS, COMPONENTS, GRID, components, features, readout
 
-from tactile_nodes.sensing.blurs import Blur, Blurs, FinerBlurs
+from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.response import Response
@@ -109,44 +109,3 @@ def test_the_table_to_begin_with_is_that_of_the_response() -> None:
     usual = Response(*made.axes, made.coefficients, made.growth, made.power)
     largest = np.abs(usual.start_components).max()
     np.testing.assert_allclose(made.start_components, usual.start_components, atol=1e-5 * largest)
-
-
-def at_full_size() -> ResponseReadout:
-    """Measures much blurred pictures otherwise: so measured, motion in them is short by nothing and by 10 %."""
-    known = knowing()
-    assert known.blurs is not None
-    weak, strong = (
-        replace(each, change=(-short * PLAIN.response.coefficients).astype(np.float16))
-        for each, short in zip(known.blurs.levels, (0.0, 0.1), strict=True)
-    )
-    return replace(known, blurs=replace(known.blurs, finer=FinerBlurs(0, (weak, strong))))
-
-
-def read_at_scale_n(sharpness: float, short: float, *, at_scale: bool = True, altered: bool = True) -> float:
-    model = ForceModel(FeatureLayout('cartesian_mean', GRID, GRID, 2), BINS, at_full_size())
-    seen = Features('cartesian_mean', pressed(short), SURE)
-    found = ForceEstimator(model).predict(
-        seen, altered=altered, blurred=altered, sharpness=sharpness, at_scale=at_scale
-    )
-    return found.total_n
-
-
-@pytest.mark.parametrize('altered', [True, False])
-@pytest.mark.parametrize(
-    ('sharpness', 'short'), [(SHARP, 0.0), (SOFT, 0.0), ((SOFT + SOFTER) / 2, 0.05), (SOFTER, 0.1), (0.4, 0.1)]
-)
-def test_motion_that_is_measured_as_in_much_blurred_pictures_is_read_by_levels_of_that(
-    sharpness: float, short: float, altered: bool
-) -> None:
-    assert read_at_scale_n(sharpness, short, altered=altered) == pytest.approx(0.6, abs=1e-3)
-
-
-def test_motion_that_is_measured_as_in_sharp_pictures_is_read_by_levels_of_its_own() -> None:
-    assert read_at_scale_n(SOFTER, 0.06, at_scale=False) == pytest.approx(0.6, abs=1e-3)
-
-
-def test_pictures_are_measured_otherwise_from_half_way_between_the_first_two_levels_on() -> None:
-    readout = at_full_size()
-    assert readout.blurs is not None
-    assert readout.blurs.finer is not None
-    assert readout.blurs.finer.below == pytest.approx((SOFT + SOFTER) / 2)

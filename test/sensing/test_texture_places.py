@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 from dots import SIDE, Motion, picture, press
@@ -12,10 +11,9 @@ from hypothesis import strategies as st
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.quality import sharpness
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.texture_places import LEAST_PX, OtherTexture, other_texture, sloping
-from tactile_nodes.sensing.tracking import FeatureTracker
+from tactile_nodes.sensing.tracking import FeatureTracker, Measuring
 
 PATCHES = 10
 
@@ -126,18 +124,27 @@ def test_a_tracker_takes_motion_beside_a_renewed_rest_image_for_that_beside_the_
     )
 
 
-def test_beside_a_renewed_rest_image_that_is_blurred_motion_is_measured_by_the_flow_for_it() -> None:
-    half, full = (
-        InverseCompositionalFlow(InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=scale))
-        for scale in (1, 0)
-    )
+def test_beside_a_renewed_rest_image_that_asks_for_it_motion_is_measured_by_the_finer_way() -> None:
+    """And taken for what the finer way would have found beside the first rest image."""
+    fine = make_encoding('cartesian_mean', {'rows': 2 * PATCHES, 'cols': 2 * PATCHES})
+    finer = Measuring(fine_flow(), fine)
     encoding = make_encoding('cartesian_mean', {'rows': PATCHES, 'cols': PATCHES})
-    blurred = cv2.GaussianBlur(FIRST, (0, 0), 1.0)
-    between = (sharpness(blurred) + sharpness(FEWER)) / 2
-    tracker = FeatureTracker(half, encoding, registration=Registration(), blurred_flow=full, blurred_below=between)
+    tracker = FeatureTracker(flow_of(FIRST), encoding, registration=Registration(), finer=finer)
     tracker.use_reference(FIRST)
-    scales = [tracker.flow.options['finest_scale']]
-    for rest in (FEWER, blurred, FEWER):
-        tracker.use(tracker.prepared(rest, renewed=True), offset=PictureMotion(), motion=PictureMotion())
-        scales.append(tracker.flow.options['finest_scale'])
-    assert scales == [1, 1, 0, 1]
+    asked = tracker.prepared(FEWER, renewed=True, finer=True)
+    tracker.use(asked, offset=PictureMotion(), motion=PictureMotion())
+    frame = picture(press(220, 240, 4.0), number=3, gone=0.3)
+    now, first = fine_flow(), fine_flow()
+    now.set_reference(FEWER)
+    first.set_reference(FIRST)
+    other = other_texture(now, first, FIRST.shape)
+    assert other is not None
+    field = tracker.field(frame, 1)
+    assert field.displacement_px == pytest.approx(other.as_first(now.displacement(frame)).displacement_px, abs=1e-4)
+    assert tracker.features(field).values.shape == (2 * PATCHES, 2 * PATCHES, 2)
+    tracker.use(tracker.prepared(FEWER, renewed=True), offset=PictureMotion(), motion=PictureMotion())
+    assert tracker.field(frame, 2).displacement_px.shape == (PATCHES, PATCHES, 2)
+
+
+def fine_flow() -> InverseCompositionalFlow:
+    return InverseCompositionalFlow(InverseCompositionalOptions(rows=2 * PATCHES, cols=2 * PATCHES))
