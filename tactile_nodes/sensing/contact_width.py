@@ -29,7 +29,7 @@ The tip's own presses stay below it, but for a few of the hardest; a flat punch 
 from 0.1 and 0.15 N on.
 """
 
-SURE_OF_WIDTH = 3.0
+SURE_OF_WIDTH = 2.0
 """Standard deviations by which it must lie above none at all."""
 
 USUAL_MM2 = 0.015
