@@ -48,7 +48,7 @@ def test_noise_adds_no_width_beyond_its_standard_deviation() -> None:
 
 
 def test_what_is_wide_but_may_be_noise_is_not_called_wide() -> None:
-    mm2, sigma_mm2 = np.array([[0.2, 0.05], [0.2, 0.1], [0.05, 0.001], [-0.5, 0.01]]).T
+    mm2, sigma_mm2 = np.array([[0.2, 0.09], [0.2, 0.11], [0.05, 0.001], [-0.5, 0.01]]).T
     assert Widths(mm2, sigma_mm2, np.zeros((4, 3)), np.zeros(4)).wide.tolist() == [True, False, False, False]
 
 
