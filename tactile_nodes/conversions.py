@@ -128,6 +128,7 @@ def force_fields(
     *,
     total_sigma_n: float = math.nan,
     unlikeness: float = math.nan,
+    averaged_s: float = 0.0,
 ) -> dict[str, Any]:
     """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
     width_mm, height_mm = bins.bin_size_mm
@@ -146,6 +147,7 @@ def force_fields(
         'contact': told[0].position if told else types.Point(x=math.nan, y=math.nan, z=math.nan),
         'contacts': told,
         'unlikeness': unlikeness,
+        'averaged': averaged_s,
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
+from tactile_nodes.force_status import INVALID, UNMEASURED, status_of, told_sigma_n
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
@@ -21,19 +22,9 @@ from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap,
 from tactile_nodes.sensing.quality import ContactDetector
 from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.sensing.stamped import ByStamp
+from tactile_nodes.sensing.steady_force import SteadyForce
 
 FORCE = types.ForceDistribution
-KNOWN_SHARE = 0.99
-"""Share of the known regions that undisturbed frames show at least."""
-
-LEAST_DOUBT_N = 0.05
-
-UNMEASURED = (
-    FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE
-)
-"""Nothing is known of such a frame: its numbers are NaN."""
-
-INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 
 @dataclass(frozen=True)
@@ -144,6 +135,7 @@ class Estimating:
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
         self._free_n: float | None = None
+        self._steady = SteadyForce()
         self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
@@ -181,9 +173,15 @@ class Estimating:
         self._contact = replace(self._contact, threshold_n=ready.loaded.model.contact_threshold_n)
 
     def answer(
-        self, features: types.FlowFeatures, frame_id: str, least_confidence: float, age_s: float
+        self,
+        features: types.FlowFeatures,
+        frame_id: str,
+        least_confidence: float,
+        age_s: float,
+        *,
+        average_noise: bool = True,
     ) -> types.ForceDistribution:
-        """The force of one frame, whose features were published `age_s` ago.
+        """The force of one frame, whose features were published `age_s` ago; see `SteadyForce` for `average_noise`.
 
         Raises:
             ModelError, MessageError: the features are none that the model can read.
@@ -196,9 +194,11 @@ class Estimating:
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         sigma_n, unsure = told_sigma_n(found, reasons, begun_n)
         reasons |= unsure
+        steady = average_noise and touching and status_of(reasons) != FORCE.STATUS_INVALID
+        found, averaged_s = self._averaged(features, found, wanted=steady)
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=sigma_n, unlikeness=found.unlikeness,
+            total_sigma_n=sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
@@ -215,6 +215,14 @@ class Estimating:
         blurred = bool(features.reasons & FORCE.REASON_BLURRED)
         altered = blurred or bool(features.reasons & FORCE.REASON_LIGHT_CHANGED)
         return self.now.found(features, altered=altered, blurred=blurred)
+
+    def _averaged(self, features: types.FlowFeatures, found: ForceMap, *, wanted: bool) -> tuple[ForceMap, float]:
+        """With the frames before it, if the picture is noisy and the contact steady, and over which time."""
+        if not wanted:
+            self._steady.forget()
+            return found, 0.0
+        beside = self.now.loaded.model_id, features.reference_id, features.method
+        return self._steady.averaged(stamp_ns(features.header.stamp), found, self.now.loaded.model.bins, beside)
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""
@@ -254,60 +262,3 @@ class Estimating:
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
         }
         return sum(bit for bit, present in faults.items() if present)
-
-
-SHARE_IN_DOUBT = {
-    FORCE.REASON_LOW_CONFIDENCE: 0.1,
-    FORCE.REASON_FOREIGN_MOTION: 0.1,
-    FORCE.REASON_LIGHT_CHANGED: 0.3,
-    FORCE.REASON_BLURRED: 0.3,
-}
-"""Share of the total, and of the least force called a contact, that it may be off by for a reason."""
-
-
-BEGINNING_SHARE = 0.1
-"""Share of the force by which it is off where contact began within the exposure, as a standard deviation.
-
-The picture is the mean of an exposure in which force came from nothing: by half of it to either side at most. Nothing
-in one picture tells, and frames before it do not, either; the next one does.
-"""
-
-DOUBTFUL = 2.0
-"""Times the uncertainty that the model states by itself, from which a force is not ok."""
-
-
-def told_sigma_n(found: ForceMap, reasons: int, begun_n: float = 0.0) -> tuple[float, int]:
-    """The standard deviation of the total with what the model cannot know, and the reason if that is most of it.
-
-    It is NaN where the model states none. It grows with the unlikeness above 1, as errors do, with the share of the
-    regions that are lost (what presses there is not seen), with `begun_n` that began in this frame, and for light, blur
-    and knocks by shares that stand for the errors in docs/results/stability.md.
-    """
-    stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
-    at_most_n = abs(found.total_n) + LEAST_DOUBT_N
-    told = [share * at_most_n for reason, share in SHARE_IN_DOUBT.items() if reasons & reason]
-    untold = {
-        FORCE.REASON_LOW_CONFIDENCE: max(0.0, KNOWN_SHARE - found.confidence) * at_most_n,
-        FORCE.REASON_BEGINNING: BEGINNING_SHARE * begun_n,
-    }
-    unsure = sum(reason for reason, off_n in untold.items() if math.hypot(stated_n, off_n) > DOUBTFUL * stated_n)
-    return math.hypot(stated_n, *told, *untold.values()), int(unsure)
-
-
-def calibration_reasons(state: types.CalibrationState) -> int:
-    """What a calibration's state adds to the reasons of every force."""
-    kind = types.CalibrationState
-    by_level = {
-        kind.LEVEL_AGEING: FORCE.REASON_CALIBRATION_AGEING,
-        kind.LEVEL_INVALID: FORCE.REASON_CALIBRATION_INVALID,
-    }
-    moved = FORCE.REASON_FOREIGN_MOTION if state.reasons & kind.REASON_PICTURE_MOVED else 0
-    dented = FORCE.REASON_REST_DOUBTFUL if state.reasons & kind.REASON_DENTED_REST else 0
-    return int(by_level.get(state.level, 0) | moved | dented)
-
-
-def status_of(reasons: int) -> int:
-    """What some reasons make of a force: ok, degraded or invalid."""
-    if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
-        return FORCE.STATUS_INVALID
-    return FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK

@@ -12,7 +12,8 @@ import pytest
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
-from tactile_nodes.estimating import Estimating, told_sigma_n
+from tactile_nodes.estimating import Estimating
+from tactile_nodes.force_status import told_sigma_n
 from tactile_nodes.messages import types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import find_model, load_model, save_model
@@ -124,3 +125,82 @@ def test_a_model_takes_over_while_pictures_are_measured_finer() -> None:
     assert estimating.prepared('fast').inputs == estimating.now.inputs
     with pytest.raises(ModelError, match='what comes in'):
         estimating.prepared('portable')
+
+
+def changed(seen: types.FlowFeatures, **fields: object) -> types.FlowFeatures:
+    return replace(seen, **fields)  # type: ignore
+
+
+def noisy(of: Estimating, forces: list[float], *, blurred: int = FORCE.REASON_BLURRED) -> list[types.FlowFeatures]:
+    """Frames 16 ms apart in a picture of four times the noise of the training, s of a press in each."""
+    random, made = np.random.default_rng(3), []
+    for number, s in enumerate(forces):
+        seen, readout = features(of, s), of.now.loaded.model.readout
+        noise = 4 * random.normal(size=readout.scaling.mean.shape) / np.maximum(readout.scaling.gain, 1e-6)
+        values = seen.values + np.where(readout.scaling.trusted[..., None] > 0, noise, 0).astype(np.float32).reshape(-1)
+        header = conversions.header(1 + 16_000_000 * number, 'camera')
+        made.append(changed(seen, values=values, header=header, reasons=blurred, reference_id='a'))
+    return made
+
+
+def told_of(of: Estimating, frames: list[types.FlowFeatures], **asked: bool) -> list[types.ForceDistribution]:
+    return [of.answer(each, '', 0.85, 0.0, **asked) for each in frames]
+
+
+def test_a_steady_contact_in_noisy_pictures_is_averaged_and_says_so() -> None:
+    one, other = Estimating('fast'), Estimating('fast')
+    frames = noisy(one, [0.5] * 12)
+    averaged, single = told_of(one, frames), told_of(other, frames, average_noise=False)
+    assert averaged[0].averaged == 0
+    assert 0.03 < averaged[-1].averaged < 0.12
+    assert not any(each.averaged for each in single)
+    assert np.std([each.total for each in averaged[4:]]) < 0.7 * np.std([each.total for each in single[4:]])
+    assert [each.total_sigma for each in averaged] == [each.total_sigma for each in single]
+
+
+def test_the_total_of_averaged_forces_is_the_sum_of_their_map_and_of_their_contacts() -> None:
+    estimating = Estimating('fast')
+    last = told_of(estimating, noisy(estimating, [0.5] * 6))[-1]
+    assert last.averaged > 0
+    assert last.total == last.normal_force.sum(dtype=np.float64)
+    assert last.total == pytest.approx(math.fsum(each.force for each in last.contacts), rel=1e-6)
+    assert last.peak == last.normal_force.max()
+    assert last.contact == last.contacts[0].position
+
+
+def test_forces_in_sharp_pictures_are_those_of_their_frames() -> None:
+    one, other = Estimating('fast'), Estimating('fast')
+    frames = noisy(one, [0.5] * 6, blurred=0)
+    averaged, single = told_of(one, frames), told_of(other, frames, average_noise=False)
+    assert [each.total for each in averaged] == [each.total for each in single]
+    assert not any(each.averaged for each in averaged)
+
+
+def test_after_an_invalid_frame_or_beside_another_rest_image_averages_begin_anew() -> None:
+    estimating = Estimating('fast')
+    frames = noisy(estimating, [0.5] * 9)
+    frames[3] = changed(frames[3], reasons=FORCE.REASON_DARK_IMAGE)
+    frames[6:] = [changed(each, reference_id='b') for each in frames[6:]]
+    told = [each.averaged > 0 for each in told_of(estimating, frames)]
+    assert (told[3], told[4], told[6]) == (False, False, False)
+    assert told[2]
+    assert told[8]
+
+
+def test_a_contact_that_ends_and_comes_again_is_averaged_with_itself_alone() -> None:
+    estimating = Estimating('fast')
+    frames = noisy(estimating, [0.5, 0.5, 0.5, 0.0, 0.5, 0.5])
+    frames[3] = changed(frames[3], untouched=True)
+    told = told_of(estimating, frames)
+    assert told[2].averaged > 0
+    assert not told[3].in_contact
+    assert [each.averaged for each in told[3:5]] == [0.0, 0.0]
+
+
+def test_another_model_begins_averages_anew() -> None:
+    estimating = Estimating('fast')
+    frames = noisy(estimating, [0.5] * 6)
+    told_of(estimating, frames[:4])
+    card = replace(estimating.now.loaded, model=replace(estimating.now.loaded.model, model_id='another'))
+    estimating.take(replace(estimating.now, loaded=card))
+    assert told_of(estimating, frames[4:5])[0].averaged == 0.0

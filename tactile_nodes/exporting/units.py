@@ -9,7 +9,7 @@ _UNITS: dict[str, dict[str, str]] = {
     'tactile_nodes/msg/ForceDistribution': {
         'bin_*': 'm', 'origin.*': 'm', 'contact.[xyz]': 'm', 'strongest.position_sigma': 'm', 'strongest.force*': 'N',
         'normal_force': 'N', 'total': 'N', 'total_sigma': 'N', 'peak': 'N', 'confidence': '0 to 1',
-        'stages.*': 's',
+        'stages.*': 's', 'averaged': 's',
     },
     'geometry_msgs/msg/WrenchStamped': _WRENCH,
     'tactile_nodes/msg/RigState': {'position.*': 'm', 'depth': 'm'},

@@ -900,11 +900,12 @@ class ForceDistribution(Message):
     contact: Point
     contacts: list[Contact]
     unlikeness: float
+    averaged: float
     status: int
     reasons: int
     provenance: Provenance
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., averaged: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
 
 class Press(Message):
     STATUS_RECORDED: ClassVar[int]

@@ -20,7 +20,8 @@ from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.estimating import Estimating, Ready, calibration_reasons
+from tactile_nodes.estimating import Estimating, Ready
+from tactile_nodes.force_status import calibration_reasons
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.compiling import use_compiled
@@ -36,6 +37,9 @@ class ForceEstimatorParams(NodeParams):
     frame_id: str = parameter('gel_surface', 'frame of the forces')
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
+    )
+    average_noise: bool = parameter(
+        True, 'average the force of a contact that does not change, for up to 0.4 s, while pictures are noisy'
     )
     compiled: bool = parameter(
         False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True
@@ -80,7 +84,10 @@ class ForceEstimatorNode(Node):
 
     def _on_features(self, received: Received) -> None:
         age_s = max(0.0, self.age_s(received))
-        force = self._estimating.answer(received.message, self.params.frame_id, self.params.least_confidence, age_s)
+        asked = self.params
+        force = self._estimating.answer(
+            received.message, asked.frame_id, asked.least_confidence, age_s, average_noise=asked.average_noise
+        )
         self._force.publish(force)
         if self._wrench.listeners:
             self._wrench.publish(conversions.wrench_message(force))
