@@ -6,16 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from responding import BINS, GRID, components, features, readout
+from responding import BINS, COMPONENTS, GRID, components, features, readout
 
-from tactile_nodes.sensing.altered_reading import ALTERED_SHARE, BADLY_FOUND, DOUBT, read_altered
+from tactile_nodes.sensing.altered_reading import (
+    ALTERED_SHARE,
+    BADLY_FOUND,
+    DOUBT,
+    LEFT_OVER,
+    MIDDLE_SQUARE,
+    MOST_NOISE,
+    noise_variance,
+    read_altered,
+    spread_of,
+)
 from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 
 READER = readout(most_contacts=1, scale=20_000.0)  # of which noise is next to nothing
 TRUSTING = replace(READER, scaling=replace(READER.scaling, confidence_floor=0.1))
+EXACT = replace(READER, likeness=replace(READER.likeness, share=0.0))  # its directions leave nothing over of a press
 SURE = np.ones((GRID, GRID), np.float32)
+INPUTS = 2 * GRID**2
 
 
 def pressed(s: float = 0.6, x: float = 2.0, y: float = -1.0) -> np.ndarray:
@@ -73,6 +85,87 @@ def test_a_width_of_its_own_is_granted_to_contacts_of_sharp_pictures_only() -> N
     seen = features(READER, components(READER.response, *[(*place, 0.15) for place in places]))
     sharp, blurred = (read_altered(READER, seen, SURE, blurred=each).contacts[0].force_n for each in (False, True))
     assert abs(sharp - 0.6) < 0.9 * abs(blurred - 0.6)
+
+
+PLAIN = replace(READER, likeness=replace(READER.likeness, directions=np.eye(COMPONENTS, INPUTS, dtype=np.float32)))
+"""Each component is one input."""
+NOWHERE = np.zeros(INPUTS, bool)
+
+
+def test_the_noise_of_a_frame_is_that_of_the_middle_one_of_its_inputs() -> None:
+    """The median of the square of a normal deviate is 0.4549 of its variance; two inputs far off change nothing."""
+    left = np.array([0.1, 0.1, np.sqrt(4 * MIDDLE_SQUARE), -50.0, 50.0, np.nan], np.float32)
+    assert noise_variance(READER, left, 0.0) == pytest.approx(4.0)
+    drawn = np.random.default_rng(6).normal(0, 2, 20_000).astype(np.float32)
+    assert noise_variance(READER, drawn, 0.0) == pytest.approx(4.0, rel=0.05)
+
+
+def test_what_is_left_over_of_a_press_is_no_noise() -> None:
+    """With a share of 0.1 the middle one has 0.022 of what was seen left over: of 50 that is 1.1, its square 1.21."""
+    assert READER.likeness.share == 0.1
+    left = np.full(9, np.sqrt(4 * MIDDLE_SQUARE), np.float32)
+    assert noise_variance(READER, left, 50.0) == pytest.approx(4.0 - 1.21)
+    assert LEFT_OVER == 0.22
+
+
+def test_noise_counts_as_much_as_in_training_at_least_and_no_more_than_what_splines_miss_allows() -> None:
+    assert noise_variance(READER, np.full(9, 0.01, np.float32), 0.0) == 1.0
+    assert noise_variance(READER, np.full(9, 100.0, np.float32), 0.0) == MOST_NOISE
+    assert noise_variance(READER, np.full(9, np.nan, np.float32), 0.0) == 1.0
+
+
+def test_an_input_of_ten_times_the_noise_has_a_hundredth_of_the_weight() -> None:
+    """Of an input that is noisy by 1 as all are, and by another √99."""
+    off = np.zeros(INPUTS)
+    off[3] = 99.0
+    weights = np.linalg.inv(spread_of(PLAIN, NOWHERE, 1.0, off))
+    assert weights == pytest.approx(np.diag([0.01 if n == 3 else 1.0 for n in range(COMPONENTS)]))
+
+
+def test_noise_beyond_that_of_the_training_is_as_much_in_each_input() -> None:
+    """A component that weighs inputs three times has 1 of the training's noise, and 9 times what is more of it."""
+    heavy = replace(PLAIN, whitening=3 * np.eye(COMPONENTS, dtype=np.float32))
+    assert spread_of(PLAIN, NOWHERE, 4.0, np.zeros(INPUTS)) == pytest.approx(4 * np.eye(COMPONENTS), abs=0.01)
+    assert spread_of(heavy, NOWHERE, 4.0, np.zeros(INPUTS)) == pytest.approx((1 + 9 * 3) * np.eye(COMPONENTS), abs=0.04)
+
+
+def test_a_component_of_two_inputs_is_noisier_where_one_of_them_is_missing() -> None:
+    """Made of one of two that it is the sum of, over √2, it is √2 times that one: twice the variance, also its own."""
+    directions = np.eye(COMPONENTS, INPUTS, dtype=np.float32)
+    directions[0, [0, COMPONENTS]] = np.sqrt(0.5)
+    halved = replace(PLAIN, likeness=replace(PLAIN.likeness, directions=directions))
+    missing, off = NOWHERE.copy(), np.zeros(INPUTS)
+    missing[COMPONENTS], off[0] = True, 5.0
+    spread = spread_of(halved, missing, 1.0, off).diagonal()
+    assert spread[0] == pytest.approx(2.0 + 2.0 * 5.0, rel=0.01)
+    assert spread[1:] == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_noisy_picture_is_told_to_be_as_uncertain_as_it_is() -> None:
+    """Noise of 2 in all inputs; the standard deviation of 150 is off by a seventeenth, four of those."""
+    made = readout(most_contacts=1, scale=100.0)
+    made = replace(made, likeness=replace(made.likeness, share=0.0))
+    press = components(made.response, (2.0, -1.0, 0.6))
+    random, errors, stated, unasked = np.random.default_rng(8), [], [], []
+    for _ in range(150):
+        seen = (features(made, press) + random.normal(0, 2, (GRID, GRID, 2))).astype(np.float32)
+        found = read_altered(made, seen, SURE, blurred=True).contacts[0]
+        errors.append(found.force_n - 0.6)
+        stated.append(found.sigma_n)
+        unasked.append(read_altered(made, seen, SURE).contacts[0].sigma_n)
+    assert np.std(errors) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=4 / 17)
+    assert np.sqrt(np.mean(np.square(unasked))) < 0.8 * np.std(errors)
+
+
+def test_a_sharp_and_noisy_picture_that_is_told_blurred_has_contacts_with_a_width() -> None:
+    apart_mm = (8 * USUAL_MM2) ** 0.5
+    places = [(2.0 + apart_mm, -1.0), (2.0 - apart_mm, -1.0), (2.0, -1.0 + apart_mm), (2.0, -1.0 - apart_mm)]
+    seen = features(READER, components(READER.response, *[(*place, 0.15) for place in places]))
+    noise = np.random.default_rng(9).normal(0, 2, seen.shape).astype(np.float32)
+    blurred, noisy = (
+        read_altered(EXACT, each, SURE, blurred=True).contacts[0].force_n for each in (seen, seen + noise)
+    )
+    assert abs(noisy - 0.6) < 0.9 * abs(blurred - 0.6)
 
 
 def test_no_force_stays_none() -> None:
