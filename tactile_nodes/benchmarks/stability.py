@@ -8,6 +8,7 @@ and the status of every message. Everything is simulation; docs/results/stabilit
     tactile bench stability --only shifted
     tactile bench stability --only time --profiles fast
     tactile bench stability --only blur --seed 12
+    tactile bench stability --only slowly --single
     tactile bench stability -o docs/results
 """
 
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='models that ship, or files of models of the simulated gel (default: paper fast accurate)',
     )  # fmt: skip
     parser.add_argument('--seed', type=int, default=Plan.seed, help='of places and depths of the presses (default: 11)')
+    parser.add_argument('--single', action='store_true', help='every force of its own frame: averages over no others')
     parser.add_argument('--quick', action='store_true', help='three presses and the largest level: to see that it runs')
     parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write stability.json, .md and .png there')
 
@@ -61,7 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f'no disturbance is called {arguments.only!r}; families are: {known}')
     plan = replace(QUICK if arguments.quick else Plan(), seed=arguments.seed)
     result = surroundings(_command(arguments))
-    result |= measure(cases, arguments.profiles, plan, TerminalProgress(), largest_only=arguments.quick)
+    result |= measure(
+        cases, arguments.profiles, plan, TerminalProgress(), largest_only=arguments.quick, single=arguments.single
+    )
     text = page(result)
     print(text)
     if arguments.output:
@@ -71,19 +75,25 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def measure(
-    cases: Sequence[Case], profiles: Sequence[str], plan: Plan, progress: Progress, *, largest_only: bool = False
+    cases: Sequence[Case],
+    profiles: Sequence[str],
+    plan: Plan,
+    progress: Progress,
+    *,
+    largest_only: bool = False,
+    single: bool = False,
 ) -> dict[str, Any]:
-    """All numbers of the page."""
+    """All numbers of the page; `single`: of forces that are averaged over no frames."""
     world = World()
     found: list[dict[str, Any]] = []
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
     with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
-        undisturbed, floor = follow(world, Change(), profiles, plan), floor_n(world, Change(), plan)
+        undisturbed, floor = follow(world, Change(), profiles, plan, single=single), floor_n(world, Change(), plan)
         bar.advance(1)
         for case in cases:
             points: list[dict[str, Any]] = []
             for level in levels[case]:
-                scores = follow(world, case.at(level), profiles, plan)
+                scores = follow(world, case.at(level), profiles, plan, single=single)
                 points.append({'level': level, 'scores': {name: asdict(each) for name, each in scores.items()}})
                 if level in case.held_at:
                     points[-1]['floor_n'] = floor_n(world, case.at(level), plan)
@@ -99,15 +109,19 @@ def measure(
     }
 
 
-def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, Score]:
+def follow(
+    world: World, change: Change, profiles: Sequence[str], plan: Plan, *, single: bool = False
+) -> dict[str, Score]:
     """One stream, read by every profile."""
-    answers = read(world, change, profiles, plan)
+    answers = read(world, change, profiles, plan, single=single)
     return {name: score(each, change) for name, each in answers.items()}
 
 
-def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:
+def read(
+    world: World, change: Change, profiles: Sequence[str], plan: Plan, *, single: bool = False
+) -> dict[str, list[Answer]]:
     """What every profile says of every frame."""
-    chains = {name: Chain(name) for name in profiles}
+    chains = {name: Chain(name, average_noise=not single) for name in profiles}
     answers: dict[str, list[Answer]] = {name: [] for name in profiles}
     for moment, picture in world.frames(change, plan):
         values = change.values if change.acts(moment) else None
@@ -118,7 +132,7 @@ def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> d
 
 
 def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench stability', *['--quick'] * arguments.quick]
+    words = ['tactile bench stability', *['--quick'] * arguments.quick, *['--single'] * arguments.single]
     words += [f'--only "{arguments.only}"'] if arguments.only else []
     words += [] if arguments.seed == Plan.seed else ['--seed', str(arguments.seed)]
     words += [] if arguments.profiles == list(PROFILES) else ['--profiles', *arguments.profiles]

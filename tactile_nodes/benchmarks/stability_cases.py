@@ -19,7 +19,7 @@ from tactile_nodes.benchmarks.stability_stream import (
     from_the_third_press,
     in_the_rest_image,
 )
-from tactile_nodes.benchmarks.stability_times import TIMES, caught_once
+from tactile_nodes.benchmarks.stability_times import TIMES, caught_once, pressed_slowly
 from tactile_nodes.sensing.fixed_reference_patches import moved_image
 from tactile_nodes.sensing.quality import FAINT_LIGHT
 from tactile_nodes.simulation import disturbances as disturb
@@ -194,6 +194,8 @@ MOTION = (
     _pressing('deeper than trained', 'mm', (2.0, 2.2, 2.5), _deep, 'motion'),
     Case('motion', 'pressed fast, 8 ms exposure', 'mm/s', (10, 100),
          lambda level: Change(speed_mm_s=level, contact=True, course=lambda moments: caught_once(moments, level))),
+    Case('motion', 'pressed slowly, noise 4x', 'mm/s', (0.05, 0.2, 0.8),
+         lambda level: Change(noise=4, speed_mm_s=level, course=lambda moments: pressed_slowly(moments, level))),
     _pressing('dragged', 'mm', (0.1, 0.3, 1), _dragged, 'motion'),
     Case('motion', 'vibration', 'px', (0.05, 0.3, 1.5),
          lambda level: Change(light=lambda light, at: _shaken(light, at, level))),

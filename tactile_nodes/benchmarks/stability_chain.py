@@ -77,7 +77,8 @@ def _fresh(model: str) -> tuple[Estimating, Watching]:
 class Chain:
     """One profile, from its first picture on."""
 
-    def __init__(self, model: str) -> None:
+    def __init__(self, model: str, *, average_noise: bool = True) -> None:
+        self._average_noise = average_noise
         self._following = Following(FollowingParams(model=model, reference_frames=REST_FRAMES))
         self._following.begin_capture()
         self._estimating, self._watching = copy.deepcopy(_fresh(model))
@@ -94,6 +95,6 @@ class Chain:
             self._estimating.calibration.add(*state)
         if values is not None:
             features = replace(features, values=values(features.values), untouched=False)  # type: ignore[type-var]
-        force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0)
+        force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0, average_noise=self._average_noise)
         self._watching.feel(stamp_ns, force)
         return force

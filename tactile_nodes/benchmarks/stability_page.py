@@ -29,7 +29,7 @@ FAMILIES = {
 }
 INTRODUCTION = """\
 A simulated sensor takes its rest image (16 frames); something goes wrong at rest; presses at random places and depths
-(0.3 to 1.9 mm) come and go, at rest after each; it ends. Every profile gets the same pictures, through the plain
+(0.3 to 1.9 mm) are held and go, at rest after each; it ends. Every profile gets the same pictures, through the plain
 objects that the live nodes run, drift monitor and all. All of it is simulation.
 
 *Error* is the root mean square of total force minus truth on held frames, in N, and in brackets what it is of the
@@ -37,7 +37,7 @@ undisturbed stream's; *while ok* the same over those frames whose status is ok; 
 contact; *missed* the share of contacts that none was told for; *false* the largest force told as a contact while
 nothing touches, and the share of frames at rest in which one was; *status* the shares of frames that say ok, degraded
 and invalid (in every stream the first frame of each contact is degraded, as it may have been caught moving, which is
-one in seven, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the
+one in ten, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the
 error in units of it; *said after* and *invalid after* the number of the first frame after the cause that is not ok, and
 is invalid (1: at once; of light that fades from where a seventh of it is left); *left after* the last one after its end
 that is still invalid. Bold: a force more than twice as wrong as undisturbed, or a false contact above 20 mN, with
@@ -46,9 +46,11 @@ status ok."""
 FLOOR = """\
 Least standard deviation of the force that any unbiased method could read from one such picture with its noise (the
 Cramér-Rao bound, place, depth and rest image's noise included, all else known: `benchmarks/stability_floor.py`), beside
-what was measured. In brackets, by how much each profile's error would grow if it grew by no more than that: the nearer
-a profile is to the floor undisturbed, the more of its error is noise, and the more times noise makes it worse. At the
-floor itself four times the noise is four times the error."""
+what was measured in one picture: the first that is held of each press. In brackets, by how much each profile's error
+would grow if it grew by no more than that: the nearer a profile is to the floor undisturbed, the more of its error is
+noise, and the more times noise makes it worse. At the floor itself four times the noise is four times the error. After
+the semicolon the error over the whole hold, over which [forces in noisy pictures are averaged](../stability.md), and
+what that is of the undisturbed one's."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -109,16 +111,24 @@ def _floors(result: Mapping[str, Any]) -> str:
         for point in case['points']
         if 'floor_n' in point
     ]  # fmt: skip
-    usual = ['none', _mn(result['floor_n']), *(_mn(undisturbed[each]['rmse_n']) for each in profiles)]
-    return table(['disturbance', 'floor, mN', *(f'{each}, mN' for each in profiles)], [usual, *rows]) if rows else ''
+    usual = ['none', _mn(result['floor_n'])]
+    usual += [
+        f'{_mn(each["first_rmse_n"])}; {_mn(each["rmse_n"])}' for each in (undisturbed[name] for name in profiles)
+    ]
+    heads = ['disturbance', 'floor, mN', *(f'{each}, mN: first frame; hold' for each in profiles)]
+    return table(heads, [usual, *rows]) if rows else ''
 
 
 def _beside(score: Mapping[str, Any], undisturbed: Mapping[str, Any], floor_n: float, least_n: float) -> str:
-    """'5.4 (2.7x, least 1.4x)'."""
-    if score['rmse_n'] is None or not undisturbed['rmse_n']:
-        return _mn(score['rmse_n'])
-    least = least_ratio(undisturbed['rmse_n'], floor_n, least_n)
-    return f'{_mn(score["rmse_n"])} ({_times(score["rmse_n"] / undisturbed["rmse_n"])}, least {_times(least)})'
+    """'5.4 (2.7x, least 1.4x); 3.5 (1.8x)'."""
+    first, usual_n = score['first_rmse_n'], undisturbed['first_rmse_n']
+    whole = f'{_mn(score["rmse_n"])} ({_times(_ratio(score["rmse_n"], undisturbed["rmse_n"]))})'
+    least = _times(least_ratio(usual_n, floor_n, least_n) if usual_n else None)
+    return f'{_mn(first)} ({_times(_ratio(first, usual_n))}, least {least}); {whole}'
+
+
+def _ratio(value: float | None, of: float | None) -> float | None:
+    return value / of if value is not None and of else None
 
 
 def _mn(value: float | None) -> str:

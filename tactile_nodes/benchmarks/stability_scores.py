@@ -61,16 +61,18 @@ class Answer:
 class Score:
     """A stream in numbers, of the time in which the disturbance was there. None: there is nothing to tell it from.
 
-    `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of
-    these. `error_sigmas` is the error in units of the uncertainty told. `place_mm` is the median over contacts,
-    `missed` the share of true contacts that no reported one answers to. `rest_n` is the largest force told at rest,
-    `false_n` the largest of those told as a contact (0: none), and `false_share` their share. Shares of statuses are
-    over all frames. `until_said` and `until_invalid` count frames from the cause to the first that is not ok for more
-    than a contact that began, and is invalid (1: at once; of what grows in the course from where it goes beyond use);
-    `until_left` is the last frame after its end that is still invalid (0: none), None if it does not end.
+    `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of these.
+    `first_rmse_n` is over the first held frame of each press, which is as good as one picture by itself. `error_sigmas`
+    is the error in units of the uncertainty told. `place_mm` is the median over contacts, `missed` the share of true
+    contacts that no reported one answers to. `rest_n` is the largest force told at rest, `false_n` the largest of those
+    told as a contact (0: none), and `false_share` their share. Shares of statuses are over all frames. `until_said` and
+    `until_invalid` count frames from the cause to the first that is not ok for more than a contact that began, and is
+    invalid (1: at once; of what grows in the course from where it goes beyond use); `until_left` is the last frame
+    after its end that is still invalid (0: none), None if it does not end.
     """
 
     rmse_n: float | None
+    first_rmse_n: float | None
     rmse_ok_n: float | None
     worst_ok_n: float | None
     place_mm: float | None
@@ -107,6 +109,7 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
     beyond = next((n for n, each in enumerate(since) if change.beyond(each.moment)), 0)
     return Score(
         rmse_n=_rms(held),
+        first_rmse_n=_rms(_first_of_each_press(held)),
         rmse_ok_n=_rms(held_ok),
         worst_ok_n=_largest([abs(each.error_n) for each in held_ok]),
         place_mm=_place_mm(held),
@@ -130,6 +133,13 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
         until_left=None if endless else _last(after, (INVALID,)),
         reasons=_reasons(during),
     )
+
+
+def _first_of_each_press(held: Sequence[Answer]) -> list[Answer]:
+    first: dict[int, Answer] = {}
+    for each in held:
+        first.setdefault(each.moment.press, each)
+    return list(first.values())
 
 
 def _rms(answers: Sequence[Answer]) -> float | None:

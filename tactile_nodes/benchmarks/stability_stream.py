@@ -45,7 +45,7 @@ class Plan:
     before: int = 4
     coming: int = 10
     approach: int = 1
-    hold: int = 2
+    hold: int = 6
     rest: int = 2
     after: int = 12
     capture: int = 16

@@ -79,6 +79,20 @@ def caught_once(moments: Moments, speed_mm_s: float) -> Moments:
     return [_coming(each, arrived, speed_mm_s) for each in moments if each.kind != HELD or each is arrived[each.press]]
 
 
+def pressed_slowly(moments: Moments, speed_mm_s: float) -> Moments:
+    """Each tip goes on down at an even speed while it is held; the last frame shows it where it would have been."""
+    last_ns: dict[int, int] = {each.press: each.stamp_ns for each in moments if each.kind == HELD}
+    return [
+        dataclasses.replace(
+            each,
+            presses=_raised(each.presses, speed_mm_s * (last_ns[each.press] - each.stamp_ns) / NS_PER_S),
+        )
+        if each.kind == HELD
+        else each
+        for each in moments
+    ]
+
+
 def _coming(moment: Moment, arrived: dict[int, Moment], speed_mm_s: float) -> Moment:
     there = arrived.get(moment.press)
     if moment.kind != MOVING or there is None or moment.stamp_ns >= there.stamp_ns:

@@ -24,7 +24,7 @@ from tactile_nodes.benchmarks.stability_stream import (
     course,
     random_presses,
 )
-from tactile_nodes.benchmarks.stability_times import caught_once, doubled, dropped, jumped, reordered
+from tactile_nodes.benchmarks.stability_times import caught_once, doubled, dropped, jumped, pressed_slowly, reordered
 from tactile_nodes.messages import types
 from tactile_nodes.simulation.optics import Press
 
@@ -56,6 +56,24 @@ def test_errors_are_over_held_frames_and_again_over_those_that_say_ok() -> None:
     assert found.rmse_ok_n == pytest.approx(0.3)
     assert found.worst_ok_n == pytest.approx(0.3)
     assert found.held_ok == 0.5
+
+
+def test_of_each_press_the_first_held_frame_is_told_apart() -> None:
+    frames = [held(total_n) for total_n in (0.8, 0.5, 0.9, 0.5)]
+    presses = (0, 0, 1, 1)
+    some = [
+        dataclasses.replace(each, moment=dataclasses.replace(each.moment, press=press))
+        for each, press in zip(frames, presses, strict=True)
+    ]
+    found = score(some)
+    assert found.first_rmse_n == pytest.approx(math.sqrt((0.3**2 + 0.4**2) / 2))
+    assert found.rmse_n == pytest.approx(math.sqrt((0.3**2 + 0.4**2) / 4))
+
+
+def test_what_is_pressed_slowly_ends_where_it_would_be_held() -> None:
+    plan = Plan(presses=1, hold=3, fps=20.0)
+    depths = [each.presses[0].depth_mm for each in pressed_slowly(course(plan, [PRESS]), 0.2) if each.kind == HELD]
+    assert depths == pytest.approx([0.98, 0.99, 1.0])
 
 
 def test_a_false_contact_is_a_force_told_as_contact_at_rest_and_ok_ones_are_counted_apart() -> None:
