@@ -205,9 +205,11 @@ class _Gel:
 
     def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
         """The known gel's readout with another response."""
+        source = self.other.source
         return replace(
-            self.other.source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT, carried=None
-        )
+            source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT, carried=None,
+            correction=replace(source.correction, local=None),
+        )  # fmt: skip
 
     @staticmethod
     def _tells_force(presses: Presses) -> bool:
