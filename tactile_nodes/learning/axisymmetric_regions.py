@@ -21,6 +21,8 @@ LARGEST_SHARED = 0.15
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004
 """Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
+OWN_NOISE_PX = 0.003
+"""What of that pictures of one press have in common."""
 FIRST_DOUBT = np.array([0.25, 0.2, 0.14, 0.09, 0.06, 0.04, 0.04, 0.04])
 """Of a region's motion, at the distances `DOUBT_MM`: measured on two gels, and measured anew where there is enough."""
 
@@ -55,14 +57,14 @@ class Presses:
     def of_holds(cls, dataset: Dataset, holds: Sequence[np.ndarray], scaling: InputScaling) -> Presses:
         """One press for each hold: the mean motion of its samples, each region's of those that show it.
 
-        The variance of noise is divided by their number; rounding and the flow's own errors are not.
+        The variance of noise and of rounding is divided by their number, that of the flow's own errors is not.
         """
         pictures = cls.of(dataset, np.concatenate(holds), scaling)
         first = np.cumsum([0, *(len(each) for each in holds[:-1])])
         shown = np.add.reduceat((pictures.certainty > 0).astype(float), first, axis=0)
         motion = np.add.reduceat(pictures.motion, first, axis=0) / np.maximum(shown, 1)
-        noise = np.square(_noise_of(scaling)) / np.maximum(shown, 1)
-        certainty = np.where(shown > 0, 1 / (noise + LEAST_NOISE_PX**2), 0.0)
+        each_time = np.square(_noise_of(scaling)) + LEAST_NOISE_PX**2 - OWN_NOISE_PX**2
+        certainty = np.where(shown > 0, 1 / (each_time / np.maximum(shown, 1) + OWN_NOISE_PX**2), 0.0)
         return cls(pictures.contacts[first], motion, certainty)
 
     def __len__(self) -> int:

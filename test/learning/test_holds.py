@@ -11,7 +11,7 @@ import pytest
 from responding_gel import AXISYMMETRIC, NOISE_PX, motion, presses
 
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.axisymmetric_regions import LEAST_NOISE_PX, Presses
+from tactile_nodes.learning.axisymmetric_regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
 from tactile_nodes.learning.building import BuildOptions, build
 from tactile_nodes.learning.calibrating import BagPresses, take_presses
 from tactile_nodes.learning.calibrator import Calibrator
@@ -71,12 +71,12 @@ def test_four_pictures_have_a_quarter_of_the_variance_of_noise() -> None:
     assert off.std() == pytest.approx(0.005, rel=0.05)
 
 
-def test_rounding_and_the_flows_own_errors_are_not_averaged_away() -> None:
+def test_the_flows_own_errors_are_not_averaged_away() -> None:
     dataset = held(5, 4, seed=1)
     pressed = Presses.of_holds(dataset, holds_of(dataset, touched(dataset)), SCALING)
-    # 0.01^2 / 4 + 0.004^2 = 4.1e-5 px^2
-    assert LEAST_NOISE_PX == 0.004
-    assert 1 / pressed.certainty == pytest.approx(4.1e-5)
+    # (0.01^2 + 0.004^2 - 0.003^2) / 4 + 0.003^2 = 3.575e-5 px^2
+    assert (LEAST_NOISE_PX, OWN_NOISE_PX) == (0.004, 0.003)
+    assert 1 / pressed.certainty == pytest.approx(3.575e-5)
 
 
 def test_a_hold_of_one_picture_is_that_picture() -> None:
@@ -97,7 +97,7 @@ def test_a_region_that_two_of_four_pictures_show_is_their_mean() -> None:
     )
     pressed = Presses.of_holds(dataset, holds_of(dataset, touched(dataset)), SCALING)
     assert pressed.motion[0, 0] == pytest.approx(dataset.features[2:4, 0, 0].astype(float).mean(axis=0))
-    assert 1 / pressed.certainty[0, 0] == pytest.approx([6.6e-5, 6.6e-5])  # 0.01^2 / 2 + 0.004^2
+    assert 1 / pressed.certainty[0, 0] == pytest.approx([6.25e-5, 6.25e-5])  # 1.07e-4 / 2 + 0.003^2
 
 
 def test_a_picture_in_which_the_tip_still_moves_is_left_out() -> None:
