@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED
+from tactile_nodes.benchmarks.transfer import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, add_arguments, run
 from tactile_nodes.benchmarks.transfer_page import draw, page
 from tactile_nodes.benchmarks.transfer_scores import Score
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
@@ -92,3 +94,17 @@ def test_the_figure_is_written(tmp_path: Path) -> None:
     scores = [scored(0, 10, CALIBRATED, 0.02), scored(0, 3000, TRAINED, 0.01), scored(OWN_GEL, 3000, TRAINED, 0.002)]
     draw(own, scores, tmp_path / 'transfer.png')
     assert (tmp_path / 'transfer.png').read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize(('pictures', 'said'), [(1, 'one picture each'), (8, 'held for 8 pictures each')])
+def test_the_page_says_how_many_pictures_of_a_press_calibrations_get(pictures: int, said: str) -> None:
+    own = scored(OWN_GEL, 0, AS_IT_IS, 0.001)
+    assert said in page('tactile bench transfer', PLAIN, own, [scored(0, 10, CALIBRATED, 0.006)], pictures=pictures)
+
+
+@pytest.mark.parametrize('words', [['--pictures', '0'], ['--gels', '0'], ['--own', '10']])
+def test_numbers_that_nothing_can_be_measured_with_are_refused(words: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    with pytest.raises(ConfigurationError, match=words[0]):
+        run(parser.parse_args(words))
