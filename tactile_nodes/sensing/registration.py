@@ -17,7 +17,7 @@ from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.knocks import KNOCK_PX, Common, judge
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
-from tactile_nodes.sensing.quietness import TOUCHED_NOISE, loosely_quiet, median, quiet
+from tactile_nodes.sensing.quietness import TOUCHED_NOISE, loosely_quiet, median, noise_of, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 
 FEW_FOUND = 0.95
@@ -70,7 +70,7 @@ class Registration:
         self.motion = self._base = self._resting = PictureMotion()
         self.settled, self.lost, self.found = True, False, 1.0
         self.surely, self.maybe, self.free = False, False, False
-        self._moved_px, self.explained = 0.0, 1.0
+        self._moved_px, self.explained, self._noise_px = 0.0, 1.0, 0.0
         self._reference: np.ndarray | None = None
         self._rest: Registered
         self._fit: MotionFit
@@ -186,7 +186,8 @@ class Registration:
         terms = self._fit.common(motion, weight, rounds=2, about_none=True)
         if self._fit.size_px(terms) > 0.7 * KNOCK_PX:
             terms = self._fit.common(motion, weight)
-            common = judge(motion[found], self._fit.carried(terms)[found], self._fit.size_px(terms))
+            carried = self._fit.carried(terms)
+            common = judge(motion[found], carried[found], self._fit.size_px(terms), self._noise_px)
             if common is not Common.NONE:
                 return self._jump(terms) if common is Common.KNOCK else self._begin_anew()
         self._follow(motion, found, terms, field, stamp_ns)
@@ -227,6 +228,8 @@ class Registration:
         early = self._rested < SETTLE_FRAMES
         beside = self.dent.without(left - self._still, found, settled=self.settled)
         self.maybe = loosely_quiet(beside, found, self.size_px, self.explained)
+        if self.maybe:
+            self._noise_px = noise_of(beside[found])
         self.surely = self.maybe and quiet(beside, found)
         self.free = self.surely or (self.watches and self.maybe and quiet(beside, found, TOUCHED_NOISE))
         self.dent.rested(self.surely)

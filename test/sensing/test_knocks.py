@@ -8,18 +8,19 @@ from dots import picture, shift
 
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.knocks import Common, judge
+from tactile_nodes.sensing.knocks import NOISE_SIGMAS, Common, judge, noise_allowance_px
+from tactile_nodes.sensing.picture_motion import MotionFit
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 S = 1_000_000_000
 
 
-def moved(common_px: float, off_px: float, share_off: float) -> Common:
+def moved(common_px: float, off_px: float, share_off: float, noise_px: float = 0.0) -> Common:
     """100 patches that move to the right by so much, of which some are off downwards by so much."""
     carried = np.tile([common_px, 0.0], (100, 1))
     off = np.where(np.arange(100) < 100 * share_off, off_px, 0.0)
-    return judge(carried + np.column_stack([np.zeros(100), off]), carried, common_px)
+    return judge(carried + np.column_stack([np.zeros(100), off]), carried, common_px, noise_px)
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,20 @@ def test_what_patches_do_tells_a_knock_from_a_press_and_from_another_shape(
     common_px: float, off_px: float, share_off: float, expected: Common
 ) -> None:
     assert moved(common_px, off_px, share_off) is expected
+
+
+def test_what_noise_may_carry_is_no_knock() -> None:
+    """0.0585 px of a patch's noise of 0.013 px: 3 x 0.01 x sqrt(8 / 100) above 0.05 px."""
+    assert [moved(each, 0.0, 0.0, noise_px=0.013) for each in (0.0584, 0.0586)] == [Common.NONE, Common.KNOCK]
+    assert moved(0.0501, 0.0, 0.0, noise_px=0.003) is Common.KNOCK
+
+
+def test_the_terms_of_a_motion_follow_noise_by_as_much_as_is_allowed_for() -> None:
+    """Root mean square over 200 draws of noise: known to 2 %."""
+    fit, random = MotionFit((440, 440), 10, 10), np.random.default_rng(1)
+    sizes = [fit.size_px(fit.common(random.normal(0, 0.01, (100, 2)), np.ones(100), rounds=1)) for _ in range(200)]
+    allowed_px = noise_allowance_px(0.013, 100) / NOISE_SIGMAS
+    assert np.sqrt(np.mean(np.square(sizes))) == pytest.approx(allowed_px, rel=0.1)
 
 
 def swollen(at: np.ndarray) -> np.ndarray:
