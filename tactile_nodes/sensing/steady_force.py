@@ -114,9 +114,9 @@ class SteadyForce:
         return stamp_ns > last.stamp_ns and len(found.contacts) == len(last.contacts)
 
     def _noise(self) -> float:
-        """The middle one of those seen: between two of the frames a contact may have begun."""
-        seen = [each.noise for each in self._frames if math.isfinite(each.noise)]
-        return float(np.median(seen)) if seen else UNKNOWN
+        """The middle one of those seen, or the lesser of two: between frames a contact may have begun."""
+        seen = sorted(each.noise for each in self._frames if math.isfinite(each.noise))
+        return seen[(len(seen) - 1) // 2] if seen else UNKNOWN
 
 
 def steady(

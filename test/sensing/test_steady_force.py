@@ -192,6 +192,16 @@ def test_it_begins_anew_after(what: str) -> None:
     assert AFTER[what](one)[1] == 0.0
 
 
+def test_a_contact_that_comes_is_no_noise() -> None:
+    """What no press explains is another before it is there, so the first two frames differ by more than noise."""
+    one = SteadyForce()
+    coming = force_map((1.0, -2.0, 0.2), noise=1.0, seed=8)
+    coming = replace(coming, left_over=np.float32(9) + coming.left_over)
+    there = [force_map((1.0, -2.0, 0.5), noise=1.0, seed=number) for number in range(4)]
+    told = [one.averaged(PERIOD_NS * number, each, BINS)[1] for number, each in enumerate([coming, *there])]
+    assert told[2:] == [0.0, 0.0, 0.0]
+
+
 def test_what_is_forgotten_is_averaged_no_more() -> None:
     one = SteadyForce()
     course([0.5, 0.5, 0.5], one)
