@@ -136,6 +136,8 @@ def steady(
     low, high = (mean + rise - spread, mean + rise + spread)
     agree = np.maximum.accumulate(low) <= np.minimum.accumulate(high)
     last = int(np.logical_and.accumulate(agree.all(axis=1)).sum()) - 1
+    if last < 0:  # of a noise that is not known
+        return 1, numbers[0]
     size = np.square(rise[last] / np.maximum(rise_sigma[last] * sigma, TINY))
     kept = np.maximum(1 - SHRUNK_BY / np.maximum(size, TINY), 0.0)
     return last + 2, numbers[0] + mean[last] + rise[last] * kept

@@ -101,6 +101,11 @@ def test_all_numbers_must_agree() -> None:
     assert steady(np.arange(6) * 0.016, seen, np.ones(3))[0] == 3
 
 
+def test_what_is_not_known_to_be_noisy_is_averaged_with_nothing() -> None:
+    count, estimate = steady(np.arange(4) * 0.016, np.array([[1.0], [2.0], [1.0], [2.0]]), np.array([math.nan]))
+    assert (count, estimate.tolist()) == (1, [1.0])
+
+
 def force_map(
     *contacts: tuple[float, float, float], noise: float = NOISE, seed: int = 0, noise_n: float = 0.001
 ) -> ForceMap:
