@@ -103,7 +103,7 @@ class Ready:
         if features.untouched:
             return reads.estimator.at_rest(seen)
         return reads.estimator.predict(
-            seen, altered=altered or features.finer, blurred=blurred or features.finer,
+            seen, altered=altered or features.finer, blurred=blurred, finer=features.finer,
             sharpness=float(features.rest_sharpness),
         )  # fmt: skip
 

@@ -57,11 +57,13 @@ def read_altered(
     confidence: Float32[np.ndarray, 'rows cols'],
     *,
     blurred: bool = False,
+    measured: bool = False,
 ) -> Reading:
-    """As the readout reads it, with regions trusted the less the more they moved; `blurred` ones with no width.
+    """As the readout reads it, with regions trusted the less the more they moved, and its noise counted.
 
-    A picture that is told `blurred` may be as sharp as any and noisy: its noise is asked for, and counts, and its
-    contacts have a width. What is unlike the training is told as it was, and the force is no surer than it was.
+    Of a picture that is told `blurred` contacts have no width; it may be as sharp as any and noisy, and then they have.
+    Where the readout was `measured` in such pictures, it knows their noise. Beside holes it cannot be asked for, as
+    more than noise is left over there. What is unlike the training is told as it was, and the force is no surer.
     """
     plain = readout.read(values, confidence)
     if not plain.contacts[0].force_n > 0:
@@ -69,9 +71,10 @@ def read_altered(
     seen = readout.seen(values, confidence)
     components = np.asarray(readout.whitening @ seen.scores, float)
     left = left_over(readout, values, confidence, seen.scores)
-    noise = noise_variance(readout, left, seen.size) if blurred else 1.0
     moved = readout.scaling(values, confidence).astype(float)
     missing = np.repeat(readout.scaling.missing(confidence).reshape(-1), values.shape[-1])
+    asked = not measured and (blurred or not missing.any())
+    noise = noise_variance(readout, left, seen.size) if asked else 1.0
     spread = spread_of(readout, missing, noise, _off(moved, confidence).reshape(-1))
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])

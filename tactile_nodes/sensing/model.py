@@ -95,11 +95,13 @@ class ForceEstimator:
         *,
         altered: bool = False,
         blurred: bool = False,
+        finer: bool = False,
         sharpness: float = 0.0,
     ) -> ForceMap:
         """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
 
-        `blurred`: and of another sharpness; `sharpness` is that of the rest image, 0 where nobody told.
+        `blurred`: and of another sharpness; `finer`: measured so, beside a rest image that may be less sharp than those
+        of the training. `sharpness` is that of the rest image, 0 where nobody told.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -109,8 +111,11 @@ class ForceEstimator:
             raise ModelError(_other_layout(model, features))
         readout, seen = model.readout, (features.values, features.confidence)
         if altered and isinstance(readout, ResponseReadout):
-            measured = self._of_blurred(readout, sharpness) if blurred else None
-            reading = read_altered(measured or readout.straight, *seen, blurred=blurred and measured is None)
+            measured = self._of_blurred(readout, sharpness) if blurred or finer else None
+            if measured is None:
+                reading = read_altered(readout.straight, *seen, blurred=blurred)
+            else:
+                reading = read_altered(measured, *seen, measured=True)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
         else:

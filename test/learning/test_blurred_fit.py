@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,9 @@ def test_the_uncertainty_in_blurred_pictures_covers_the_errors_there(readout: Re
     assert readout.blurs is not None
     knowing = readout.blurs.readout(readout, soft.sharpness)
     assert knowing is not None
-    errors, sigmas = errors_n(knowing, soft.dataset, read_altered)  # as the live nodes read them
+    errors, sigmas = errors_n(
+        knowing, soft.dataset, partial(read_altered, measured=True)
+    )  # as the live nodes read them
     assert 0.82 < np.mean(np.abs(errors) < 1.645 * sigmas) < 0.98
 
 

@@ -152,9 +152,24 @@ def test_a_noisy_picture_is_told_to_be_as_uncertain_as_it_is() -> None:
         found = read_altered(made, seen, SURE, blurred=True).contacts[0]
         errors.append(found.force_n - 0.6)
         stated.append(found.sigma_n)
-        unasked.append(read_altered(made, seen, SURE).contacts[0].sigma_n)
+        unasked.append(read_altered(made, seen, SURE, measured=True).contacts[0].sigma_n)
     assert np.std(errors) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=4 / 17)
     assert np.sqrt(np.mean(np.square(unasked))) < 0.8 * np.std(errors)
+
+
+@pytest.mark.parametrize(('blurred', 'holes', 'asked'), [(False, 0, True), (False, 1, False), (True, 1, True)])
+def test_noise_is_asked_for_but_beside_holes_in_a_picture_that_is_not_told_blurred(
+    blurred: bool, holes: int, asked: bool
+) -> None:
+    """Beside holes more than noise is left over. A force is less sure by the noise that was found."""
+    made = readout(most_contacts=1, scale=100.0)
+    made = replace(made, likeness=replace(made.likeness, share=0.0))
+    press = features(made, components(made.response, (2.0, -1.0, 0.6)))
+    seen = (press + np.random.default_rng(8).normal(0, 2, press.shape)).astype(np.float32)
+    sure = SURE.copy()
+    sure.reshape(-1)[:holes] = 0
+    told, known = (read_altered(made, seen, sure, blurred=blurred, measured=each).contacts[0] for each in (False, True))
+    assert (told.sigma_n > 1.3 * known.sigma_n) == asked
 
 
 def test_a_sharp_and_noisy_picture_that_is_told_blurred_has_contacts_with_a_width() -> None:
@@ -180,4 +195,5 @@ def test_an_estimator_reads_so_what_it_is_told_is_altered() -> None:
     altered, blurred = (read_altered(READER, seen.values, SURE, blurred=each) for each in (False, True))
     assert estimator.predict(seen, altered=True).total_n == pytest.approx(altered := altered.normal_force_n.sum())
     assert estimator.predict(seen, altered=True, blurred=True).total_n == pytest.approx(blurred.normal_force_n.sum())
+    assert estimator.predict(seen, altered=True, finer=True).total_n == pytest.approx(altered)
     assert altered != pytest.approx(estimator.predict(seen).total_n, abs=1e-4)
