@@ -49,7 +49,7 @@ Cramér-Rao bound, place, depth and rest image's noise included, all else known:
 what was measured in one picture: the first that is held of each press. In brackets, by how much each profile's error
 would grow if it grew by no more than that: the nearer a profile is to the floor undisturbed, the more of its error is
 noise, and the more times noise makes it worse. At the floor itself four times the noise is four times the error. After
-the semicolon the error over the whole hold, over which [forces in noisy pictures are averaged](../stability.md), and
+the semicolon the error over the whole hold, over which [forces in altered pictures are averaged](../stability.md), and
 what that is of the undisturbed one's."""
 
 

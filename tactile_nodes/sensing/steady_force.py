@@ -1,4 +1,4 @@
-"""The force of a steady contact, averaged over the last frames while the picture is noisier than the training's.
+"""The force of a steady contact, averaged over the last frames while the picture is unlike those of the training.
 
 How far back frames may be looked at is the rule of Goldenshluger and Nemirovski (Mathematical Methods of Statistics 6,
 1997) and Katkovnik (IEEE Transactions on Signal Processing 47, 1999): windows grow back from now; each gives an
@@ -30,14 +30,11 @@ NS_PER_S = 1_000_000_000
 LONGEST_NS, MOST_FRAMES = 400_000_000, 8
 """How far back a window may go: nobody should have to wait longer for a force that changes too slowly to be seen."""
 
-NOISY = 1.25
-"""Times the noise of an input in training, above which frames are averaged."""
-
 INTERVAL = 0.8
 """Standard deviations that an interval of confidence reaches to either side. With more a step or a turn of the force is
 taken for noise for longer, and its error exceeds that of a single frame; with less steady forces gain less."""
 
-SHRUNK_BY = 1.5
+SHRUNK_BY = 3.0
 """A slope loses so many times its variance over its square of itself; one that is smaller than that goes."""
 
 TINY = 1e-12
@@ -86,7 +83,7 @@ class SteadyForce:
             return found, 0.0
         self._take(stamp_ns, found, beside)
         noise = self._noise()
-        if not noise > NOISY:  # that of a first frame is not known
+        if not math.isfinite(noise):  # that of a first frame is not known
             return found, 0.0
         back_s = np.array([stamp_ns - each.stamp_ns for each in self._frames]) / NS_PER_S
         numbers = np.stack([each.numbers for each in self._frames])
