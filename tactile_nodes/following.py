@@ -32,9 +32,10 @@ from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
 from tactile_nodes.sensing.freshness import Freshness
+from tactile_nodes.sensing.motion_overlay import overlay
 from tactile_nodes.sensing.quality import picture_faults
 from tactile_nodes.sensing.renewal import RenewalOptions
-from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+from tactile_nodes.sensing.tracking import FeatureTracker
 
 FORCE = types.ForceDistribution
 ANOTHER_TIME_S = 60.0

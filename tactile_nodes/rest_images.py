@@ -12,12 +12,13 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.sensing.coming import Coming
 from tactile_nodes.sensing.knocks import KNOCK_PX
 from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.prepared_rest import PreparedRest
 from tactile_nodes.sensing.quality import PictureLikeness, sharpness
 from tactile_nodes.sensing.quietness import EXPLAINED
 from tactile_nodes.sensing.registration import FEW_FOUND, Registration
 from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
 from tactile_nodes.sensing.stillness import steady
-from tactile_nodes.sensing.tracking import FeatureTracker, PreparedRest
+from tactile_nodes.sensing.tracking import FeatureTracker
 
 FORCE = types.ForceDistribution
 GROWN_PX = 0.15

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
@@ -12,9 +9,10 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
-from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, make_flow, require_like
+from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, require_like
 from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.prepared_rest import Measuring, PreparedRest
 from tactile_nodes.sensing.quality import require_picture, require_rest_image
 from tactile_nodes.sensing.reference import RestAccumulator, content_id
 from tactile_nodes.sensing.registered import Registered
@@ -23,31 +21,6 @@ from tactile_nodes.sensing.rolling_bands import RollingBands
 from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
 from tactile_nodes.sensing.texture_gains import TextureGains
 from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
-
-
-@dataclass(frozen=True)
-class Measuring:
-    """How motion is measured, how it is summed up, and how far each spot of the gel goes, where that is known."""
-
-    flow: FlowMethod
-    encoding: FeatureEncoding
-    texture: TextureGains | None = None
-
-
-@dataclass(frozen=True)
-class PreparedRest:
-    """A rest image with all that is computed of it once; `own` is what the flow finds in itself, `known`
-    takes motion beside it for that beside the first one. `finer`: motion is measured by the finer way."""
-
-    image: UInt8[np.ndarray, 'h w']
-    flow: FlowMethod
-    encoding: FeatureEncoding
-    check: StillnessCheck | None
-    own: DisplacementField
-    registering: Registered | None
-    known: KnownTexture | None = None
-    finer: bool = False
-
 
 PATIENCE = 4
 """A capture waits so many times as long as it takes for frames that show the same."""
@@ -204,7 +177,7 @@ class FeatureTracker:
         check = None if self._check is None else StillnessCheck(self._check.options)
         if check is not None:
             check.set_reference(image)
-        flow = _beside(kind, image)
+        flow = kind.flow_beside(image)
         if noise is not None and isinstance(flow, InverseCompositionalFlow):
             flow.allow_for_noise(noise)
         own = flow.displacement(image)
@@ -223,7 +196,7 @@ class FeatureTracker:
         if kind is not self._finer:
             return first.flow
         if (made := self._first_finer) is None or made[0] is not first:
-            self._first_finer = made = first, _beside(kind, first.image)
+            self._first_finer = made = first, kind.flow_beside(first.image)
         return made[1]
 
     def use(
@@ -350,32 +323,3 @@ class FeatureTracker:
             field = DisplacementField(np.zeros_like(own.displacement_px), own.confidence)
             self._still = field, self._encoding.encode(field)
         return self._still
-
-
-def _beside(kind: Measuring, image: UInt8[np.ndarray, 'h w']) -> FlowMethod:
-    """A flow of this kind that measures against an image."""
-    flow = make_flow(kind.flow.name, kind.flow.options)
-    flow.set_reference(image)
-    return flow
-
-
-def overlay(
-    image: UInt8[np.ndarray, 'h w'],
-    field_px: Float32[np.ndarray, 'rows cols 2'],
-    *,
-    spacing_px: int = 11,
-    gain: float = 4.0,
-    least_px: float = 0.25,
-) -> UInt8[np.ndarray, 'h w 3']:
-    """The image with an arrow wherever it moved by `least_px` or more, `gain` times as long as the motion (BGR)."""
-    if field_px.shape[:2] != image.shape:
-        field_px = cv2.resize(field_px, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    half = spacing_px // 2
-    for y in range(half, image.shape[0], spacing_px):
-        for x in range(half, image.shape[1], spacing_px):
-            dx, dy = (float(part) for part in field_px[y, x])
-            if dx * dx + dy * dy >= least_px * least_px:
-                tip = (round(x + gain * dx), round(y + gain * dy))
-                cv2.arrowedLine(picture, (x, y), tip, (0, 200, 255), 1, cv2.LINE_AA, tipLength=0.3)
-    return picture

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.picture_motion import PictureMotion
+from tactile_nodes.sensing.prepared_rest import Measuring
 from tactile_nodes.sensing.registration import Registration
 from tactile_nodes.sensing.texture_places import LEAST_PX, OtherTexture, other_texture, sloping
-from tactile_nodes.sensing.tracking import FeatureTracker, Measuring
+from tactile_nodes.sensing.tracking import FeatureTracker
 
 PATCHES = 10
 

@@ -8,8 +8,9 @@ import pytest
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.motion_overlay import overlay
 from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
-from tactile_nodes.sensing.tracking import FeatureTracker, overlay
+from tactile_nodes.sensing.tracking import FeatureTracker
 
 RNG = np.random.default_rng(5)
 PATTERN = np.repeat(np.repeat(RNG.integers(0, 200, (40, 40), dtype=np.uint8), 4, 0), 4, 1)
