@@ -164,6 +164,17 @@ def test_a_knock_is_degraded_until_three_frames_have_shown_the_gel_at_rest() -> 
     assert [bool(each & FORCE.REASON_FOREIGN_MOTION) for each in told] == [True, True, False, False, False, False]
 
 
+@pytest.mark.parametrize('most_px', [0.08, 0.3])
+def test_a_touch_that_comes_with_a_knock_and_stays_is_not_taken_for_what_the_knock_left(most_px: float) -> None:
+    stream, knocked, touch = Stream(), shift(2.1, -2.1), press(200, 230, most_px)
+    stream.feed(8)
+    held = [stream.feed(1, touch, knocked) for _ in range(16)]
+    assert all(each.reasons & FORCE.REASON_FOREIGN_MOTION for each in held)
+    largest = [float(np.abs(each.values).max()) for each in held[1:]]
+    assert min(largest) > 0.6 * max(largest)
+    assert [stream.feed(1, knocked).reasons & FORCE.REASON_FOREIGN_MOTION for _ in range(5)][-1] == 0
+
+
 @pytest.mark.parametrize('finest_scale', [0, 1])
 def test_a_knock_by_parts_of_a_pixel_gets_a_rest_image_of_its_own(finest_scale: int) -> None:
     stream, knocked = Stream(finest_scale), shift(0.5, 0.5)

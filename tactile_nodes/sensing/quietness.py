@@ -32,6 +32,10 @@ Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN m
 TOUCHED_NOISE = 10.0
 """The same from which something of 20 mN may touch: noise reaches it in less than one frame of a hundred."""
 
+KNOCKED_NOISE = 12.0
+"""The same of frames after a knock, from which is learned what patches are off by as pixels fell elsewhere. At rest it
+reaches 8; a touch of 50 mN or more, which would be learned with it and read as none from then on, makes 18 to 62."""
+
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
 OUTLIERS = 0.05

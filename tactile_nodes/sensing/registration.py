@@ -17,7 +17,7 @@ from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.knocks import KNOCK_PX, Common, judge
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
-from tactile_nodes.sensing.quietness import TOUCHED_NOISE, loosely_quiet, median, noise_of, quiet
+from tactile_nodes.sensing.quietness import KNOCKED_NOISE, TOUCHED_NOISE, loosely_quiet, median, noise_of, quiet
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 
 FEW_FOUND = 0.95
@@ -227,13 +227,15 @@ class Registration:
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
         beside = self.dent.without(left - self._still, found, settled=self.settled)
-        self.maybe = loosely_quiet(beside, found, self.size_px, self.explained)
+        knocked_px = 0.0 if self.settled else self.size_px  # what a knock leaves is known once it is settled
+        self.maybe = loosely_quiet(beside, found, knocked_px, self.explained)
         if self.maybe:
             self._noise_px = noise_of(beside[found])
         self.surely = self.maybe and quiet(beside, found)
         self.free = self.surely or (self.watches and self.maybe and quiet(beside, found, TOUCHED_NOISE))
         self.dent.rested(self.surely)
-        if not (self.surely or (early and self.maybe and not self.settled)):
+        learning = early and self.maybe and not self.settled and quiet(beside, found, KNOCKED_NOISE)
+        if not (self.surely or learning):
             if self.maybe and not self.settled:  # something touched in those frames: begin anew
                 self._rested = 0
                 self._forget_offset()
