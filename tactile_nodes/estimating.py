@@ -11,7 +11,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
-from tactile_nodes.force_status import INVALID, UNMEASURED, status_of, told_sigma_n
+from tactile_nodes.force_status import INVALID, UNMEASURED, StillUnlike, status_of, told_sigma_n
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
@@ -135,7 +135,7 @@ class Estimating:
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
         self._free_n: float | None = None
-        self._steady = SteadyForce()
+        self._steady, self._unlike = SteadyForce(), StillUnlike()
         self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
@@ -191,6 +191,9 @@ class Estimating:
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
         touching, begun_n = self._contact_now(found, reasons)
+        unlike = bool(reasons & FORCE.REASON_UNLIKE_TRAINING)
+        if self._unlike.told(stamp_ns(features.header.stamp), unlike=unlike, touching=touching):
+            reasons |= FORCE.REASON_UNLIKE_TRAINING
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         sigma_n, unsure = told_sigma_n(found, reasons, begun_n)
         reasons |= unsure

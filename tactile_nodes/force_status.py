@@ -76,3 +76,25 @@ def status_of(reasons: int) -> int:
     if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
         return FORCE.STATUS_INVALID
     return FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK
+
+
+STAYS_NS = 400_000_000
+"""No longer: a contact that rolls on may well become one that is known."""
+
+
+class StillUnlike:
+    """Whether a contact was called unlike the training a moment ago: what presses is no other body since.
+
+    Noise alone decides of single frames of a contact near the limit, and of a wrong force one in a hundred would be ok.
+    """
+
+    def __init__(self) -> None:
+        self._seen_ns: int | None = None
+
+    def told(self, stamp_ns: int, *, unlike: bool, touching: bool) -> bool:
+        """Whether a frame is to be called unlike: it is itself, or one of the same contact was in the last 0.4 s."""
+        if not touching:
+            self._seen_ns = None
+        elif unlike:
+            self._seen_ns = stamp_ns
+        return unlike or (self._seen_ns is not None and 0 <= stamp_ns - self._seen_ns <= STAYS_NS)
