@@ -11,7 +11,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
-from tactile_nodes.force_status import INVALID, UNMEASURED, StillUnlike, status_of, told_sigma_n
+from tactile_nodes.force_status import ALTERED, INVALID, UNMEASURED, StillUnlike, status_of, told_sigma_n
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
@@ -87,7 +87,7 @@ class Ready:
         """What features it reads of pictures like those of its training."""
         return self.own.inputs
 
-    def found(self, features: types.FlowFeatures, *, altered: bool, blurred: bool) -> ForceMap:
+    def found(self, features: types.FlowFeatures) -> ForceMap:
         """The force of one frame; of one that is measured finer by what reads such, or by means over its regions.
 
         Raises:
@@ -103,7 +103,8 @@ class Ready:
         if features.untouched:
             return reads.estimator.at_rest(seen)
         return reads.estimator.predict(
-            seen, altered=altered or features.finer, blurred=blurred, finer=features.finer,
+            seen, altered=bool(features.reasons & ALTERED or features.finer),
+            blurred=bool(features.reasons & FORCE.REASON_BLURRED), finer=features.finer,
             sharpness=float(features.rest_sharpness),
         )  # fmt: skip
 
@@ -215,12 +216,10 @@ class Estimating:
     def _found(self, features: types.FlowFeatures) -> ForceMap:
         if features.reasons & UNMEASURED:
             return unknown_forces(self.now.loaded.model.bins)
-        blurred = bool(features.reasons & FORCE.REASON_BLURRED)
-        altered = blurred or bool(features.reasons & FORCE.REASON_LIGHT_CHANGED)
-        return self.now.found(features, altered=altered, blurred=blurred)
+        return self.now.found(features)
 
     def _averaged(self, features: types.FlowFeatures, found: ForceMap, *, wanted: bool) -> tuple[ForceMap, float]:
-        """With the frames before it, if the picture is noisy and the contact steady, and over which time."""
+        """With the frames before it, if the picture is altered and the contact steady, and over which time."""
         if not wanted:
             self._steady.forget()
             return found, 0.0

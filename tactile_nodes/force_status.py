@@ -19,6 +19,9 @@ UNMEASURED = (
 )
 """Nothing is known of such a frame: its numbers are NaN."""
 
+ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
+"""Regions of such a picture show motion a little other than those that a model learned from."""
+
 INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 SHARE_IN_DOUBT = {
@@ -85,7 +88,7 @@ STAYS_NS = 400_000_000
 class StillUnlike:
     """Whether a contact was called unlike the training a moment ago: what presses is no other body since.
 
-    Noise alone decides of single frames of a contact near the limit, and of a wrong force one in a hundred would be ok.
+    Noise alone decides of single frames of a contact near the limit, and now and then of a wrong force that it is ok.
     """
 
     def __init__(self) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import UInt8
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ImageError
+from tactile_nodes.force_status import ALTERED
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.sensing.coming import Coming
 from tactile_nodes.sensing.knocks import KNOCK_PX
@@ -35,9 +36,6 @@ MOST_NOISE, NOISE_GONE = 1.3, 1.15
 """What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
 within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3. What was above the
 first is noisy until it is below the second."""
-
-ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
-"""Regions of such a picture show motion a little other than those that a model learned from."""
 
 MOST_DEAD = 0.01
 """Share of the pixels from which a picture with dead ones filled in is another: of 5 % `accurate` is up to 1.8 times as

@@ -32,10 +32,17 @@ class Features:
         """Means of motion over fewer regions, by how far each of these can be believed; of as many they stay."""
         if rows > len(self.confidence) or cols > self.confidence.shape[1] or self.encoding != CartesianMean.name:
             return self
-        sure = cv2.resize(self.confidence, (cols, rows), interpolation=cv2.INTER_AREA)
-        weighted = cv2.resize(self.values * self.confidence[:, :, None], (cols, rows), interpolation=cv2.INTER_AREA)
-        values = weighted.reshape(rows, cols, -1) / np.maximum(sure, np.float32(LEAST_SURE))[:, :, None]
-        return Features(self.encoding, values, sure)
+        return Features(self.encoding, *fewer_means(self.values, self.confidence, rows, cols))
+
+
+def fewer_means(
+    values: Float32[np.ndarray, 'h w channels'], confidence: Float32[np.ndarray, 'h w'], rows: int, cols: int
+) -> tuple[Float32[np.ndarray, 'rows cols channels'], Float32[np.ndarray, 'rows cols']]:
+    """Means over fewer regions, by how far each value can be believed, and how far these can be."""
+    sure = cv2.resize(confidence, (cols, rows), interpolation=cv2.INTER_AREA)
+    weighted = cv2.resize(values * confidence[:, :, None], (cols, rows), interpolation=cv2.INTER_AREA)
+    means: np.ndarray = weighted.reshape(rows, cols, -1) / np.maximum(sure, np.float32(LEAST_SURE))[:, :, None]
+    return means, sure
 
 
 @runtime_checkable

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from tactile_nodes.sensing.features import fewer_means
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.picture_motion import MotionFit
@@ -51,8 +51,5 @@ def coarse(field: DisplacementField) -> tuple[Float[np.ndarray, 'patches 2'], Fl
     assert field.confidence is not None
     motion, confidence = field.displacement_px, field.confidence
     if confidence.shape != (PATCHES, PATCHES):
-        size = (PATCHES, PATCHES)
-        coarse = cv2.resize(confidence, size, interpolation=cv2.INTER_AREA)
-        weighted = cv2.resize(motion * confidence[:, :, None], size, interpolation=cv2.INTER_AREA)
-        motion, confidence = weighted / np.maximum(coarse, 1e-6)[:, :, None], coarse
+        motion, confidence = fewer_means(motion, confidence, PATCHES, PATCHES)
     return motion.reshape(-1, 2).astype(float), confidence.reshape(-1).astype(float)

@@ -43,7 +43,7 @@ class FeatureTracker:
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
         registration: takes the motion of the whole picture out; None leaves it in.
         texture: how far each spot of the gel goes, where that is known.
-        finer: how motion is measured beside renewed rest images that are asked to be measured so.
+        finer: how motion is measured beside rest images that are prepared for it.
     """
 
     def __init__(
