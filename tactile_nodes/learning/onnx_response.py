@@ -193,7 +193,11 @@ def _beside_training(response: Response, components: Value, place: Value, invers
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
     moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
     beyond, limit, within = (writer.constant(np.float32(each)) for each in (BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, 0.0))
-    near_limit = (place[2] >= response.hard).where(limit, wide.where(limit, within))
+    steps = np.array([(axis.high - axis.low) / axis.intervals for axis in (response.x, response.y)])
+    inner = high[:2] - steps, low[:2] + steps
+    across = place.take(np.array([0, 1]))
+    rim = ((across - inner[0]).most(inner[1] - across) / steps).most(0).sum()
+    near_limit = (place[2] >= (1 - rim) * response.hard).where(limit, wide.where(limit, within))
     return at_end.where(place, moved), at_end.where(beyond, near_limit), wide.where(off, 0.0)
 
 

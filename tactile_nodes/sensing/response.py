@@ -74,6 +74,13 @@ class Response:
         """The s at which the last interval of the splines begins: borne from one side, they are off twice as far."""
         return self.s.high - (self.s.high - self.s.low) / self.s.intervals
 
+    def near_an_end(self, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
+        """Which contacts are as hard as `hard` or, where the last interval along x or y has begun, less hard by its
+        share that they have gone: those that are near an end twice over are off by several times as much."""
+        rim = sum(_last_interval(axis, contacts[:, number]) for number, axis in enumerate((self.x, self.y)))
+        which: np.ndarray = contacts[:, 2] >= self.hard * (1 - rim)
+        return which
+
     def force_n(self, s: float) -> float:
         """The force that s stands for."""
         return float(max(s, 0.0) ** (1 / self.power))
@@ -114,6 +121,13 @@ class Response:
         best = int(away.argmin())
         x, y, s = self.starts[best].tolist()
         return np.array([x, y, s if best % START_LEVELS else s * float(share[best // START_LEVELS]) ** self.power])
+
+
+def _last_interval(axis: SplineAxis, places: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+    """How much of the last interval of an axis, to either side, lies between its beginning and each place."""
+    step = (axis.high - axis.low) / axis.intervals
+    gone: np.ndarray = np.maximum(np.maximum(axis.low + step - places, places - (axis.high - step)) / step, 0.0)
+    return gone
 
 
 @cache

@@ -230,8 +230,8 @@ class ResponseReadout:
         off_n = float(np.linalg.norm(widths.off[surely] * slopes))
         if at_an_end(response, fit.contacts).any():
             return BEYOND_UNLIKENESS, off_n
-        hard = bool((fit.contacts[:, 2] >= response.hard).any())
-        return LIMIT_UNLIKENESS * (hard or bool(surely.any())), off_n
+        near = bool(response.near_an_end(fit.contacts).any())
+        return LIMIT_UNLIKENESS * (near or bool(surely.any())), off_n
 
     def mended(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
         """A fit's contacts as they are told; see `contact_width`."""

@@ -16,6 +16,7 @@ from tactile_nodes.sensing import response as response_module
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.reading import LIMIT_UNLIKENESS
 from tactile_nodes.sensing.response import gained, locate
 from tactile_nodes.sensing.response_readout import project
 from tactile_nodes.sensing.uncertainty import Calibration, factor_at
@@ -53,6 +54,21 @@ def test_a_contact_at_the_end_of_the_training_is_unlike_it(place: tuple[float, f
     inside = (*place[:2], min(place[2], GEL.s.high))
     seen = components(READER.response, inside) * np.float32(place[2] / inside[2])  # its motion is linear in s
     assert (READER.read(features(READER, seen), SURE).unlikeness <= 1) == known
+
+
+@pytest.mark.parametrize(
+    ('place', 'known'),
+    [
+        ((0.0, 3.0, 0.73), True), ((0.0, 3.0, 0.77), False),
+        ((-10.5, 3.0, 0.54), True), ((-10.5, 3.0, 0.58), False), ((2.0, 11.0, 0.35), True), ((2.0, 11.0, 0.39), False),
+        ((10.5, -10.5, 0.35), True), ((10.5, -10.5, 0.39), False), ((11.2, -11.0, 0.1), False),
+    ],
+)  # fmt: skip
+def test_near_the_rim_of_the_training_less_force_is_hard(place: tuple[float, float, float], known: bool) -> None:
+    """The last intervals begin at an s of 0.75, 10 mm from the middle, and are 2 mm long."""
+    told = READER.read(features(READER, components(GEL, place)), SURE)
+    assert (told.unlikeness < 0.5) == known
+    assert (told.unlikeness == LIMIT_UNLIKENESS) == (not known)
 
 
 def test_noise_is_given_up_after_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
