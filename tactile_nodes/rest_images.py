@@ -134,9 +134,12 @@ class RestImages:
         if not still or self._seen & FORCE.REASON_BLURRED:  # a little blur leaves frames still
             reasons |= self._unlike(image, level, head)
         guessed = self._tracker.dead.count > MOST_DEAD * image.size
-        reasons |= self._look_closer() | (self._tracker.banded or guessed) * FORCE.REASON_LIGHT_CHANGED
+        reasons |= (self._tracker.banded or guessed) * FORCE.REASON_LIGHT_CHANGED
+        closer = self._look_closer()
+        altered = bool((reasons | (closer & ~FORCE.REASON_BLURRED if self._elsewhere else closer)) & ALTERED)
+        reasons |= closer
         if not (self._odd and self._find_dead(image, stamp_ns(head.stamp))):
-            self._offer_renewal(stamp_ns(head.stamp), still, altered=bool(reasons & ALTERED))
+            self._offer_renewal(stamp_ns(head.stamp), still, altered=altered)
         self._follow_noise(stamp_ns(head.stamp))
         return reasons
 
@@ -221,7 +224,7 @@ class RestImages:
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
-        apart = self._apart(registration) or self._fell_elsewhere(registration) or self._dented or self._blurred
+        apart = self._apart(registration) or self._elsewhere or self._dented or self._blurred
         changed = apart or (not still and (self._changed or registration.explained < EXPLAINED))
         fit = registration.settled and not self._tracker.banded
         like, changed = (still and not apart, changed) if fit else (True, False)
@@ -235,7 +238,7 @@ class RestImages:
     def _follow_noise(self, at_ns: int) -> None:
         """Measure by the finer way while a picture is noisy and else the same: its rest image is as good as ever."""
         first, rest = self._first, self._tracker.rest
-        if first is None or rest is None or self._beside_another:
+        if first is None or rest is None or self._beside_another or self._elsewhere:
             return
         if rest is not first and not self._noisy:
             self._tracker.use_again(first)
@@ -258,9 +261,14 @@ class RestImages:
         """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
         return self._dense and registration.apart_px > KNOCK_PX
 
-    def _fell_elsewhere(self, registration: Registration) -> bool:
-        """Whether patches read a picture that fell elsewhere on the camera's pixels than the rest image's."""
-        return not self._dense and registration.apart_px > ELSEWHERE_PX
+    @property
+    def _elsewhere(self) -> bool:
+        """Whether patches read a picture that fell elsewhere on the camera's pixels than the rest image's.
+
+        More than its noise is left over then, above all where a gel was seated anew, and it gets a rest image anyway.
+        """
+        registration = self._tracker.registration
+        return registration is not None and not self._dense and registration.apart_px > ELSEWHERE_PX
 
     def _announce(self, head: types.Header, *, renewed: bool = False, added: float | None = None) -> None:
         image = self._tracker.reference

@@ -34,7 +34,9 @@ TOUCHED_NOISE = 10.0
 
 KNOCKED_NOISE = 12.0
 """The same of frames after a knock, from which is learned what patches are off by as pixels fell elsewhere. At rest it
-reaches 8; a touch of 50 mN or more, which would be learned with it and read as none from then on, makes 18 to 62."""
+reaches 8; a touch of 50 mN or more, which would be learned with it and read as none from then on, makes 18 to 62. A gel
+seated anew by 0.1 mm, whose near markers move otherwise than far ones, leaves every patch off by some 0.014 px and is
+at 5 to 9 of that, so how large noise is must not count here."""
 
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
@@ -66,8 +68,11 @@ def quiet(
     left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float = QUIET_NOISE
 ) -> bool:
     """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
-    if _share_beyond(_squared(left[found]), QUIET_PX) > OUTLIERS:
-        return False
+    return _share_beyond(_squared(left[found]), QUIET_PX) <= OUTLIERS and none_away(left, found, limit)
+
+
+def none_away(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float) -> bool:
+    """Whether no more goes away from any place than `limit` times the noise, however large that is."""
     most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
     return most <= limit * noise_of(left[found])
 

@@ -17,7 +17,15 @@ from tactile_nodes.sensing.dented_rest import DentedRest
 from tactile_nodes.sensing.flow import DisplacementField
 from tactile_nodes.sensing.knocks import KNOCK_PX, Common, judge
 from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
-from tactile_nodes.sensing.quietness import KNOCKED_NOISE, TOUCHED_NOISE, loosely_quiet, median, noise_of, quiet
+from tactile_nodes.sensing.quietness import (
+    KNOCKED_NOISE,
+    TOUCHED_NOISE,
+    loosely_quiet,
+    median,
+    noise_of,
+    none_away,
+    quiet,
+)
 from tactile_nodes.sensing.registered import FOUND, PATCHES, Registered, coarse
 
 FEW_FOUND = 0.95
@@ -226,6 +234,9 @@ class Registration:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
+        if early and self._offset is not None and self._offset.shape != field.displacement_px.shape:
+            self._rested = 0  # measured by other patches from this frame on
+            self._forget_offset()
         beside = self.dent.without(left - self._still, found, settled=self.settled)
         knocked_px = 0.0 if self.settled else self.size_px  # what a knock leaves is known once it is settled
         self.maybe = loosely_quiet(beside, found, knocked_px, self.explained)
@@ -234,7 +245,7 @@ class Registration:
         self.surely = self.maybe and quiet(beside, found)
         self.free = self.surely or (self.watches and self.maybe and quiet(beside, found, TOUCHED_NOISE))
         self.dent.rested(self.surely)
-        learning = early and self.maybe and not self.settled and quiet(beside, found, KNOCKED_NOISE)
+        learning = early and self.maybe and not self.settled and none_away(beside, found, KNOCKED_NOISE)
         if not (self.surely or learning):
             if self.maybe and not self.settled:  # something touched in those frames: begin anew
                 self._rested = 0
