@@ -15,6 +15,7 @@ from tactile_nodes.force_status import ALTERED, INVALID, UNMEASURED, StillUnlike
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.paths import is_file
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.likeness import alike
@@ -242,7 +243,7 @@ class Estimating:
         if not (name := str(old.get('model', ''))):
             raise ModelError(f'{file.name} took the place of no other model, so there is nothing to return to')
         beside = file.parent / name
-        ready = self.prepared(str(beside) if beside.is_file() else name)
+        ready = self.prepared(str(beside) if is_file(beside) else name)
         if ready.loaded.model_id != old['model_id']:
             raise ModelError(
                 f'{file.name} took the place of model {old["model_id"]}, and {name} is {ready.loaded.model_id} now; '

@@ -25,7 +25,7 @@ def load_gel(name: str) -> Gel:
     if not name:
         return Gel()
     shipped = paths.share_directory() / 'config' / 'gels' / f'{name}.yaml'
-    file = shipped if Path(name).name == name and shipped.is_file() else Path(name)
+    file = shipped if Path(name).name == name and paths.is_file(shipped) else Path(name)
     values = {key: located.value for key, located in load_mapping(file).items()}
     return Gel.from_mapping(values, str(file))
 

@@ -7,6 +7,7 @@ checksum's own digits as zeros, so that no altered byte goes unnoticed. The mode
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ from jaxtyping import UInt8
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.paths import share_directory
+from tactile_nodes.paths import check_output, is_file, share_directory
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
@@ -88,9 +89,9 @@ def find_model(name: str) -> Path:
         ModelError: there is none; says which ship.
     """
     folder = share_directory() / 'models'
-    if (shipped := folder / f'{name}.safetensors').is_file():
+    if is_file(shipped := folder / f'{name}.safetensors'):
         return shipped
-    if Path(name).is_file():
+    if is_file(Path(name)):
         return Path(name)
     names = ', '.join(sorted(file.stem for file in folder.glob('*.safetensors'))) or 'none'
     raise ModelError(
@@ -113,6 +114,10 @@ def save_model(
     holds it from then on.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
+
+    Raises:
+        ConfigurationError: no file can be written there.
+        ModelError: writing failed, as on a full disk; a file of this name stays as it was.
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
@@ -132,10 +137,7 @@ def save_model(
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
     checksum = hashlib.sha256(blank).hexdigest()
-    draft = path.with_name(f'.{path.name}.part')
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft.write_bytes(blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
-    draft.replace(path)
+    _write(path, blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
     return checksum[:12]
 
 
@@ -160,6 +162,20 @@ def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
             f'to {STREAKED_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12], inner)
+
+
+def _write(path: Path, data: bytes) -> None:
+    """All of it or nothing."""
+    check_output(path)
+    draft = path.with_name(f'.{path.name}.part')
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(data)
+        draft.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise ModelError(f'cannot write the model file {path} ({error.strerror}); choose another place') from error
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
@@ -217,6 +233,7 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str, inn
     try:
         bins = BinGrid(**card['bins'])
         arrays = safetensors.numpy.load(data)
+        _check_finite(arrays)
         model = ForceModel(
             layout=FeatureLayout(**card['layout']),
             bins=bins,
@@ -226,9 +243,37 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str, inn
         )
         held = None if inner or FINER_MODEL not in arrays else arrays[FINER_MODEL].tobytes()
         finer = None if held is None else _parsed(path, held, inner=True)
-        return LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays), finer)
-    except (SafetensorError, KeyError, TypeError) as error:
-        raise ModelError(f'{path} lacks a part of the model ({error}); train it again or fetch it again') from error
+        loaded = LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays), finer)
+        _check_said(loaded)
+        return loaded
+    except ModelError:
+        raise
+    except (SafetensorError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        raise ModelError(
+            f'{path} lacks a part of the model, or has one that cannot be ({_in_a_line(error)}); '
+            'train it again or fetch it again'
+        ) from error
+
+
+def _check_said(loaded: LoadedModel) -> None:
+    """What the card says is asked for later, and there it should not fail."""
+    _ = loaded.flow, loaded.encoding
+    for name, kind in (('crop_px', int), ('gel', Mapping), ('contact_threshold_n', (int, float))):
+        if name in loaded.card and not isinstance(loaded.card[name], kind):
+            raise TypeError(f'{name} cannot be {loaded.card[name]!r:.40}')
+    layout, mean = loaded.model.layout, loaded.model.readout.scaling.mean
+    if mean.shape != (layout.rows, layout.cols, layout.channels):
+        raise ValueError(f'its inputs are {mean.shape}, its layout another')
+
+
+def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
+    for name, array in arrays.items():
+        if array.dtype.kind == 'f' and not np.isfinite(array).all():
+            raise ValueError(f'{name} holds what is no number')
+
+
+def _in_a_line(error: Exception) -> str:
+    return ' '.join(str(error).split())
 
 
 def _texture(arrays: Mapping[str, np.ndarray]) -> TextureGains | None:

@@ -64,6 +64,41 @@ def cache_directory() -> Path:
     return folder
 
 
+def check_output(file: Path) -> None:
+    """Refuse a name under which no file can be written, before the work whose result it is to hold.
+
+    What is there and is no plain file, a device say, is never replaced.
+
+    Raises:
+        ConfigurationError: it is none; says why.
+    """
+    try:
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise ConfigurationError(f'cannot write {file}: it is a folder; give the name of a file')
+        if not stat.S_ISREG(mode):
+            raise ConfigurationError(f'cannot write {file}: it is no plain file and is not replaced; choose another')
+    except FileNotFoundError:
+        pass  # a new file
+    except OSError as error:
+        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another place') from error
+    folder = next(each for each in file.absolute().parents if each.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise ConfigurationError(f'cannot write {file}: nothing can be made in {folder}; choose another place')
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that no file can have, such as one that is too long, is none.
+
+    >>> is_file(Path('x' * 300))
+    False
+    """
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def _is_own(folder: Path) -> bool:
     """Whether it is this user's: after ``su`` or ``sudo`` the variable may still name another user's folder."""
     try:

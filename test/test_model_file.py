@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -7,6 +8,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ import safetensors.numpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
 from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
@@ -278,6 +280,68 @@ def test_a_damaged_weight_is_called_damage(content: bytes, tmp_path: Path):
     (tmp_path / 'bad.safetensors').write_bytes(content[:-3] + b'abc')
     with pytest.raises(ModelError, match=r'bad\.safetensors is damaged: .* fetch it again'):
         load_model(tmp_path / 'bad.safetensors')
+
+
+@pytest.mark.parametrize('name', ['folder', 'x' * 300, 'none'])
+def test_a_model_that_cannot_be_written_is_refused_in_a_sentence(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A folder, a name too long, and a disk that is full: what is there stays, and nothing is left beside it."""
+    (tmp_path / 'folder').mkdir()
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    if name == 'none':
+        monkeypatch.setattr(Path, 'write_bytes', full)
+    with pytest.raises((ConfigurationError, ModelError), match='cannot write'):
+        save_model(tmp_path / name, small_model(), CARD)
+    assert [each.name for each in tmp_path.iterdir()] == ['folder']
+
+
+def _with_card(content: bytes, change: Callable[[dict[str, Any]], None], arrays: dict[str, np.ndarray]) -> bytes:
+    """The file that somebody writes who also knows how to make its checksum."""
+    entry = json.loads(json.loads(content[8 : 8 + int.from_bytes(content[:8], 'little')])['__metadata__'][FORMAT])
+    change(entry['card'])
+    told = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': entry['card']}, sort_keys=True)}
+    blank = safetensors.numpy.save(safetensors.numpy.load(content) | arrays, told)
+    return blank.replace(NO_CHECKSUM.encode(), hashlib.sha256(blank).hexdigest().encode(), 1)
+
+
+@pytest.mark.parametrize(
+    ('section', 'value'),
+    [
+        ('layout', {'encoding': 'cartesian_mean', 'rows': 3, 'cols': 2, 'channels': 2}),
+        ('layout', []),
+        ('bins', None),
+        ('bins', {'rows': 'a'}),
+        ('readout', {'kind': 'network'}),
+        ('readout', 5),
+        ('flow', None),
+        ('flow', {'name': 'dis', 'options': 'x'}),
+        ('encoding', 'cartesian_mean'),
+        ('crop_px', 'wide'),
+        ('gel', None),
+        ('contact_threshold_n', None),
+    ],
+)
+def test_a_card_that_cannot_be_is_refused_though_its_checksum_is_right(
+    section: str, value: object, content: bytes, tmp_path: Path
+):
+    file = tmp_path / 'odd.safetensors'
+    file.write_bytes(_with_card(content, lambda card: card.update({section: value}), {}))
+    with pytest.raises(ModelError) as refused:
+        load_model(file)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize('number', [math.nan, math.inf])
+def test_weights_that_are_no_numbers_are_refused(number: float, content: bytes, tmp_path: Path):
+    file, weights = tmp_path / 'odd.safetensors', safetensors.numpy.load(content)['layer0.weight']
+    weights[1, 2] = number
+    file.write_bytes(_with_card(content, lambda _: None, {'layer0.weight': weights}))
+    with pytest.raises(ModelError, match=r'layer0\.weight holds what is no number'):
+        load_model(file)
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path):

@@ -107,3 +107,33 @@ def test_logs_go_where_ros_2_puts_them(tmp_path: Path, monkeypatch: pytest.Monke
     assert paths.log_directory() == tmp_path / 'log'
     monkeypatch.setenv('ROS_LOG_DIR', '/elsewhere')
     assert paths.log_directory() == Path('/elsewhere')
+
+
+@pytest.mark.parametrize('name', ['', '.', 'folder', 'x' * 300, 'file/below', 'pipe', 'to_pipe'])
+def test_an_output_that_cannot_be_is_refused_before_any_work(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('folder').mkdir()
+    Path('file').touch()
+    os.mkfifo('pipe')
+    Path('to_pipe').symlink_to('pipe')
+    with pytest.raises(ConfigurationError, match='cannot write'):
+        paths.check_output(Path(name))
+    assert stat.S_ISFIFO(Path('pipe').stat().st_mode)
+
+
+@pytest.mark.parametrize('name', ['new', 'there', 'folder/new', 'none/yet/new', 'dangling'])
+def test_an_output_that_can_be_is_left_as_it_is(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('folder').mkdir()
+    Path('there').write_text('before')
+    Path('dangling').symlink_to('nothing')
+    before = sorted(tmp_path.rglob('*'))
+    paths.check_output(Path(name))
+    assert sorted(tmp_path.rglob('*')) == before
+    assert Path('there').read_text() == 'before'
+
+
+def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
+    assert not paths.is_file(tmp_path / ('x' * 300))

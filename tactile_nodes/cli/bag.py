@@ -12,6 +12,7 @@ from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli import bag_sync
+from tactile_nodes.cli.session import duration
 from tactile_nodes.clock import NS_PER_S
 
 DESCRIPTION = 'Record topics into rosbag2 MCAP folders, and play them again.'
@@ -58,8 +59,10 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', default='', help='the folder to make; default: rosbag2_<date>')
     parser.add_argument('-s', '--storage', choices=['mcap'], default='mcap', help='the kind of file')
     parser.add_argument('-b', '--max-bag-size', type=int, default=0, metavar='BYTES', help='split at this size')
-    parser.add_argument('-d', '--max-bag-duration', type=float, default=0.0, metavar='S', help='split after this time')
-    parser.add_argument('--duration', type=float, default=0.0, metavar='S', help='end after this time')
+    parser.add_argument(
+        '-d', '--max-bag-duration', type=duration, default=0.0, metavar='S', help='split after this time'
+    )
+    parser.add_argument('--duration', type=duration, default=0.0, metavar='S', help='end after this time')
     parser.add_argument(
         '--max-cache-size', type=int, default=256 * _MEGABYTE, metavar='BYTES', help='what may wait for a slow disk'
     )
@@ -83,7 +86,7 @@ def _add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-r', '--rate', type=float, default=1.0, help='speed')
     parser.add_argument('-l', '--loop', action='store_true', help='begin again at the end')
     parser.add_argument('-p', '--start-paused', action='store_true', help='begin paused')
-    parser.add_argument('-d', '--delay', type=float, default=0.0, metavar='S', help='wait before playing')
+    parser.add_argument('-d', '--delay', type=duration, default=0.0, metavar='S', help='wait before playing')
     parser.add_argument('--start-offset', type=float, default=0.0, metavar='S', help='begin there')
     parser.add_argument(
         '--clock', type=float, nargs='?', const=_DEFAULT_CLOCK_HZ, default=0.0, metavar='HZ', help='publish /clock'

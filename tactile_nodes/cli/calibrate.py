@@ -44,7 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write the model, and say how much better it is."""
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.paths import check_output
 
+    check_output(arguments.output)
     if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
         raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE or --pictures CSV')
     if arguments.layer and arguments.bags:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli.session import positive_float
+
 if TYPE_CHECKING:
     from tactile_nodes.collection.plan import Plan, Point
 
@@ -30,7 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--draw', type=Path, metavar='FILE', help='draw places and path as PNG, PDF or SVG')
     parser.add_argument('--points', action='store_true', help='print every press in its order')
     parser.add_argument(
-        '--height', type=float, default=HEIGHT_MM, metavar='MM', help='safe height above the gel (default: %(default)s)'
+        '--height',
+        type=positive_float,
+        default=HEIGHT_MM,
+        metavar='MM',
+        help='safe height above the gel (default: %(default)s)',
     )
 
 

@@ -93,7 +93,9 @@ def _build(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.dataset_file import save_dataset
     from tactile_nodes.learning.dataset_report import report
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.paths import check_output
 
+    check_output(arguments.output)
     progress = TerminalProgress()
     command = shlex.join(['tactile', *sys.argv[1:]])
     try:

@@ -57,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         scores = [each.as_dict() for each in evaluated]
         written = json.dumps(scores[0] if len(scores) == 1 else scores, indent=2)
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(written + '\n', encoding='utf-8')
     if arguments.picture:
         _draw(evaluated, arguments.picture)
@@ -65,7 +66,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.paths import check_output
 
+    for output in filter(None, (arguments.json, arguments.picture)):
+        check_output(output)
     if arguments.presses < 1 or min(arguments.unlike, arguments.pairs) < 0:
         raise ConfigurationError('--presses must be at least 1, and --unlike and --pairs no less than 0')
     if arguments.dataset and arguments.put_aside is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 from collections.abc import Callable
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
 
     first = arguments.bag if isinstance(arguments.bag, Path) else arguments.bag[0]
-    output = arguments.output or Path(f'{first.resolve().stem}_{arguments.format}')
+    output = arguments.output or Path(f'{Path(os.path.realpath(first)).stem}_{arguments.format}')
     facts = {'format': arguments.format, 'command': shlex.join(['tactile', *sys.argv[1:]])}
     write = _lerobot if arguments.format == 'lerobot' else _tables
     with made_whole(output, replace=arguments.force) as folder:

@@ -68,7 +68,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Whoever read our output has gone, say `head`; what is still buffered has nowhere to go either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
+    except OSError as error:
+        print(_refused(error), file=sys.stderr)
+        return 1
     return status
+
+
+def _refused(error: OSError) -> str:
+    """What the system would not do (a full disk, a name that is too long), in one sentence."""
+    name = f'{error.filename!r}: ' if error.filename else ''
+    return f'the system refused: {name}{error.strerror or error}; look at space and permissions'
 
 
 def _run(words: Sequence[str]) -> int:

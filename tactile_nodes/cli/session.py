@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Graph, ProcessBus
 
 Number = TypeVar('Number', int, float)
+_MOST = 1e9  # seconds or counts: thirty years
 Action = Callable[[argparse.Namespace], int]
 
 
@@ -139,18 +140,23 @@ def completed(argument: argparse.Action, completer: Any) -> None:
 
 
 def positive_float(text: str) -> float:
-    """An argument that must be above zero."""
-    return _checked(text, float, lambda value: value > 0, 'a number above 0')
+    """An argument that must be above zero; so much of it that no clock or counter holds it is an error of typing."""
+    return _checked(text, float, lambda value: 1 / _MOST <= value <= _MOST, 'a number above 0')
 
 
 def positive_int(text: str) -> int:
     """A count of at least one."""
-    return _checked(text, int, lambda value: value > 0, 'a whole number above 0')
+    return _checked(text, int, lambda value: 0 < value <= _MOST, 'a whole number above 0')
 
 
 def count(text: str) -> int:
     """A count, or zero."""
-    return _checked(text, int, lambda value: value >= 0, 'a whole number, 0 or more')
+    return _checked(text, int, lambda value: 0 <= value <= _MOST, 'a whole number, 0 or more')
+
+
+def duration(text: str) -> float:
+    """Seconds, or zero."""
+    return _checked(text, float, lambda value: 0 <= value <= _MOST, 'a time in seconds, 0 or more')
 
 
 def _checked(text: str, kind: Callable[[str], Number], fits: Callable[[Number], bool], wish: str) -> Number:

@@ -11,6 +11,7 @@ from tactile_nodes.cli.session import (
     absolute,
     completed,
     count,
+    duration,
     full_type,
     joined,
     own_name,
@@ -57,7 +58,7 @@ def add(verbs: Verbs) -> None:
     )
     made.add_argument('--max-wait-time-secs', type=positive_float, metavar='S', help='wait S seconds at most')
     made.add_argument(
-        '--keep-alive', type=float, default=0.1, metavar='S', help='stay S seconds after the last message (0.1)'
+        '--keep-alive', type=duration, default=0.1, metavar='S', help='stay S seconds after the last message (0.1)'
     )
     made.add_argument('-n', '--node-name', metavar='NAME', help='the name of the publishing node')
 

@@ -66,12 +66,14 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.tuned_profile import said_of, table_rows, write_profile
     from tactile_nodes.learning.tuning import RecordedSource, Wish, candidates, tune
+    from tactile_nodes.paths import check_output
 
     wish = Wish(arguments.max_error, arguments.max_ms, arguments.metric)
     among = [each for each in candidates() if arguments.only is None or arguments.only in each.name]
     if not among:
         names = ', '.join(each.name for each in candidates())
         raise ConfigurationError(f'no configuration is called {arguments.only!r}; there are: {names}')
+    check_output(arguments.output)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
     tuned = tune(source, wish, progress, command, among)

@@ -21,7 +21,7 @@ import yaml
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import from_mapping, load_mapping, parameter
-from tactile_nodes.paths import share_directory
+from tactile_nodes.paths import is_file, share_directory
 
 ID_DIGITS = 12
 UM_PER_MM = 1000
@@ -143,7 +143,7 @@ def plan_path(name: str) -> Path:
         ConfigurationError: there is neither.
     """
     shipped = {file.stem: file for file in (share_directory() / 'config' / 'plans').glob('*.yaml')}
-    file = Path(name) if Path(name).is_file() else shipped.get(name)
+    file = Path(name) if is_file(Path(name)) else shipped.get(name)
     if file is None:
         raise ConfigurationError(
             f'there is no plan {name}; these ship: {", ".join(sorted(shipped))}; or give a YAML file'

@@ -6,6 +6,7 @@ and how they came about, the entry ``fingerprint`` covers every array and all of
 
 from __future__ import annotations
 
+import contextlib
 import json
 import zipfile
 import zlib
@@ -17,6 +18,7 @@ import numpy as np
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.recordings import OPTIONAL, REST_IMAGE, RecordedPresses, array_names, fingerprint_of
+from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
@@ -41,10 +43,12 @@ def save_dataset(path: Path, presses: RecordedPresses) -> str:
     """Write the file and return its fingerprint; equal content gives equal bytes.
 
     Raises:
-        DatasetError: it cannot be written.
+        ConfigurationError: no file can be written there.
+        DatasetError: writing failed, as on a full disk.
     """
     card = json.dumps(dict(presses.card), sort_keys=True)
     arrays: dict[str, Any] = {'card': np.array(card), 'fingerprint': np.array(presses.fingerprint), **presses.arrays()}
+    check_output(path)
     draft = path.with_name(f'.{path.name}.part')
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -52,7 +56,8 @@ def save_dataset(path: Path, presses: RecordedPresses) -> str:
             np.savez(opened, **arrays)
         draft.replace(path)
     except OSError as error:
-        draft.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            draft.unlink()
         raise DatasetError(f'cannot write the data set {path} ({error.strerror}); choose another place') from error
     return presses.fingerprint
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.paths import check_output
 
 
 def figure(width_in: float, height_in: float) -> Any:
@@ -30,9 +31,12 @@ def save(drawn: Any, file: Path, dpi: int = 120) -> None:
     """Write a figure; the file's ending says which kind of image.
 
     Raises:
-        ConfigurationError: the ending is none of an image.
+        ConfigurationError: the ending is none of an image, or no file can be written there.
         DatasetError: the file cannot be written.
     """
+    if not file.suffix:
+        raise ConfigurationError(f'cannot draw {file}: its ending says which kind of picture: .png, .pdf or .svg')
+    check_output(file)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         drawn.savefig(file, dpi=dpi)

@@ -11,6 +11,7 @@ from tactile_nodes.learning.onnx_network import write_network
 from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
 from tactile_nodes.learning.onnx_response import write_response
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
@@ -26,7 +27,7 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
     It answers a frame as `ForceEstimator` does, with the strongest contact only: `contacts` in its properties says 1.
 
     Raises:
-        ConfigurationError: the package onnx is not installed.
+        ConfigurationError: the package onnx is not installed, or no file can be written there.
         ModelError: there is no graph of its kind of readout yet.
     """
     writer, readout = Writer(), loaded.model.readout
@@ -59,6 +60,7 @@ def export_onnx(loaded: LoadedModel, file: Path) -> int:
         ConfigurationError: the package onnx is not installed.
         ModelError: the file cannot be written.
     """
+    check_output(file)
     content = onnx_bytes(loaded)
     draft = file.with_name(f'.{file.name}.part')
     try:

@@ -26,6 +26,7 @@ from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.runs import Run, RunFolder
 from tactile_nodes.learning.source import TrainingData, training_data
 from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import AnyReadout
@@ -56,6 +57,7 @@ def train(
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
+    check_output(config.output)
     progress = progress or Progress()
     finer = finer_file(config)
     data = training_data(config, progress)

@@ -5,6 +5,7 @@ Offers the services ``~/start`` and ``~/stop`` (std_srvs/Trigger).
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,7 +83,7 @@ class RecorderNode(Node):
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
         self.failure, self.tally = None, Tally()
-        self.post(lambda: self.kept.put(_RECORDING, str(folder).encode()))
+        self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
         self._look()
         return folder
 

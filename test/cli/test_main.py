@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -100,3 +101,64 @@ def test_flags_may_stand_between_the_other_words() -> None:
     assert arguments.words == ['live', 'source:=/dev/video0', 'model:=paper']
     assert arguments.view
     assert arguments.debug
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('model', 'info', 'x' * 300),
+        ('model', 'export', 'fast', '-o', 'folder'),
+        ('collect', 'x' * 300),
+        ('calibrate', 'bag', '--model', 'x' * 300, '-o', 'made'),
+        ('calibrate', 'bag', '--model', 'portable', '-o', 'folder'),
+        ('dataset', 'build', 'bag', '-o', 'folder'),
+        ('train', 'quick', '-o', 'folder'),
+        ('evaluate', 'fast', '--json', 'folder'),
+        ('export', 'parquet', 'loop'),
+        ('export', 'parquet', 'bag', '-o', 'x' * 300),
+    ],
+    ids=lambda words: ' '.join(words)[:40],
+)
+def test_a_name_that_cannot_be_is_one_sentence(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('folder').mkdir()
+    Path('loop').symlink_to('loop')
+    assert command.main(words) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert sorted(each.name for each in tmp_path.iterdir()) == ['folder', 'loop']
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('bag', 'record', '--duration', 'nan'),
+        ('bag', 'record', '--duration', '-1'),
+        ('bag', 'play', 'bag', '--delay', 'inf'),
+        ('collect', 'quick', '--height', 'nan'),
+        ('collect', 'quick', '--height', '-1'),
+        ('topic', 'hz', 'wrench', '--window', '9' * 30),
+        ('topic', 'pub', 'greeting', 'std_msgs/String', '--rate', '1e-320'),
+        ('topic', 'pub', 'greeting', 'std_msgs/String', '--keep-alive', 'inf'),
+    ],
+    ids=' '.join,
+)
+def test_a_number_that_cannot_be_is_a_usage_error(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        command.main(words)
+    assert ended.value.code == 2
+    assert 'is not a ' in capsys.readouterr().err
+
+
+def test_what_the_system_refuses_is_one_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: object) -> int:
+        raise OSError(errno.ENOSPC, 'No space left on device', 'scores.json')
+
+    monkeypatch.setattr('tactile_nodes.cli.doctor.run', full)
+    assert command.main(['doctor']) == 1
+    assert capsys.readouterr().err == (
+        "the system refused: 'scores.json': No space left on device; look at space and permissions\n"
+    )
