@@ -28,7 +28,10 @@ NODES = 29
 
 
 def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.ndarray, ' n']) -> AxisymmetricReadout:
-    """The readout with a table that takes away what it gets wrong at presses, which are means of so many pictures."""
+    """The readout with a table that takes away what it gets wrong at presses, which are means of so many pictures.
+
+    A table that it has already is added to.
+    """
     raw = replace(readout, calibration=Calibration(), most_contacts=1)
     seen = [Seen(*each) for each in zip(presses.motion, raw.certainty_of(presses.certainty > 0), strict=True)]
     usable = np.flatnonzero([each.enough for each in seen])
@@ -37,13 +40,18 @@ def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.
     found = np.stack([raw.fit(seen[number]).contacts[0] for number in usable.tolist()])
     # In distances and forces of the gel that the profiles were measured on, as corrections are.
     truth, told = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
+    table = interpolated(truth[:, :2], wrong_by(told, truth), pictures[usable], readout.correction.reach_mm)
+    if readout.correction.local is not None:
+        table = readout.correction.local + table
+    return replace(readout, correction=replace(readout.correction, local=table))
+
+
+def wrong_by(told: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+    """What is to be added to contacts as told: x, y and a share of the force; what is far off counts as less far."""
     wrong = truth - told
     wrong[:, 2] /= np.maximum(told[:, 2], LEAST_FORCE_N)
     farthest = FARTHEST * np.median(np.abs(wrong), axis=0)
-    table = interpolated(
-        truth[:, :2], np.clip(wrong, -farthest, farthest), pictures[usable], readout.correction.reach_mm
-    )
-    return replace(readout, correction=replace(readout.correction, local=table))
+    return np.asarray(np.clip(wrong, -farthest, farthest))
 
 
 def interpolated(

@@ -13,9 +13,9 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 FACTORS = 4
 """Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. With all eleven
 forces are hardly closer."""
-TOGETHER = 2.0
+TOGETHER = 1.5
 """Times the variance of one region alone: neighbours are wrong together, by correlations up to a half, and a reading
-counts them as if each were wrong by itself. On development gels forces are a thirtieth closer with it."""
+counts them as if each were wrong by itself."""
 ACROSS = 8
 """Places along x and along y at which a press is asked about."""
 LEAST = 1e-9

@@ -18,6 +18,8 @@ from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
 PRESSES_SEED = 5001
 FRAMES, WITHOUT_CONTACT, UNTOUCHED = 400, 0.2, 20
+PICTURES = 8
+"""Of each press to calibrate by: as many as config/calibrate.yaml has the rig take."""
 PLAN, PLANNED = 'calibrate', 100
 
 
@@ -28,7 +30,7 @@ def pressed_gels(config: TrainConfig, count: int, progress: Progress) -> Iterato
     """
     for number in range(count):
         other = dataclasses.replace(config, gel=other_gel(config.gel, number, LEARNED_SEED))
-        yield planned(other, progress), anywhere(other, progress)
+        yield planned(other, progress, PICTURES), anywhere(other, progress)
 
 
 def planned(config: TrainConfig, progress: Progress, pictures: int = 1) -> Dataset:

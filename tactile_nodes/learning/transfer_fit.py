@@ -49,6 +49,8 @@ SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
 Streaks are those of the known gel."""
 LEAST_DOUBT = 0.02
 """Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
+IN_GAPS = 0.75
+"""Times what regions are off by under presses that are held out, since each of these lies in the gap that it leaves."""
 FOLDS = 5
 WORTH = 1.02
 """A simpler form is taken if its held-out misfit is at most this times the best."""
@@ -176,6 +178,14 @@ class OtherGel:
     def start(self) -> AxisymmetricResponse:
         return self.typical.at(self.view)
 
+    @property
+    def live_scaling(self) -> InputScaling:
+        """For pictures to come, which will be measured against another rest image.
+
+        What the presses' own rest image lacks of the gel untouched is noise that no other one shares.
+        """
+        return replace(self.scaling, mean=np.zeros_like(self.scaling.mean))
+
     def whole(self, form: str) -> WholeFit:
         """What differs as a whole, of those numbers that a form leaves open, by all presses."""
         return fit_whole(self.start, self.presses, FORMS[form])
@@ -237,12 +247,12 @@ class OtherGel:
     def doubt(
         self, folds: list[AxisymmetricResponse], fold: Int[np.ndarray, ' presses']
     ) -> Float[np.ndarray, ' distances']:
-        """By what shares of their motion regions are off under presses that were held out."""
+        """By what shares of their motion regions are off, by presses that were held out."""
         shares = [
             measured_doubt(response, self.presses.take(np.flatnonzero(fold == number)))
             for number, response in zip(np.unique(fold), folds, strict=True)
         ]
-        return np.asarray(np.sqrt(np.mean(np.square(shares), axis=0)))
+        return np.asarray(IN_GAPS * np.sqrt(np.mean(np.square(shares), axis=0)))
 
     def readout(
         self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], form: str = 'regions'
@@ -253,12 +263,12 @@ class OtherGel:
         forces follows from the source's own markers.
         """
         source, presses = self.source, len(self.presses)
-        terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
+        terms, local = source.correction.terms * np.array([1.0, 1.0, 0.0]), None
         if source.carried is not None and form == 'regions':
-            terms = source.carried.after(presses)
-        correction = replace(source.correction, terms=terms, local=None)
+            terms, local = source.carried.after(presses), source.carried.local_after(presses)
+        correction = replace(source.correction, terms=terms, local=local)
         return replace(
-            source, scaling=self.scaling, response=response, doubt=doubt, correction=correction, carried=None
+            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None
         )
 
     def locally(self, readout: AxisymmetricReadout, chosen: np.ndarray | slice = slice(None)) -> AxisymmetricReadout:

@@ -86,6 +86,19 @@ def test_presses_of_which_nothing_is_seen_leave_the_readout_as_it_is(readout: Ax
     assert with_local(readout, blind, np.ones(5, int)) is readout
 
 
+def test_a_table_that_a_readout_has_is_added_to(readout: AxisymmetricReadout) -> None:
+    """What presses show is less by what the table takes away already, and far from them the table stays."""
+    known = pressed(readout, 60, seed=2)
+    near = known.take(np.flatnonzero(known.contacts[:, 0] < -2.0))
+    shifted = dataclasses.replace(near, contacts=near.contacts + np.array([0.2, 0.0, 0.0]))
+    table = np.tile([0.2, 0.0, 0.0], (NODES, NODES, 1))
+    begun = dataclasses.replace(readout, correction=dataclasses.replace(readout.correction, local=table))
+    found = np.array([[-6.0, 0.0, 0.4], [9.5, 0.0, 0.4]])
+    pictures = np.full(len(near), 8)
+    moved = with_local(begun, shifted, pictures).corrected(found) - with_local(readout, near, pictures).corrected(found)
+    assert moved[:, 0] == pytest.approx([0.2, 0.2], abs=0.01)
+
+
 def test_what_one_gel_gets_wrong_at_its_places_is_not_carried_over_to_another(readout: AxisymmetricReadout) -> None:
     first = with_local(readout, pressed(readout, 60, seed=2), np.full(60, 8))
     assert first.correction.local is not None

@@ -130,6 +130,16 @@ def test_five_of_six_fresh_presses_lie_within_the_stated_90_percent(made: Transf
     assert within.mean() > 0.83
 
 
+def test_noise_of_the_rest_image_of_the_presses_is_not_taken_for_the_gel(source: AxisymmetricReadout) -> None:
+    """Pictures to come have a rest image of their own; the presses are still measured about theirs."""
+    dataset = other_gel(60, seed=3)
+    aside = np.random.default_rng(7).normal(scale=0.05, size=dataset.features.shape[1:])
+    noisy = dataclasses.replace(dataset, features=(dataset.features + aside).astype(np.float16))
+    plain, other = OtherGel.of(source, dataset), OtherGel.of(source, noisy)
+    assert other.presses.motion == pytest.approx(plain.presses.motion, abs=2e-3)
+    assert not other.readout(other.start, source.doubt).scaling.mean.any()
+
+
 def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='presses at 5 places at least, and there are 4'):
         transfer(source, other_gel(4, seed=3))
