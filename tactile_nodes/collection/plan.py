@@ -45,6 +45,7 @@ class Point(NamedTuple):
 
 
 MOST_POINTS = 200_000
+MOST_MM = 1e6
 CANDIDATES = 2000
 """Random places that those of a spread plan are chosen among."""
 
@@ -93,7 +94,7 @@ class Plan:
         if not self.points:
             raise ConfigurationError('the plan holds no points; give it rows and columns, a count, or a file')
         for point in self.points:
-            if not all(math.isfinite(value) for value in point[1:]) or point.depth_mm <= 0:
+            if not all(abs(value) <= MOST_MM for value in point[1:]) or point.depth_mm <= 0:
                 raise ConfigurationError(
                     f'press {point.press} of the plan has a depth of {point.depth_mm:g} mm at x {point.x_mm:g}, '
                     f'y {point.y_mm:g} mm; all must be numbers and the depth above 0'

@@ -107,5 +107,10 @@ class Station:
             except TactileError:  # the safety sees the silence, the sensor's health says it
                 self._clock.sleep_until(self._clock.now_ns() + round(READ_S * 1e8))
                 continue
-            for sample in samples:
-                self._on_sample(sample)
+            try:
+                for sample in samples:
+                    self._on_sample(sample)
+            except TactileError:
+                if self._open:
+                    raise
+                return  # closed meanwhile, and whoever was to be told as well

@@ -100,7 +100,12 @@ class CameraNode(Node):
             if frame is None:
                 self.report('recording', Level.OK, f'{self.params.source} has ended after {self._frames} frames')
                 return
-            self._publish(frame)
+            try:
+                self._publish(frame)
+            except TactileError:
+                if self._running:
+                    raise
+                return  # closed meanwhile: on a busy machine that does not wait for this frame
 
     def _publish(self, frame: Frame) -> None:
         self._frames += 1

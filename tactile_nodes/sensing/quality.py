@@ -29,7 +29,9 @@ class PictureFaults:
 
 
 def picture_faults(image: UInt8[np.ndarray, 'h w']) -> PictureFaults:
-    """Judge an image by every fourth pixel of every fourth row."""
+    """Judge an image by every fourth pixel of every fourth row; one without pixels is dark."""
+    if not image.size:
+        return PictureFaults(0.0, True, False)
     if (loops := compiled_loops()) is not None and image.flags.c_contiguous:
         total, bright, burnt = loops.counted(image, 4, DARK_GREY)
         size = -(-image.shape[0] // 4) * -(-image.shape[1] // 4)

@@ -87,7 +87,9 @@ def test_list_of_points_is_read(tmp_path: Path, name: str, text: str) -> None:
     assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5), (-1.0, 0.0, 1.0)]
 
 
-@pytest.mark.parametrize('text', ['1,2\n', 'x,y,z\n1,2,3\n', '1,2,-0.5\n', '1,2,nan\n', '1,2,1\n1,2,1\n', ''])
+@pytest.mark.parametrize(
+    'text', ['1,2\n', 'x,y,z\n1,2,3\n', '1,2,-0.5\n', '1,2,nan\n', '1,2,1e308\n', '1,2,1\n1,2,1\n', '']
+)
 def test_list_that_holds_something_else_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / 'points.csv').write_text(text)
     with pytest.raises(ConfigurationError):

@@ -153,3 +153,20 @@ def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
         assert after > before
         assert health(node)[0] == Level.OK
         assert 'found again' in health(node)[1]
+
+
+def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(
+    bus: InProcessBus, start: Callable[..., CameraNode]
+) -> None:
+    """On a machine without time to spare closing does not wait for the reader; what it still reads is told nobody."""
+    made: list[CameraNode] = []
+
+    def close() -> None:
+        if made:
+            made[0]._running = False
+            made[0]._camera.close()
+
+    bus.subscribe('/image_raw', topics.IMAGE.type_name, Qos('queue', 1000), '', close)
+    made.append(start('source:=simulated'))
+    made[0]._reader.join(PATIENCE_S)
+    assert not made[0]._reader.is_alive()

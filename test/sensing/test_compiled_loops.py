@@ -23,7 +23,7 @@ from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.picture_motion import MotionFit
-from tactile_nodes.sensing.quality import picture_faults, sharpness
+from tactile_nodes.sensing.quality import PictureFaults, picture_faults, sharpness
 from tactile_nodes.sensing.reading import Reading
 from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
 
@@ -148,6 +148,13 @@ def test_the_same_common_motion_is_found(about_none: bool):
     weight = (np.arange(100) % 9 > 0).astype(float)
     plain, compiled = both(lambda: fit.common(motion, weight, rounds=3, about_none=about_none))
     np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
+
+
+@needs_numba
+@pytest.mark.parametrize('shape', [(0, 440), (440, 0)])
+def test_a_picture_without_pixels_is_dark(shape: tuple[int, int]):
+    for said in both(lambda: picture_faults(np.zeros(shape, np.uint8))):
+        assert said == PictureFaults(0.0, True, False)
 
 
 @needs_numba
