@@ -58,7 +58,7 @@ class Station:
     ) -> None:
         self._on_sample = on_sample
         self._clock = clock
-        self._open = True
+        self._closing = threading.Event()
         self.readings = Readings()
         self.world = World(world) if SIMULATED in {cnc.source, force_torque.source} else None
         if self.world is not None:
@@ -86,7 +86,7 @@ class Station:
 
     def close(self) -> None:
         """Let go of the devices; the machine's motors stay on."""
-        self._open = False
+        self._closing.set()
         self.guard.close()
         self._pump.join(5 * READ_S)
         self.sensor.close()
@@ -101,7 +101,7 @@ class Station:
         return sensor
 
     def _pass_on(self) -> None:
-        while self._open:
+        while not self._closing.is_set():
             try:
                 samples = self.sensor.read(READ_S)
             except TactileError:  # the safety sees the silence, the sensor's health says it
@@ -111,6 +111,6 @@ class Station:
                 for sample in samples:
                     self._on_sample(sample)
             except TactileError:
-                if self._open:
+                if not self._closing.is_set():
                     raise
                 return  # closed meanwhile, and whoever was to be told as well

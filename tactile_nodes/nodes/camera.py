@@ -69,14 +69,14 @@ class CameraNode(Node):
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
-        self._running = True
+        self._closing = threading.Event()
         self._frames = 0
         self._reader = threading.Thread(target=self._read, name='camera reader', daemon=True)
         self._reader.start()
         self.create_timer(HEALTH_PERIOD_S, self._report_health)
 
     def on_close(self) -> None:
-        self._running = False
+        self._closing.set()
         self._reader.join(timeout=2 * READ_TIMEOUT_S)
         self._camera.close()
 
@@ -89,7 +89,7 @@ class CameraNode(Node):
         self.log.warn(f'waiting for the camera: {error}', once=type(error).__name__)
 
     def _read(self) -> None:
-        while self._running:
+        while not self._closing.is_set():
             try:
                 frame = self._camera.read(READ_TIMEOUT_S)
             except DeviceTimeoutError:
@@ -103,7 +103,7 @@ class CameraNode(Node):
             try:
                 self._publish(frame)
             except TactileError:
-                if self._running:
+                if not self._closing.is_set():
                     raise
                 return  # closed meanwhile: on a busy machine that does not wait for this frame
 

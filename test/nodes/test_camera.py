@@ -163,7 +163,7 @@ def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(
 
     def close() -> None:
         if made:
-            made[0]._running = False
+            made[0]._closing.set()
             made[0]._camera.close()
 
     bus.subscribe('/image_raw', topics.IMAGE.type_name, Qos('queue', 1000), '', close)
