@@ -11,6 +11,7 @@ from pathlib import Path
 from tactile_nodes.errors import ConfigurationError
 
 PACKAGE = 'tactile_nodes'
+OF_BAGS = '.mcap', '.db3', '.yaml'
 
 
 @cache
@@ -64,10 +65,11 @@ def cache_directory() -> Path:
     return folder
 
 
-def check_output(file: Path) -> None:
+def check_output(file: Path, *read: Path | None) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is to hold.
 
-    What is there and is no plain file, a device say, is never replaced.
+    What is there and is no plain file, a device say, is never replaced, nor is what the work reads: files, and what
+    makes a folder a bag.
 
     Raises:
         ConfigurationError: it is none; says why.
@@ -82,6 +84,11 @@ def check_output(file: Path) -> None:
         pass  # a new file
     except OSError as error:
         raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another place') from error
+    place = Path(os.path.realpath(file))
+    for source in filter(None, read):
+        real = Path(os.path.realpath(source))
+        if place == real or (real in place.parents and place.suffix in OF_BAGS and place.exists()):
+            raise ConfigurationError(f'cannot write {file}: {source} is read for it; choose another place')
     folder = next(each for each in file.absolute().parents if each.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
         raise ConfigurationError(f'cannot write {file}: nothing can be made in {folder}; choose another place')

@@ -137,3 +137,20 @@ def test_an_output_that_can_be_is_left_as_it_is(name: str, tmp_path: Path, monke
 
 def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
     assert not paths.is_file(tmp_path / ('x' * 300))
+
+
+@pytest.mark.parametrize('name', ['bag/bag_0.mcap', 'other/../bag/bag_0.mcap', 'bag', 'link', 'data.npz'])
+def test_an_output_in_the_place_of_what_is_read_for_it_is_refused(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in ('bag', 'other'):
+        Path(folder).mkdir()
+    for file in ('bag/bag_0.mcap', 'data.npz'):
+        Path(file).write_text('recorded')
+    Path('link').symlink_to('bag/bag_0.mcap')
+    with pytest.raises(ConfigurationError, match='cannot write'):
+        paths.check_output(Path(name), Path('bag'), Path('data.npz'), None)
+    for beside in ('new', 'bag/presses.npz'):
+        paths.check_output(Path(beside), Path('bag'), Path('data.npz'), None)
+    assert Path('bag/bag_0.mcap').read_text() == 'recorded'

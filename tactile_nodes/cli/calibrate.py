@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.paths import check_output
 
-    check_output(arguments.output)
+    check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures)
     if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
         raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE or --pictures CSV')
     if arguments.layer and arguments.bags:

@@ -95,7 +95,7 @@ def _build(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.paths import check_output
 
-    check_output(arguments.output)
+    check_output(arguments.output, *arguments.bags)
     progress = TerminalProgress()
     command = shlex.join(['tactile', *sys.argv[1:]])
     try:
