@@ -20,6 +20,7 @@ examples:
   tactile evaluate fast --picture fast.png --json fast.json
   tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
 """
+MOST_PRESSES = 1_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +73,8 @@ def _check(arguments: argparse.Namespace) -> None:
         check_output(output)
     if arguments.presses < 1 or min(arguments.unlike, arguments.pairs) < 0:
         raise ConfigurationError('--presses must be at least 1, and --unlike and --pairs no less than 0')
+    if max(arguments.presses, arguments.unlike, arguments.pairs) > MOST_PRESSES:
+        raise ConfigurationError(f'no more than {MOST_PRESSES} presses of a kind can be scored')
     if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
     if arguments.split and not arguments.dataset:

@@ -76,3 +76,9 @@ def test_the_table_has_a_row_for_each_distance() -> None:
 def test_pairs_are_refused_beside_recorded_presses(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['evaluate', 'any', '--pairs', '--dataset', 'some.npz']) != 0
     assert '--pairs simulate their own presses' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('option', ['--presses', '--unlike', '--pairs'])
+def test_more_presses_than_ever_end_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['evaluate', 'any', option, '9' * 20]) != 0
+    assert 'no more than 1000000 presses' in capsys.readouterr().err
