@@ -7,7 +7,6 @@ checksum's own digits as zeros, so that no altered byte goes unnoticed. The mode
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ from jaxtyping import UInt8
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.paths import check_output, is_file, share_directory
+from tactile_nodes.paths import is_file, share_directory, write_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
@@ -137,7 +136,10 @@ def save_model(
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
     checksum = hashlib.sha256(blank).hexdigest()
-    _write(path, blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
+    try:
+        write_whole(path, blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
+    except OSError as error:
+        raise ModelError(f'cannot write the model file {path} ({error.strerror}); choose another place') from error
     return checksum[:12]
 
 
@@ -162,20 +164,6 @@ def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
             f'to {STREAKED_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12], inner)
-
-
-def _write(path: Path, data: bytes) -> None:
-    """All of it or nothing."""
-    check_output(path)
-    draft = path.with_name(f'.{path.name}.part')
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_bytes(data)
-        draft.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        raise ModelError(f'cannot write the model file {path} ({error.strerror}); choose another place') from error
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 import tempfile
@@ -92,6 +93,25 @@ def check_output(file: Path, *read: Path | None) -> None:
     folder = next(each for each in file.absolute().parents if each.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
         raise ConfigurationError(f'cannot write {file}: nothing can be made in {folder}; choose another place')
+
+
+def write_whole(file: Path, content: bytes) -> None:
+    """Write all of a file or nothing: what has its name stays until all is written.
+
+    Raises:
+        ConfigurationError: no file can be written there; see `check_output`.
+        OSError: writing failed, as on a full disk.
+    """
+    check_output(file)
+    draft = file.with_name(f'.{file.name}.part')
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(content)
+        draft.replace(file)
+    except OSError:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
 
 
 def is_file(path: Path) -> bool:

@@ -11,7 +11,7 @@ from tactile_nodes.learning.onnx_network import write_network
 from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
 from tactile_nodes.learning.onnx_response import write_response
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.paths import check_output
+from tactile_nodes.paths import check_output, write_whole
 from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
@@ -27,7 +27,7 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
     It answers a frame as `ForceEstimator` does, with the strongest contact only: `contacts` in its properties says 1.
 
     Raises:
-        ConfigurationError: the package onnx is not installed, or no file can be written there.
+        ConfigurationError: the package onnx is not installed.
         ModelError: there is no graph of its kind of readout yet.
     """
     writer, readout = Writer(), loaded.model.readout
@@ -57,16 +57,13 @@ def export_onnx(loaded: LoadedModel, file: Path) -> int:
     """Write the model as ONNX; gives the file's size in bytes.
 
     Raises:
-        ConfigurationError: the package onnx is not installed.
-        ModelError: the file cannot be written.
+        ConfigurationError: the package onnx is not installed, or no file can be written there.
+        ModelError: writing failed, as on a full disk.
     """
     check_output(file)
     content = onnx_bytes(loaded)
-    draft = file.with_name(f'.{file.name}.part')
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_bytes(content)
-        draft.replace(file)
+        write_whole(file, content)
     except OSError as error:
         raise ModelError(f'cannot write {file} ({error.strerror}); choose another place with -o FILE') from error
     return len(content)
