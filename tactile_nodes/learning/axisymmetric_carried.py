@@ -16,7 +16,7 @@ from tactile_nodes.learning.transfer_fit import OtherGel
 from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 
-COUNTS = 10, 25, 100
+COUNTS = 10, 25, 50, 100
 HARD = 0.15
 """Of the hardest press: shares of lighter ones are mostly noise, and have no say in what is wrong alike at a place."""
 

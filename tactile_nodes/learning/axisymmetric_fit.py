@@ -20,10 +20,10 @@ from tactile_nodes.learning.axisymmetric_regions import (
     Expected,
     Presses,
     Shared,
-    fit_regions,
     measured_doubt,
     views,
 )
+from tactile_nodes.learning.axisymmetric_steps import fit_regions
 from tactile_nodes.learning.config import AxisymmetricConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress

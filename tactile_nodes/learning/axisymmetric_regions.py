@@ -15,9 +15,6 @@ from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.network import InputScaling
 
-LARGEST_STEP_MM = 0.6
-LARGEST_SHARED = 0.15
-"""Of a step of what is shared: logarithms of softness and width, mm of a streak's shift, its squeeze."""
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004
 """Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
@@ -117,51 +114,6 @@ def with_numbers(response: AxisymmetricResponse, numbers: Float[np.ndarray, 'reg
     return replace(response, couplings=numbers[:, :-2].reshape(response.couplings.shape), places=numbers[:, -2:])
 
 
-def fit_regions(
-    response: AxisymmetricResponse,
-    presses: Presses,
-    expected: Expected,
-    doubt: Float[np.ndarray, ' distances'],
-    shared: Shared | None = None,
-) -> AxisymmetricResponse:
-    """One Gauss-Newton step of every region's numbers towards the most probable ones.
-
-    With `shared`, what all regions have in common is found along with them.
-    """
-    here = numbers_of(response)
-    square = expected.precision.copy()
-    down = np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
-    count = len(shared.free) if shared else 0
-    cross, across, along = np.zeros((*here.shape, count)), np.zeros((count, count)), np.zeros(count)
-    for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
-        some = presses.take(part)
-        columns, slopes = response.columns_and_slopes(some.contacts)
-        told = response.seen(columns)
-        weight = some.weights(response, doubt, told)
-        left = (some.motion - told) * weight
-        by_region = by_regions(levers(response, columns, slopes) * weight[..., None])
-        square += by_region.transpose(0, 2, 1) @ by_region
-        down += np.matmul(left.transpose(1, 0, 2).reshape(len(here), 1, -1), by_region)[:, 0]
-        if shared:
-            both = by_regions(_shared_levers(response, some.contacts, slopes)[..., shared.free] * weight[..., None])
-            cross += by_region.transpose(0, 2, 1) @ both
-            across += np.einsum('rni,rnj->ij', both, both)
-            along += np.einsum('rn,rni->i', left.transpose(1, 0, 2).reshape(len(here), -1), both)
-    step = np.linalg.solve(square, down[..., None])[..., 0]
-    if shared:
-        # Regions given what is shared, put into the equations of what is shared (Schur complement).
-        follow = np.linalg.solve(square, cross)
-        prior, now = np.diag(1 / shared.sigma[shared.free] ** 2), shared_of(response)
-        whole = across + prior - np.einsum('rik,ril->kl', cross, follow)
-        wanted = along + prior @ (shared.expected - now)[shared.free] - np.einsum('rik,ri->k', cross, step)
-        move = np.clip(np.linalg.solve(whole, wanted), -LARGEST_SHARED, LARGEST_SHARED)
-        step = step - follow @ move
-        now[shared.free] += move
-        response = with_shared(response, now)
-    step[:, -2:] = np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)
-    return with_numbers(response, here + step)
-
-
 @dataclass(frozen=True)
 class Shared:
     """What all regions have in common: what it is expected to be, in the order of `shared_of`, and how far from that.
@@ -177,6 +129,17 @@ class Shared:
         """Which numbers are found."""
         return np.flatnonzero(self.sigma)
 
+    def equations(self, response: AxisymmetricResponse) -> tuple[np.ndarray, np.ndarray]:
+        """Of the free numbers as they are expected to be, where the response has them now."""
+        prior = np.diag(1 / self.sigma[self.free] ** 2)
+        return prior, prior @ (self.expected - shared_of(response))[self.free]
+
+    def moved(self, response: AxisymmetricResponse, move: Float[np.ndarray, ' free']) -> AxisymmetricResponse:
+        """The response with its free numbers moved."""
+        now = shared_of(response)
+        now[self.free] += move
+        return with_shared(response, now)
+
 
 def shared_of(response: AxisymmetricResponse) -> Float[np.ndarray, ' 4']:
     """Logarithms of softness and width, then the streak's shift (mm) and squeeze."""
@@ -190,7 +153,7 @@ def with_shared(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' 4']
     return replace(response, softness=softness, width=width, streak=Streak(*numbers[2:].tolist()))
 
 
-def _shared_levers(
+def shared_levers(
     response: AxisymmetricResponse, contacts: np.ndarray, slopes: Float[np.ndarray, '3 n regions columns']
 ) -> Float[np.ndarray, 'n regions 2 4']:
     """How the motion of each region changes with what is shared.

@@ -13,9 +13,6 @@ from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 FACTORS = 4
 """Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. With all eleven
 forces are hardly closer."""
-TOGETHER = 1.5
-"""Times the variance of one region alone: neighbours are wrong together, by correlations up to a half, and a reading
-counts them as if each were wrong by itself."""
 ACROSS = 8
 """Places along x and along y at which a press is asked about."""
 LEAST = 1e-9
@@ -29,7 +26,7 @@ def with_unsure(
     doubt: Float[np.ndarray, ' distances'],
 ) -> AxisymmetricResponse:
     """The response with how unsure its regions are, fitted to presses from an expectation of this precision."""
-    covariance = TOGETHER * np.linalg.inv(precision + _told(response, presses, doubt))
+    covariance = np.linalg.inv(precision + _told(response, presses, doubt))
     count, asked = response.couplings.shape[2], response.columns_and_slopes(_everywhere(presses))
     lever = levers(response, *asked)
     channels = []

@@ -19,12 +19,9 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_calibration import Judged
 from tactile_nodes.learning.axisymmetric_local import with_local
 from tactile_nodes.learning.axisymmetric_regions import (
-    Expected,
     Presses,
     Shared,
-    fit_regions,
     measured_doubt,
-    numbers_of,
     shared_of,
     views,
 )
@@ -35,8 +32,9 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
 from tactile_nodes.learning.transfer_checks import MOST_OFFSET_N, require_better, require_presses, require_tared
+from tactile_nodes.learning.transfer_regions import Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer_source import axisymmetric_source
-from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole, powers
+from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.network import InputScaling
@@ -49,7 +47,7 @@ SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
 Streaks are those of the known gel."""
 LEAST_DOUBT = 0.02
 """Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
-IN_GAPS = 0.75
+IN_GAPS = 0.65
 """Times what regions are off by under presses that are held out, since each of these lies in the gap that it leaves."""
 FOLDS = 5
 WORTH = 1.02
@@ -217,16 +215,12 @@ class OtherGel:
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
-        precision, over = self.typical.precision(self.view), powers(self.view)
-        smooth = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
+        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view)
         shared = Shared(shared_of(response), SHARED_SIGMA)
         # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
         for _ in range(REGION_TURNS):
-            response = fit_regions(response, presses, Expected(over @ smooth, precision), doubt, shared)
-            # What all regions turn out to share follows their mean, within what the smooth start was off by.
-            left = numbers_of(response) - over @ smooth
-            smooth = smooth + np.linalg.solve(over.T @ over + np.eye(over.shape[1]), over.T @ left)
+            response, smooth = fit_with_smooth(response, presses, smooth, precision, doubt, shared)
         return with_unsure(response, presses, precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric_regions import FIRST_DOUBT, Presses, numbers_of, with_numbers
+from tactile_nodes.learning.transfer_scatter import Scatter
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 
 MOST_STEPS = 10
@@ -27,10 +28,8 @@ MARKERS_ELSEWHERE = 0.1
 ROUNDS = 2
 RIM = 0.9
 """Of the image's half width: regions beyond are cut by the gel's rim, on every gel in another way."""
-RIM_SCATTER = 8.0
-"""How much larger variances are there than further in: on the known gel 2 to 6 times those of places; on development
-gels errors near the rim fell up to this."""
-LEAST_SCATTER = 1e-5
+RIM_SCATTER = 4.0
+"""How much larger variances are there than further in: on the known gel 2 to 6 times those of places."""
 
 SIZES = {
     'softness': 0.5, 'width': 0.1, 'turn_xx': 0.1, 'turn_yx': 0.1, 'turn_xy': 0.1, 'turn_yy': 0.1,
@@ -56,21 +55,21 @@ class Typical:
     """The regions of a known gel as smooth functions over the image, and how they scatter about these."""
 
     terms: Float[np.ndarray, 'terms numbers']
-    scatter: Float[np.ndarray, 'numbers numbers']
+    scatter: Scatter
     response: AxisymmetricResponse
 
     @classmethod
     def of(cls, response: AxisymmetricResponse, view: Float[np.ndarray, 'regions 2']) -> Typical:
         numbers = numbers_of(response)
         terms = np.linalg.lstsq(powers(view), numbers, rcond=None)[0]
-        left = (numbers - powers(view) @ terms)[np.abs(view).max(axis=1) < RIM]
-        scatter = left.T @ left / max(len(left) - len(terms), 1)
-        return cls(terms, scatter + LEAST_SCATTER * np.eye(len(scatter)), response)
+        inside = np.abs(view).max(axis=1) < RIM
+        off = (numbers - powers(view) @ terms)[inside]
+        return cls(terms, Scatter.of(response, off, view[inside], len(terms)), response)
 
     def precision(self, view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions numbers numbers']:
         """One over how far regions at these places in the image are expected to be from the smooth functions."""
         looser = np.where(np.abs(view).max(axis=1) < RIM, 1.0, RIM_SCATTER)
-        precision: np.ndarray = np.linalg.inv(self.scatter) / looser[:, None, None]
+        precision: np.ndarray = np.linalg.inv(self.scatter.covariance(view)) / looser[:, None, None]
         return precision
 
     def at(self, view: Float[np.ndarray, 'regions 2']) -> AxisymmetricResponse:

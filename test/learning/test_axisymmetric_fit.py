@@ -15,10 +15,10 @@ from tactile_nodes.learning.axisymmetric_regions import (
     FIRST_DOUBT,
     Expected,
     Presses,
-    fit_regions,
     measured_doubt,
     views,
 )
+from tactile_nodes.learning.axisymmetric_steps import fit_regions
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.train import train

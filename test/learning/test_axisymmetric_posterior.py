@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.learning.axisymmetric_regions import Presses, levers
-from tactile_nodes.learning.axisymmetric_unsure import TOGETHER, with_unsure
+from tactile_nodes.learning.axisymmetric_unsure import with_unsure
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
 
@@ -48,7 +48,7 @@ def test_presses_that_show_nothing_leave_what_is_expected(
     asked = np.array([[4.0, -3.0, 0.5], [-6.0, 1.0, 0.3]])
     _, slopes, columns = made.motion_slopes_and_columns(asked)
     told = made.variance(slopes, columns)
-    expected = TOGETHER * (levers(response, *response.columns_and_slopes(asked)) ** 2 * SIGMAS**2).sum(axis=-1)
+    expected = (levers(response, *response.columns_and_slopes(asked)) ** 2 * SIGMAS**2).sum(axis=-1)
     assert (told < 1.001 * expected).all()
     assert told.sum() > 0.9 * expected.sum()
 
