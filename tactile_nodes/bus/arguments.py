@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from tactile_nodes.bus.names import absolute, absolute_namespace
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import NodeParameters, load_parameter_file, parse_parameters
 
 _REMAP = re.compile(r'(?:(?P<node>[A-Za-z_]\w*):)?(?P<source>[^:=]+):=(?P<target>.+)', re.ASCII)
-_NAME = re.compile(r'(~/|/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 LEVELS = {'debug': 10, 'info': 20, 'warn': 30, 'error': 40, 'fatal': 50}
 
 
@@ -134,10 +134,10 @@ class Names:
         """
         rules = [rule for rule in arguments.remaps if rule.node in {None, default_name}]
         name = _first(rules, '__node') or default_name
-        namespace = '/' + (_first(rules, '__ns') or '/').strip('/')
         if not re.fullmatch(r'[A-Za-z_]\w*', name, re.ASCII):
             raise ConfigurationError(f'{name!r} cannot be the name of a node: letters, digits and _ only')
-        return cls(name, namespace, tuple(rule for rule in arguments.remaps if rule.node in {None, default_name, name}))
+        around = absolute_namespace(_first(rules, '__ns') or '/')
+        return cls(name, around, tuple(rule for rule in arguments.remaps if rule.node in {None, default_name, name}))
 
     @property
     def full_name(self) -> str:
@@ -157,13 +157,10 @@ class Names:
         return full
 
     def _expand(self, name: str) -> str:
-        if not _NAME.fullmatch(name):
-            raise ConfigurationError(
-                f'{name!r} cannot be the name of a topic or service: words joined by single slashes'
-            )
         if name.startswith('~/'):
-            return f'{self.full_name}/{name[2:]}'
-        return name if name.startswith('/') else f'{self.namespace.rstrip("/")}/{name}'
+            return f'{self.full_name}{absolute(name[1:])}'
+        told = absolute(name)
+        return told if name.startswith('/') else f'{self.namespace.rstrip("/")}{told}'
 
 
 def _first(rules: Sequence[Remap], source: str) -> str | None:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import session
 from tactile_nodes.errors import TactileError
 
@@ -56,18 +57,18 @@ def _topic_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
 
 
 def _of(graph: Graph, topic: str | None) -> list[str]:
-    return graph.topics().get(session.absolute(topic), []) if topic else []
+    return graph.topics().get(absolute(topic), []) if topic else []
 
 
 def _service_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
-    wanted = session.absolute(arguments.service) if getattr(arguments, 'service', None) else None
+    wanted = absolute(arguments.service) if getattr(arguments, 'service', None) else None
     return [end.type_name for end in bus.graph().services(wanted)]
 
 
 def _parameters(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
     from tactile_nodes.bus.parameter_client import ParameterClient
 
-    return ParameterClient(bus, session.absolute(arguments.node), CALL_TIMEOUT_S).names()
+    return ParameterClient(bus, absolute(arguments.node), CALL_TIMEOUT_S).names()
 
 
 topic_types = _live(_topic_types)

@@ -8,8 +8,9 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING
 
+from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli import view
-from tactile_nodes.cli.session import absolute, joined
+from tactile_nodes.cli.session import joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,7 +67,7 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
 
     thread = threading.Thread(target=launch, name='launch')
     with joined() as bus:
-        state = view.new_state(bus, absolute(namespace))
+        state = view.new_state(bus, absolute_namespace(namespace))
         state.advice = 'its nodes are starting'
         notes.tell = state.add_note
         thread.start()

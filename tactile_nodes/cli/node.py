@@ -7,8 +7,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
-from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joined, positive_float
+from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined, positive_float
 from tactile_nodes.errors import BusError, ServiceError
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def list_nodes(arguments: argparse.Namespace) -> int:
 
 def show_info(arguments: argparse.Namespace) -> int:
     """``node info``"""
-    node = absolute(arguments.node)
+    node = absolute(arguments.node, 'a node')
     with joined() as bus:
         owners = [peer for peer in bus.graph().participants if node in peer.nodes]
         if not owners:

@@ -6,8 +6,9 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
-from tactile_nodes.cli.session import Verbs, absolute, completed, is_hidden, joined
+from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined
 from tactile_nodes.errors import ConfigurationError, ServiceError
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def list_all(arguments: argparse.Namespace) -> int:
     """``param list``"""
     status = 0
     with joined() as bus:
-        nodes = [absolute(arguments.node)] if arguments.node else sorted(set(bus.graph().nodes()))
+        nodes = [absolute(arguments.node, 'a node')] if arguments.node else sorted(set(bus.graph().nodes()))
         for node in nodes:
             if arguments.node is None and is_hidden(node) and not arguments.all:
                 continue
@@ -101,10 +102,10 @@ def _listed(client: ParameterClient, arguments: argparse.Namespace) -> list[str]
 def get(arguments: argparse.Namespace) -> int:
     """``param get``"""
     with joined() as bus:
-        value = _client(bus, absolute(arguments.node)).values([arguments.name])[arguments.name]
+        value = _client(bus, absolute(arguments.node, 'a node')).values([arguments.name])[arguments.name]
     if value is None:
         raise ConfigurationError(
-            f'{absolute(arguments.node)} has no parameter {arguments.name!r}; see tactile param list'
+            f'{absolute(arguments.node, "a node")} has no parameter {arguments.name!r}; see tactile param list'
         )
     print(value if arguments.hide_type else f'{_label(value)} {value}')
     return 0
@@ -123,7 +124,7 @@ def _kind(value: object) -> int:
 def set_value(arguments: argparse.Namespace) -> int:
     """``param set``"""
     with joined() as bus:
-        client = _client(bus, absolute(arguments.node))
+        client = _client(bus, absolute(arguments.node, 'a node'))
         try:
             client.set(arguments.name, typed(arguments.value))
         except ConfigurationError as error:
@@ -152,12 +153,12 @@ def typed(text: str) -> Value:
 def describe(arguments: argparse.Namespace) -> int:
     """``param describe``"""
     with joined() as bus:
-        client = _client(bus, absolute(arguments.node))
+        client = _client(bus, absolute(arguments.node, 'a node'))
         known = client.names()
         for name in arguments.names:
             if name not in known:
                 raise ConfigurationError(
-                    f'{absolute(arguments.node)} has no parameter {name!r}; see tactile param list'
+                    f'{absolute(arguments.node, "a node")} has no parameter {name!r}; see tactile param list'
                 )
         for found in client.descriptors(arguments.names or known):
             print('\n'.join(_description(found)))
@@ -181,7 +182,7 @@ def _description(found: types.ParameterDescriptor) -> list[str]:
 
 def dump(arguments: argparse.Namespace) -> int:
     """``param dump``"""
-    node = absolute(arguments.node)
+    node = absolute(arguments.node, 'a node')
     with joined() as bus:
         client = _client(bus, node)
         values = client.values(client.names())
@@ -218,7 +219,7 @@ def load(arguments: argparse.Namespace) -> int:
     """``param load``"""
     from tactile_nodes.params import exact_names, load_parameter_file, resolve_parameters
 
-    node = absolute(arguments.node)
+    node = absolute(arguments.node, 'a node')
     blocks = [
         block
         for block in load_parameter_file(arguments.file)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
 from tactile_nodes.cli.session import (
     Verbs,
-    absolute,
     completed,
     full_type,
     is_hidden,

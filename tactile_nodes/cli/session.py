@@ -67,15 +67,6 @@ def own_name() -> str:
     return f'/_tactile_cli_{os.getpid()}'
 
 
-def absolute(name: str) -> str:
-    """A name as the graph knows it.
-
-    >>> absolute('image_raw'), absolute('/skin/image_raw')
-    ('/image_raw', '/skin/image_raw')
-    """
-    return f'/{name.strip("/")}'
-
-
 def is_hidden(name: str) -> bool:
     """Whether a name is not meant for people: one of its words begins with an underscore."""
     return any(word.startswith('_') for word in name.split('/'))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers, topic_echo, topic_pub, topic_rate
-from tactile_nodes.cli.session import Verbs, absolute, completed, full_type, is_hidden, joined, type_of_topic
+from tactile_nodes.cli.session import Verbs, completed, full_type, is_hidden, joined, type_of_topic
 from tactile_nodes.errors import BusError
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
 from tactile_nodes.cli.session import (
     Verbs,
-    absolute,
     completed,
     count,
     full_type,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
 from tactile_nodes.cli.session import (
     Verbs,
-    absolute,
     completed,
     count,
     duration,
@@ -69,7 +69,7 @@ def publish(arguments: argparse.Namespace) -> int:
 
     topic, type_name = absolute(arguments.topic), full_type(arguments.type)
     values = read_values(arguments.values)
-    node = absolute(arguments.node_name) if arguments.node_name else own_name()
+    node = absolute(arguments.node_name, 'a node') if arguments.node_name else own_name()
     with joined() as bus:
         make_message(type_name, values, bus.clock)  # wrong fields are reported before anybody is waited for
         publisher = bus.advertise(topic, type_name, default_qos(topic), node)

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli import completers
-from tactile_nodes.cli.session import Verbs, absolute, completed, joined, own_name, positive_int, type_of_topic
+from tactile_nodes.cli.session import Verbs, completed, joined, own_name, positive_int, type_of_topic
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:

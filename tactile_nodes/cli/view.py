@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli import completers
-from tactile_nodes.cli.session import absolute, completed, joined, own_name, positive_float
+from tactile_nodes.cli.session import completed, joined, own_name, positive_float
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     plain = arguments.plain or not sys.stdout.isatty()
     with joined() as bus:
-        state = new_state(bus, absolute(arguments.namespace))
+        state = new_state(bus, absolute_namespace(arguments.namespace))
         with suppress(KeyboardInterrupt):  # how one leaves it
             run_view(
                 bus,

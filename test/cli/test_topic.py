@@ -101,6 +101,22 @@ def test_echo_of_a_latched_topic_prints_what_was_said_before(other: ZmqBus, tact
     assert tactile('topic', 'echo', '/reference_image', '--once').out == 'data: rest\n---\n'
 
 
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('topic', 'pub', '--once', '/a b', STRING, '{data: x}'),
+        ('topic', 'pub', '--once', '-n', 'my-node', '/a', STRING, '{data: x}'),
+        ('topic', 'echo', 'a//b', STRING),
+        ('service', 'call', '/1', 'std_srvs/srv/Trigger', '{}'),
+        ('param', 'list', 'camera/'),
+    ],
+)
+def test_a_name_that_ros_2_refuses_is_refused_here(tactile: Tactile, words: tuple[str, ...]) -> None:
+    ended = tactile(*words)
+    assert (ended.status, ended.out) == (1, '')
+    assert 'cannot be the name of a' in ended.err
+
+
 def test_echo_ends_with_an_error_when_nothing_comes(other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/b', STRING, QUEUE)
     ended = tactile('topic', 'echo', '/b', '--timeout', '0.2')

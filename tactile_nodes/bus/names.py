@@ -1,0 +1,45 @@
+"""Names of topics, services, nodes and namespaces, as ROS 2 allows them (design.ros2.org, topic and service names)."""
+
+from __future__ import annotations
+
+import re
+
+from tactile_nodes.errors import ConfigurationError
+
+LONGEST = 247
+"""Characters of a full name; DDS takes 255, and ROS 2 puts up to eight in front."""
+_WORDS = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
+
+
+def absolute(name: str, what: str = 'a topic or service') -> str:
+    """A full name, from that or from one that the root namespace goes in front of.
+
+    Raises:
+        ConfigurationError: a name that ROS 2 would not allow, or one that is private to a node.
+
+    >>> absolute('image_raw'), absolute('/skin/image_raw')
+    ('/image_raw', '/skin/image_raw')
+    """
+    words = name.removeprefix('/')
+    if not _WORDS.fullmatch(words):
+        raise ConfigurationError(
+            f'{name[:80]!r} cannot be the name of {what}: words of letters, digits and _ that begin with no digit, '
+            'joined by single slashes'
+        )
+    if len(words) >= LONGEST:
+        raise ConfigurationError(
+            f'{name[:40] + "…"!r} cannot be the name of {what}: it has more than {LONGEST} characters'
+        )
+    return f'/{words}'
+
+
+def absolute_namespace(name: str) -> str:
+    """A full namespace; '' and '/' are the root.
+
+    Raises:
+        ConfigurationError: a name that ROS 2 would not allow.
+
+    >>> absolute_namespace('/'), absolute_namespace('skin/left')
+    ('/', '/skin/left')
+    """
+    return absolute(name.rstrip('/'), 'a namespace') if name.strip('/') else '/'
