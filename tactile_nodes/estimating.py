@@ -61,10 +61,20 @@ class Reads:
 
     @classmethod
     def of_model(cls, loaded: LoadedModel) -> Reads:
-        """By a model as it was loaded."""
+        """By a model as it was loaded.
+
+        Raises:
+            ModelError: its numbers are such that nothing can be read by them.
+        """
         estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
         still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
-        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+        try:
+            estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+        except (ValueError, ArithmeticError, LookupError) as error:
+            raise ModelError(
+                f'model {loaded.model_id} holds numbers by which nothing can be read ({error}); '
+                'train it again or fetch it again'
+            ) from error
         return cls(Inputs.of_model(loaded), estimator)
 
 

@@ -50,6 +50,19 @@ def test_what_makes_a_force_twice_as_unsure_as_the_model_says_is_a_reason(
     assert found == reasons
 
 
+def test_a_model_by_which_nothing_can_be_read_is_refused_before_its_first_frame(tmp_path: Path) -> None:
+    shipped = load_model(find_model('fast'))
+    readout = shipped.model.readout
+    assert isinstance(readout, ResponseReadout)
+    nowhere = replace(readout.response, x=replace(readout.response.x, intervals=99))
+    save_model(
+        tmp_path / 'nowhere.safetensors', replace(shipped.model, readout=replace(readout, response=nowhere)),
+        shipped.card,
+    )  # fmt: skip
+    with pytest.raises(ModelError, match='numbers by which nothing can be read'):
+        Estimating(str(tmp_path / 'nowhere.safetensors'))
+
+
 def test_what_is_unlike_the_training_is_unsure_by_as_much() -> None:
     assert told_sigma_n(force_map(unlikeness=3.0), FORCE.REASON_UNLIKE_TRAINING)[0] == pytest.approx(0.006)
 

@@ -344,6 +344,26 @@ def test_weights_that_are_no_numbers_are_refused(number: float, content: bytes, 
         load_model(file)
 
 
+@pytest.mark.parametrize(
+    ('part', 'name', 'value'),
+    [
+        ('response', 'width', 0.0),
+        ('response', 'width', 1e300),
+        ('response', 'softness', -1.0),
+        ('response', 'hardest_n', 0.0),
+        ('correction', 'reach_mm', 1e6),
+    ],
+)
+def test_numbers_that_no_gel_has_are_refused(part: str, name: str, value: float, tmp_path: Path):
+    """A reading would divide by nothing, or begin with a table that no memory holds."""
+    shipped = load_model(find_model('portable'))
+    readout = shipped.model.readout
+    absurd = replace(readout, **{part: replace(getattr(readout, part), **{name: value})})
+    save_model(tmp_path / 'absurd.safetensors', replace(shipped.model, readout=absurd), shipped.card)
+    with pytest.raises(ModelError, match=f'{name} is .*, and not from'):
+        load_model(tmp_path / 'absurd.safetensors')
+
+
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path):
     with pytest.raises(ModelError, match=r'there is no model file .* tactile train'):
         load_model(tmp_path / 'none.safetensors')

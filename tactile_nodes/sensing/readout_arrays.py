@@ -28,6 +28,8 @@ Arrays = dict[str, np.ndarray]
 WITNESS = 'witness.'
 BLUR_ARRAYS = 'change', 'turning', 'growth'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
+RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
+"""No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
 
 
 def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
@@ -215,6 +217,8 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
 
 
 def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
+    _require_within(said)
+    _require_within(said['correction'])
     profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
     numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
     streak = Streak(**said.get('streak', {}))
@@ -231,6 +235,13 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
         said['most_contacts'],
         carried,
     )
+
+
+def _require_within(said: Mapping[str, Any]) -> None:
+    for name in RANGES.keys() & said.keys():
+        low, high = RANGES[name]
+        if not low <= said[name] <= high:
+            raise ValueError(f'{name} is {said[name]!r:.40}, and not from {low:g} to {high:g}')
 
 
 def _carried(arrays: Mapping[str, np.ndarray], presses: list[int]) -> Carried:
