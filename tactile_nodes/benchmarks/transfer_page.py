@@ -85,6 +85,7 @@ def page(
         '',
         table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
         *_against_each(own, scores, trained),
+        *_gel_by_gel(own, scores),
         '',
         '## The gels',
         '',
@@ -168,6 +169,31 @@ def _calibrated(scores: Sequence[Score]) -> dict[int, list[Score]]:
     """The scores of calibrations by their presses, where there are any."""
     of = {n: [each for each in scores if (each.way, each.presses) == (CALIBRATED, n)] for n in COUNTS}
     return {presses: chosen for presses, chosen in of.items() if chosen}
+
+
+def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
+    """What of the worst is due to how much force a gel bears at a depth."""
+    asked = {f'{presses} presses': (CALIBRATED, presses) for presses in sorted(AIMS)}
+    asked |= {each.way: (TRAINED, each.presses) for each in scores if each.way == TRAINED}
+    asked = {told: way for told, way in asked.items() if way in {(each.way, each.presses) for each in scores}}
+    if not asked:
+        return []
+    rows = []
+    for gel in sorted({each.gel for each in scores}):
+        of = {(each.way, each.presses): each for each in scores if each.gel == gel}
+        borne = next(iter(of.values())).pressed_n / own.pressed_n
+        times = [ratio(own, [of[way]], measured).worst for measured in OF_FORCE for way in asked.values()]
+        rows.append([str(gel), f'{borne:.2f}x', *(f'{each:.2f}x ({each / borne:.2f}x)' for each in times)])
+    return [
+        '',
+        '## Gel by gel',
+        '',
+        "Times the source's own, in newtons (as a share of the force that was pressed with). `force borne` is that",
+        "force, times the source gel's at the same depths: what is read exactly as well as the source's own gel is",
+        'at this number in newtons, and at 1 as a share.',
+        '',
+        table(['gel', 'force borne', *(f'{of}, {told}' for of in OF_FORCE for told in asked)], rows),
+    ]
 
 
 def _told(of: Ratio) -> str:

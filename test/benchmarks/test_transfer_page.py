@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,18 @@ def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
     assert any('25' in row and ' 2.00x ±0.00 (3.00x ±0.00) |' in row for row in rows)
     assert any(' 3.00x ±0.00 (4.00x ±0.00) |' in row for row in rows)
     assert any('own gel' in row and ' 1.10x ±0.00 (1.10x ±0.00) |' in row for row in rows)
+
+
+def test_a_gel_that_bears_more_force_is_told_as_a_share_of_it_too() -> None:
+    own = Score(-1, 0, AS_IT_IS, 0.002, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9, pressed_n=0.5)
+    scores = [
+        replace(scored(0, 25, CALIBRATED, 0.003), pressed_n=0.625),
+        replace(scored(0, 100, CALIBRATED, 0.0025), pressed_n=0.625),
+    ]
+    row = page('tactile bench transfer', PLAIN, own, scores).split('Gel by gel')[1].splitlines()[8]
+    # 3 and 2.5 mN over 2 mN, on a gel that bears a quarter more; the aRMSE is the source's own.
+    told = [each.strip() for each in row.split('|')[1:-1]]
+    assert told == ['0', '1.25x', '1.50x (1.20x)', '1.25x (1.00x)', '1.00x (0.80x)', '1.00x (0.80x)']
 
 
 def test_without_models_of_their_own_gels_have_no_level_on_the_page() -> None:
