@@ -215,13 +215,19 @@ class OtherGel:
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
+        return self.regions_of(response, lambda _: presses, REGION_TURNS)
+
+    def regions_of(
+        self, response: AxisymmetricResponse, presses: Callable[[AxisymmetricResponse], Presses], turns: int
+    ) -> AxisymmetricResponse:
+        """With every region's own numbers, by presses that are asked for anew each turn, by the response so far."""
         precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view)
         shared = Shared(shared_of(response), SHARED_SIGMA)
         # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
-        for _ in range(REGION_TURNS):
-            response, smooth = fit_with_smooth(response, presses, smooth, precision, doubt, shared)
-        return with_unsure(response, presses, precision, doubt)
+        for _ in range(turns):
+            response, smooth = fit_with_smooth(response, presses(response), smooth, precision, doubt, shared)
+        return with_unsure(response, presses(response), precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
         """Root mean square of what held-out presses leave over, in units of what is expected of them."""

@@ -35,6 +35,8 @@ from tactile_nodes.sensing.uncertainty import Calibration
 
 LEAST_PLACES, REGIONS_FROM = 3, 8
 """Places that fix a linear map and a shift; presses from which the regions are tried one by one."""
+REGION_TURNS = 10
+"""More than where all of a press is known: regions and what is unknown of presses find each other bit by bit."""
 SEEN_OUTLINE = {
     'shift_x_mm': 0.3, 'shift_y_mm': 0.3, 'turn_xx': 0.03, 'turn_yx': 0.03, 'turn_xy': 0.03, 'turn_yy': 0.03,
     'roll': 0.03,
@@ -229,9 +231,16 @@ class _Gel:
         return fit_partial(self.start, presses, free, self.other.source.correction.reach_mm, begin=begin, sizes=sizes)
 
     def regions(self, whole: PartialFit, presses: Presses) -> AxisymmetricResponse:
-        """With every region's own numbers, the presses being where the whole fit found them."""
-        other = replace(self.other, presses=at(presses, whole.contacts))
-        return other.regions(whole.whole.response)
+        """With every region's own numbers; what is unknown of presses follows along."""
+        begun, contacts, reach_mm = whole.whole.response, whole.contacts, self.other.source.correction.reach_mm
+
+        def placed(response: AxisymmetricResponse) -> Presses:
+            nonlocal contacts
+            if response is not begun:  # by that the whole fit has found them
+                contacts = located(response, presses, reach_mm, begin=contacts)
+            return at(presses, contacts)
+
+        return self.other.regions_of(begun, placed, REGION_TURNS)
 
     def judged(
         self, whole: PartialFit

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric_regions import Presses
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.partial_presses import at, located
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_fit import live_errors
+from tactile_nodes.learning.transfer_fit import OtherGel, live_errors
 from tactile_nodes.learning.transfer_partial import (
     HARDNESS_HELD,
     PLACES_HELD,
@@ -23,6 +26,7 @@ from tactile_nodes.learning.transfer_partial import (
     transfer_outline,
     transfer_partial,
 )
+from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.outline import OutlineMap
@@ -91,6 +95,27 @@ def test_weights_and_three_pens_tell_both(source: AxisymmetricReadout) -> None:
     place, force = errors(made.readout)
     assert place < 0.25 and force < 0.25 * errors(source)[1]
     assert made.held == ()
+
+
+def test_presses_follow_the_regions_that_they_tell_of(source: AxisymmetricReadout) -> None:
+    """Weights believed a millimetre off: held there they bend regions, located anew each turn they come back."""
+    other = OtherGel.of(source, scattered(30, seed=5, force_n=0.5))
+    truth, whole = other.presses.contacts, other.whole('whole').response
+    wrong = truth + np.random.default_rng(6).normal(scale=(0.7, 0.7, 0.0), size=truth.shape)
+    nowhere = at(other.presses, np.where([True, True, False], np.nan, truth))
+
+    def placed(response: AxisymmetricResponse) -> Presses:
+        return at(other.presses, located(response, nowhere, REACH_MM, begin=wrong))
+
+    fresh = scattered(60, seed=8)
+
+    def off(presses: Callable[[AxisymmetricResponse], Presses]) -> float:
+        made = other.regions_of(whole, presses, 6).motion(fresh.presses[:60, [0, 1, 3]].astype(float))
+        return float(np.square(made.reshape(60, 6, 6, 2) - fresh.features[:60].astype(float)).mean())
+
+    known = off(lambda _: other.presses)
+    bent = off(lambda _: at(other.presses, wrong))
+    assert off(placed) - known < 0.1 * (bent - known)
 
 
 def test_an_outline_tells_where_the_camera_looks_without_a_press(source: AxisymmetricReadout) -> None:
