@@ -32,7 +32,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
 from tactile_nodes.learning.transfer_checks import MOST_OFFSET_N, require_better, require_presses, require_tared
-from tactile_nodes.learning.transfer_regions import Smooth, fit_with_smooth
+from tactile_nodes.learning.transfer_regions import ASIDE, Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -215,13 +215,17 @@ class OtherGel:
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
-        return self.regions_of(response, lambda _: presses, REGION_TURNS)
+        return self.regions_of(response, lambda _: presses, REGION_TURNS, ASIDE)
 
     def regions_of(
-        self, response: AxisymmetricResponse, presses: Callable[[AxisymmetricResponse], Presses], turns: int
+        self,
+        response: AxisymmetricResponse,
+        presses: Callable[[AxisymmetricResponse], Presses],
+        turns: int,
+        aside: float,
     ) -> AxisymmetricResponse:
         """With every region's own numbers, by presses that are asked for anew each turn, by the response so far."""
-        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view)
+        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view, aside)
         shared = Shared(shared_of(response), SHARED_SIGMA)
         # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)

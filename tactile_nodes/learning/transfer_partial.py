@@ -37,6 +37,9 @@ LEAST_PLACES, REGIONS_FROM = 3, 8
 """Places that fix a linear map and a shift; presses from which the regions are tried one by one."""
 REGION_TURNS = 10
 """More than where all of a press is known: regions and what is unknown of presses find each other bit by bit."""
+ASIDE = 0.05
+"""Of what a region scatters by: how far a term of what is typical of couplings is expected from where the whole fit has
+it. Less than where all of a press is known, since presses that may move would follow."""
 SEEN_OUTLINE = {
     'shift_x_mm': 0.3, 'shift_y_mm': 0.3, 'turn_xx': 0.03, 'turn_yx': 0.03, 'turn_xy': 0.03, 'turn_yy': 0.03,
     'roll': 0.03,
@@ -240,7 +243,7 @@ class _Gel:
                 contacts = located(response, presses, reach_mm, begin=contacts)
             return at(presses, contacts)
 
-        return self.other.regions_of(begun, placed, REGION_TURNS)
+        return self.other.regions_of(begun, placed, REGION_TURNS, ASIDE)
 
     def judged(
         self, whole: PartialFit

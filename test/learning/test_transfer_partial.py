@@ -18,8 +18,10 @@ from tactile_nodes.learning.partial_presses import at, located
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import OtherGel, live_errors
 from tactile_nodes.learning.transfer_partial import (
+    ASIDE,
     HARDNESS_HELD,
     PLACES_HELD,
+    REGION_TURNS,
     as_pens,
     as_weights,
     replace_presses,
@@ -110,7 +112,7 @@ def test_presses_follow_the_regions_that_they_tell_of(source: AxisymmetricReadou
     fresh = scattered(60, seed=8)
 
     def off(presses: Callable[[AxisymmetricResponse], Presses]) -> float:
-        made = other.regions_of(whole, presses, 6).motion(fresh.presses[:60, [0, 1, 3]].astype(float))
+        made = other.regions_of(whole, presses, REGION_TURNS, ASIDE).motion(fresh.presses[:60, [0, 1, 3]].astype(float))
         return float(np.square(made.reshape(60, 6, 6, 2) - fresh.features[:60].astype(float)).mean())
 
     known = off(lambda _: other.presses)
