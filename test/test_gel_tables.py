@@ -59,3 +59,8 @@ def test_a_kept_file_of_another_problem_is_not_taken(own_cache: Path):
 def test_the_linear_gel_has_its_own_tip_only():
     with pytest.raises(ConfigurationError, match='finite_strain'):
         gel_tables.contact_table(Gel(mechanics='linear'), 'ball')
+
+
+def test_a_gel_that_does_not_exist_is_refused_with_those_that_do():
+    with pytest.raises(ConfigurationError, match=r"there is no gel 'soft'; .* lifelike, paper, stiff, thin$"):
+        gel_tables.load_gel('soft')

@@ -132,9 +132,11 @@ class BagReader:
 
     def _take_stock(self) -> None:
         self.topics: dict[str, BagTopic] = dict(self.metadata.topics)
-        self.counts: dict[str, int] = dict.fromkeys(self.topics, 0)
         for storage in self._storages:
             self.topics.update(storage.topics)
+        # A file that is cut off may announce topics of which it holds no message.
+        self.counts: dict[str, int] = dict.fromkeys(self.topics, 0)
+        for storage in self._storages:
             for name, count in storage.counts.items():
                 self.counts[name] = self.counts.get(name, 0) + count
         for topic in self.topics.values():

@@ -34,8 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: pictures, and what is known')
     parser.add_argument('--model', required=True, help='the model to begin with: a file, or the name of one that ships')
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
-    parser.add_argument('--gel', default='', help='name of the new gel, or the YAML file of a simulated one')
-    parser.add_argument('--curve', action='store_true', help='also say how the error falls with the number of presses')
+    parser.add_argument(
+        '--gel', default='', help='name of the new gel, or the YAML file of a simulated one; a data set names its own'
+    )
+    parser.add_argument(
+        '--curve', action='store_true', help='of bags: also say how the error falls with the number of presses'
+    )
     parser.add_argument('--layer', type=Path, metavar='FILE', help="of a network: how the paper's layer is fitted")
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
 
@@ -44,13 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write the model, and say how much better it is."""
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.model_file import find_model
     from tactile_nodes.paths import check_output
 
-    check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures)
     if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
         raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE or --pictures CSV')
-    if arguments.layer and arguments.bags:
-        raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
+    _require_used(arguments)
+    model = find_model(arguments.model)
+    check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     if arguments.pictures:
         return _of_pictures(arguments, progress, command)
@@ -60,6 +65,19 @@ def run(arguments: argparse.Namespace) -> int:
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     return 0
+
+
+def _require_used(arguments: argparse.Namespace) -> None:
+    """Refuse options that these presses would leave without any effect. Raises ConfigurationError."""
+    from tactile_nodes.errors import ConfigurationError
+
+    if arguments.layer and not arguments.dataset:
+        raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
+    if arguments.gel and arguments.dataset:
+        raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
+    for option in ('curve', 'namespace'):
+        if getattr(arguments, option) and not arguments.bags:
+            raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
 
 
 def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str) -> int:

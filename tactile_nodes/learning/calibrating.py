@@ -65,8 +65,10 @@ class BagPresses:
         with ExitStack() as stack:
             self._opened = [stack.enter_context(CollectionBag(path, namespace, reference)) for path in bags]
             self._closing = stack.pop_all()
-        for bag in self._opened:
-            for warning in bag.clocks.warnings if tell else ():
+        for bag in self._opened if tell else ():
+            for problem in bag.problems:
+                tell(problem)  # type: ignore[misc]
+            for warning in bag.clocks.warnings:
                 tell(f'{bag.path}: {warning}; its stamps are taken as they are')  # type: ignore[misc]
         self._stream = ((number, press) for number, bag in enumerate(self._opened) for press in bag.presses())
 
@@ -119,10 +121,10 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
         DatasetError: none follows from them; says why.
     """
     calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
-    tell(fit_line(calibrator))
     calibrator.require_live_gel()
     if calibrator.made is None:
         raise DatasetError(calibrator.objection)
+    tell(fit_line(calibrator))
     return calibrator.made
 
 

@@ -19,6 +19,7 @@ from tactile_nodes.learning.transfer import Source
 from tactile_nodes.learning.transfer_fit import Transfer
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
+from tactile_nodes.paths import check_output
 
 
 @dataclass(frozen=True)
@@ -47,12 +48,14 @@ class CalibrationSession:
         tell: what a person reads, a line at a time.
 
     Raises:
-        ModelError, ConfigurationError: there is no such model or gel, or nothing can be calibrated from it.
+        ModelError, ConfigurationError: there is no such model or gel, nothing can be calibrated from it, or no file can
+            be written where it is to go: said before anything is pressed.
     """
 
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
         self._settings, self._tell = settings, tell
         self._source = Source.find(settings.model)
+        check_output(self._file(), self._source.file)
         self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule)
         self._written = Written(self._source, self.calibrator, 'tactile launch calibrate')
 

@@ -98,8 +98,10 @@ def _rows(table: Path) -> list[tuple[str, tuple[float, float, float]]]:
             if tuple(reader.fieldnames or ()) != COLUMNS:
                 raise DatasetError(f'{table}: the first line must be {",".join(COLUMNS)}')
             return [_row(row, f'{table}, line {reader.line_num}') for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise DatasetError(f'cannot read {table}: {error}') from error
+    except OSError as error:
+        raise DatasetError(f'cannot read {table} ({error.strerror}); give a table of pictures') from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DatasetError(f'{table} is no table of pictures; its first line must be {",".join(COLUMNS)}') from error
 
 
 def _row(row: dict[str, str | None], where: str) -> tuple[str, tuple[float, float, float]]:

@@ -16,6 +16,8 @@ SETTLED_NS = NS_PER_S // 2
 """A press is put together so long after it was told: its images travel beside it, and may come later."""
 IDLE_NS = 2 * NS_PER_S
 """A rig that was asked to stop has done so when it has told of no press for so long."""
+ABSENT_NS = 120 * NS_PER_S
+"""A rig that has not come by then does not come: its process died of its settings, say. A slow machine takes 20 s."""
 BETWEEN = 0
 
 
@@ -36,6 +38,7 @@ class RigPresses:
         self._ready: queue.SimpleQueue[RecordedPress | None] = queue.SimpleQueue()
         self._told_ns: int | None = None
         self._idle_ns: int | None = None
+        self._first_look_ns: int | None = None
         self._seen = self._stopping = self._over = self._taken = False
 
     # --- the node's side
@@ -66,19 +69,20 @@ class RigPresses:
         self._give(self._aligner.take_press(message))
         self._told_ns = now_ns
 
-    def look(self, now_ns: int, rig_is_there: bool) -> bool:
+    def look(self, now_ns: int, rig_is_there: bool) -> str:
         """To be called again and again: gives the last press once its images must have come, and ends with the rig.
 
-        True when the rig has just gone.
+        What has just become of the rig: that it has ended, or that it has not come at all; empty otherwise.
         """
         if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
             self._give(self._aligner.finish())
             self._told_ns = None
-        gone = self._seen and not rig_is_there and not self._over
-        if gone:
-            self.end()
         self._seen |= rig_is_there
-        return gone
+        self._first_look_ns = now_ns if self._first_look_ns is None else self._first_look_ns
+        if rig_is_there or self._over or not (self._seen or now_ns - self._first_look_ns >= ABSENT_NS):
+            return ''
+        self.end()
+        return 'has ended' if self._seen else f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
 
     def end(self) -> None:
         """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""

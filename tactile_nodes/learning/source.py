@@ -287,6 +287,21 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
     ):
         if theirs != ours:
             raise ModelError(
-                f'model {loaded.model_id} was trained with {what} {theirs}, the data set was measured with {ours}; '
-                'build the data set with the options of the model'
+                f'model {loaded.model_id} was trained with {what} {_unlike(theirs, ours)}, the data set was measured '
+                f'with {_unlike(ours, theirs)}; build the data set with the options of the model'
             )
+
+
+def _unlike(one: tuple[Any, Any], other: tuple[Any, Any]) -> str:
+    """What of a method tells it from another: its name, or the options that differ, or of sizes both numbers.
+
+    >>> _unlike(('dis', {'preset': 'fast', 'threads': 1}), ('dis', {'preset': 'medium', 'threads': 1}))
+    "dis (preset='fast')"
+    """
+    name, options = one
+    if not isinstance(options, dict):
+        return f'{name}x{options}'
+    differ = {each: value for each, value in options.items() if other[1].get(each, ...) != value}
+    if name != other[0] or not differ:
+        return str(name)
+    return f'{name} ({", ".join(f"{each}={value!r}" for each, value in differ.items())})'

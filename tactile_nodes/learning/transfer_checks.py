@@ -33,7 +33,8 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout
     if isinstance(readout, NetworkReadout):
         raise ModelError(
             f'model {loaded.model_id} is a {readout.kind}, and only the response of a gel can be transferred to '
-            'another; choose an axisymmetric model, such as portable'
+            'another; choose an axisymmetric model, such as portable, or give a network its layer: tactile calibrate '
+            '--dataset FILE'
         )
     if layout.encoding != 'cartesian_mean':
         raise ModelError(

@@ -64,7 +64,9 @@ class CalibratorNode(Node):
 
     def _calibrate(self) -> None:
         bag = self.params.bag
-        error = self._session.attempt(lambda: BagPresses([Path(bag)]) if bag else self._rig, self._live)
+        error = self._session.attempt(
+            lambda: BagPresses([Path(bag)], tell=self._tell) if bag else self._rig, self._live
+        )
         if error:
             self.fail('calibration', error)
         elif not self.params.stay:
@@ -94,8 +96,8 @@ class CalibratorNode(Node):
 
     def _look(self) -> None:
         there = self.bus.graph().publishers(self.names.resolve(topics.PRESS.name))
-        if self._rig.look(self.clock.now_ns(), bool(there)):
-            self.log.info(f'{self.params.rig} has ended')
+        if became := self._rig.look(self.clock.now_ns(), bool(there)):
+            self.log.info(f'{self.params.rig} {became}')
 
     def _stop_rig(self) -> None:
         service = f'{self.names.resolve(self.params.rig)}/{self.params.rig_end}'

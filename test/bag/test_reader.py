@@ -185,6 +185,16 @@ def test_uncompressed_file_gives_every_message_that_is_there_in_full(whole, scra
         assert read(scratch)[0] == CONTENT[:number]
 
 
+def test_a_topic_of_which_a_cut_leaves_no_message_has_none(whole, scratch: Path) -> None:
+    data = whole['none']
+    first = CONTENT[0]
+    scratch.write_bytes(data[: data.index(first.data) + len(first.data)])
+    with BagReader(scratch) as reader:
+        assert set(reader.counts) == set(reader.topics)
+        assert len(reader.topics) > 1
+        assert reader.counts == {name: int(name == first.topic) for name in reader.topics}
+
+
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), compression=st.sampled_from(['none', 'zstd']))
 def test_flipped_bit_never_makes_up_a_message(whole, scratch: Path, where: float, bit: int, compression: str) -> None:

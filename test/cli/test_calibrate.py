@@ -208,3 +208,49 @@ def test_presses_measured_otherwise_are_refused(
 ) -> None:
     assert main(['calibrate', '--model', 'fast', '--dataset', str(presses), '-o', str(tmp_path / 'none')]) == 1
     assert 'was trained with flow' in capsys.readouterr().err
+
+
+def test_the_model_to_begin_with_is_not_replaced(
+    model: Path, presses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = model.read_bytes()
+    assert main(['calibrate', '--model', str(model), '--dataset', str(presses), '-o', str(model)]) == 1
+    assert f'{model} is read for it; choose another place' in capsys.readouterr().err
+    assert model.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ('unused', 'said'),
+    [
+        (['--gel', 'gel-7'], '--gel does not go with --dataset'),
+        (['--curve'], '--curve goes with bags'),
+        (['--namespace', 'left'], '--namespace goes with bags'),
+    ],
+)
+def test_an_option_that_would_have_no_effect_is_refused(
+    unused: list[str], said: str, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')]
+    assert main(['calibrate', *words, *unused]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_presses_measured_otherwise_are_told_by_what_differs_alone(
+    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Other flows are told by their names; options that both have alike are left out.
+    main(['calibrate', '--model', 'fast', '--dataset', str(presses), '-o', str(tmp_path / 'none')])
+    said = 'was trained with flow inverse_compositional, the data set was measured with dis; build'
+    assert said in capsys.readouterr().err
+
+
+def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
+    other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = next(other_bag.glob('*.mcap')).read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(whole[:300_000])
+    assert main(['calibrate', str(cut), '--model', 'portable', '-o', str(tmp_path / 'none')]) == 1
+    said = capsys.readouterr()
+    assert f'{cut} is cut off at byte 300000' in said.out
+    assert said.err == f'no press of {cut} can be used: there is none\n'

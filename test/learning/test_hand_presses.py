@@ -94,3 +94,11 @@ def test_a_number_left_empty_is_not_known(folder: Path) -> None:
     contacts = HandPresses.read(folder / 'gel.csv').contacts
     assert np.isnan(contacts[:5, :2]).all() and contacts[:5, 2] == pytest.approx(0.4905)
     assert np.isfinite(contacts[5:, :2]).all() and np.isnan(contacts[5:, 2]).all()
+
+
+def test_a_file_that_is_no_table_is_refused_in_plain_words(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r'^cannot read .*none\.csv \(No such file or directory\); give a table'):
+        HandPresses.read(tmp_path / 'none.csv')
+    (tmp_path / 'binary.csv').write_bytes(b'\xfa\xfb')
+    with pytest.raises(DatasetError, match='is no table of pictures; its first line must be picture,x_mm,y_mm,grams'):
+        HandPresses.read(tmp_path / 'binary.csv')

@@ -12,7 +12,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
 from tactile_nodes.conversions import header
 from tactile_nodes.learning.bags import CollectionBag
-from tactile_nodes.learning.rig_presses import IDLE_NS, SETTLED_NS, RigPresses
+from tactile_nodes.learning.rig_presses import ABSENT_NS, IDLE_NS, SETTLED_NS, RigPresses
 from tactile_nodes.messages import types
 
 TOPICS = (PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE)
@@ -91,9 +91,25 @@ def test_they_end_when_the_rig_is_gone(presses: RigPresses, bag: Path) -> None:
     assert not presses.look(START_NS, rig_is_there=False)  # it has not come yet
     feed(presses, bag, most=2)
     assert not presses.look(START_NS, rig_is_there=True)
-    assert presses.look(START_NS, rig_is_there=False)
+    assert presses.look(START_NS, rig_is_there=False) == 'has ended'
     assert not presses.look(START_NS, rig_is_there=False)
     assert [press.told.press for _, press in presses] == [1, 2]
+    assert list(presses) == []
+
+
+def test_they_end_when_no_rig_comes(presses: RigPresses) -> None:
+    assert not presses.look(START_NS, rig_is_there=False)
+    assert not presses.look(START_NS + ABSENT_NS - 1, rig_is_there=False)
+    assert 'has not come within 120 s' in presses.look(START_NS + ABSENT_NS, rig_is_there=False)
+    assert not presses.look(START_NS + 2 * ABSENT_NS, rig_is_there=False)
+    assert list(presses) == []
+
+
+def test_a_rig_that_came_in_time_may_take_longer_than_that(presses: RigPresses) -> None:
+    presses.look(START_NS, rig_is_there=False)
+    presses.look(START_NS + ABSENT_NS - 1, rig_is_there=True)
+    assert not presses.look(START_NS + 2 * ABSENT_NS, rig_is_there=True)
+    presses.end()
     assert list(presses) == []
 
 

@@ -20,7 +20,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Publisher, Qos, Reply
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.estimating import Inputs
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.model_file import load_model
@@ -185,3 +185,15 @@ def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
 def test_a_model_that_cannot_be_transferred_ends_the_node_before_it_begins(make: Callable[..., CalibratorNode]) -> None:
     with pytest.raises(ModelError, match='only the response of a gel can be transferred'):
         make(model='paper')
+
+
+def test_a_file_that_cannot_be_written_is_said_before_anything_is_pressed(
+    make: Callable[..., CalibratorNode], tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match='it is a folder'):
+        make(output=tmp_path)
+
+
+def test_the_model_to_begin_with_is_not_to_be_replaced(make: Callable[..., CalibratorNode], first_model: Path) -> None:
+    with pytest.raises(ConfigurationError, match='is read for it'):
+        make(output=first_model)
