@@ -85,8 +85,7 @@ class CalibrationSession:
             presses.close()
             self.calibrator.close()
         file = self._file()
-        replaces = live.in_use(file) if live is not None and live.present else None
-        model_id = self._written.to(file, replaces)
+        model_id = self._written.to(file, self._replaced(live, file))
         self._tell(f'{file}: model {model_id}, from {made.presses} presses')
         self._tell(_summary(made))
         if live is not None and live.present:
@@ -118,6 +117,16 @@ class CalibrationSession:
                 f'model {self._settings.model} needs {needed}, and the running sensor measures {found}; start it with '
                 'that model, or calibrate one of these features'
             )
+
+    def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:
+        """What the card says of the model in use, if that can be known: presses are not lost over it."""
+        if live is None or not live.present:
+            return None
+        try:
+            return live.in_use(file)
+        except TactileError as error:
+            self._tell(f'the calibration does not name the model whose place it takes: {error}')
+            return None
 
     def _file(self) -> Path:
         settings = self._settings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import queue
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,8 @@ BETWEEN = 0
 class RigPresses:
     """Takes messages in the node's thread, gives presses to the one that calibrates.
 
-    `stop_rig` is called in the latter's, once. Stamps are taken as they are: camera and rig have one clock here.
+    `stop_rig` is called once, in the thread that first calls `stop`. What comes after the end is not kept: nobody would
+    take it. Stamps are taken as they are: camera and rig have one clock here.
     """
 
     bags: Sequence[Path] = ()
@@ -32,6 +34,7 @@ class RigPresses:
 
     def __init__(self, stop_rig: Callable[[], None]) -> None:
         self._stop_rig = stop_rig
+        self._lock = threading.RLock()
         self._aligner = Aligner()
         self._digest = hashlib.sha256()
         self._attempts = 0
@@ -45,51 +48,67 @@ class RigPresses:
 
     def image(self, message: types.Image) -> None:
         """An image of a press, or from before it."""
-        self._aligner.take_image(message)
+        with self._lock:
+            if not self._over:
+                self._aligner.take_image(message)
 
     def reference(self, message: types.Image) -> None:
         """A rest image."""
-        self._aligner.take_reference(message)
+        with self._lock:
+            if not self._over:
+                self._aligner.take_reference(message)
 
     def state(self, message: types.RigState) -> None:
         """Where the tip is; between presses for long enough, a rig that was asked to stop has stopped."""
-        self._aligner.take_state(message)
         now_ns = stamp_ns(message.header.stamp)
-        if not self._stopping or message.press != BETWEEN:
-            self._idle_ns = None
-        elif self._idle_ns is None:
-            self._idle_ns = now_ns
-        elif now_ns - self._idle_ns >= IDLE_NS:
-            self.end()
+        with self._lock:
+            if self._over:
+                return
+            self._aligner.take_state(message)
+            if not self._stopping or message.press != BETWEEN:
+                self._idle_ns = None
+            elif self._idle_ns is None:
+                self._idle_ns = now_ns
+            elif now_ns - self._idle_ns >= IDLE_NS:
+                self.end()
 
     def press(self, message: types.Press, data: bytes, now_ns: int) -> None:
         """A press that is over, with the bytes that the recorder gets as well."""
-        self._digest.update(data)
-        self._attempts += 1
-        self._give(self._aligner.take_press(message))
-        self._told_ns = now_ns
+        with self._lock:
+            if self._over:
+                return
+            self._digest.update(data)
+            self._attempts += 1
+            self._give(self._aligner.take_press(message))
+            self._told_ns = now_ns
 
     def look(self, now_ns: int, rig_is_there: bool) -> str:
         """To be called again and again: gives the last press once its images must have come, and ends with the rig.
 
         What has just become of the rig: that it has ended, or that it has not come at all; empty otherwise.
         """
-        if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
-            self._give(self._aligner.finish())
-            self._told_ns = None
-        self._seen |= rig_is_there
-        self._first_look_ns = now_ns if self._first_look_ns is None else self._first_look_ns
-        if rig_is_there or self._over or not (self._seen or now_ns - self._first_look_ns >= ABSENT_NS):
-            return ''
-        self.end()
-        return 'has ended' if self._seen else f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
+        with self._lock:
+            if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
+                self._give(self._aligner.finish())
+                self._told_ns = None
+            self._seen |= rig_is_there
+            self._first_look_ns = now_ns if self._first_look_ns is None else self._first_look_ns
+            if rig_is_there or self._over or not (self._seen or now_ns - self._first_look_ns >= ABSENT_NS):
+                return ''
+            self.end()
+            return (
+                'has ended'
+                if self._seen
+                else f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
+            )
 
     def end(self) -> None:
         """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""
-        if not self._over:
-            self._over = True
-            self._give(self._aligner.finish())
-            self._ready.put(None)
+        with self._lock:
+            if not self._over:
+                self._over = True
+                self._give(self._aligner.finish())
+                self._ready.put(None)
 
     # --- the calibration's side
 
@@ -107,14 +126,17 @@ class RigPresses:
 
     def told(self, gel: str) -> list[dict[str, Any]]:
         """The entry of the bag that a recorder makes of these messages: its id follows from the presses alone."""
-        problems = [f'{count} {what}' for what, count in self._aligner.odd.items()]
-        bag_id = self._digest.copy().hexdigest()[:12]
-        return [{'id': bag_id, 'gel': gel, 'attempts': self._attempts, 'problems': problems, 'clocks': []}]
+        with self._lock:
+            problems = [f'{count} {what}' for what, count in self._aligner.odd.items()]
+            bag_id = self._digest.copy().hexdigest()[:12]
+            return [{'id': bag_id, 'gel': gel, 'attempts': self._attempts, 'problems': problems, 'clocks': []}]
 
     def stop(self) -> None:
         """Let the rig end its plan, tip up."""
-        if not self._stopping and not self._over:
-            self._stopping = True
+        with self._lock:
+            wanted = not self._stopping and not self._over
+            self._stopping |= wanted
+        if wanted:  # outside, since the rig's answer may take long while its messages come
             self._stop_rig()
 
     def close(self) -> None:

@@ -92,7 +92,8 @@ class CalibratorNode(Node):
             self._session.require_features(received.message)
         except TactileError as error:
             self.fail('calibration', error)
-            self._rig.stop()
+            if not self.params.bag:
+                self._rig.stop()
 
     def _look(self) -> None:
         there = self.bus.graph().publishers(self.names.resolve(topics.PRESS.name))

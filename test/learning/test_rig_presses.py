@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from press_bags import SECOND_NS, START_NS
 
@@ -134,3 +137,38 @@ def test_a_rig_that_has_ended_is_not_asked_to(presses: RigPresses, rig: Rig) -> 
     presses.end()
     presses.stop()
     assert rig.asked == 0
+
+
+def test_what_a_rig_tells_after_the_end_is_not_kept(presses: RigPresses, bag: Path) -> None:
+    """A rig that goes on after `stay:=true` presses for hours: nobody would take what is kept."""
+    feed(presses, bag, most=2)
+    presses.end()
+    assert [press.told.press for _, press in presses] == [1, 2]
+    told = presses.told('gel-7')
+    feed(presses, bag)
+    presses.look(START_NS + SETTLED_NS, rig_is_there=True)
+    assert not presses.waiting
+    assert presses._aligner.left_over == 0
+    assert presses.told('gel-7') == told
+
+
+@pytest.fixture
+def threads_take_turns_often() -> Iterator[None]:
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(usual)
+
+
+@pytest.mark.usefixtures('threads_take_turns_often')
+def test_what_was_odd_is_told_while_more_comes(presses: RigPresses) -> None:
+    """The fit asks in its thread while the node's takes images; here each cannot be read for a reason of its own."""
+    unreadable = [
+        types.Image(header=header(START_NS + number, 'camera'), height=2, width=2, encoding=f'odd{number}', step=2,
+                    data=np.zeros(4, np.uint8)) for number in range(6000)
+    ]  # fmt: skip
+    node = threading.Thread(target=lambda: [presses.image(each) for each in unreadable])
+    node.start()
+    while node.is_alive():
+        presses.told('gel-7')
+    assert len(presses.told('gel-7')[0]['problems']) == len(unreadable)

@@ -173,6 +173,35 @@ def test_a_sensor_with_other_features_is_refused_before_anything_is_pressed(
     assert 'the running sensor measures 20x20 regions of cartesian_mean' in str(node.failure)
 
 
+def test_a_calibration_from_a_bag_leaves_a_running_rig_alone(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, make: Callable[..., CalibratorNode],
+    first_model: Path, other_bag: Path,
+) -> None:  # fmt: skip
+    rig, node, source = Rig(bus, clock, publisher), make(bag=other_bag), publisher(topics.FLOW_FEATURES)
+    source.publish(dataclasses.replace(features(first_model), method='dis(preset=medium)'))
+    run(node)
+    assert node.failure is not None
+    assert rig.asked == 0
+
+
+@pytest.mark.timeout(180)
+def test_a_calibration_is_written_though_the_file_of_the_model_in_use_is_gone(
+    bus: InProcessBus, clock: SteppedClock, make: Callable[..., CalibratorNode],
+    first_model: Path, other_bag: Path, tmp_path: Path,
+) -> None:  # fmt: skip
+    in_use = tmp_path / 'in_use.safetensors'
+    in_use.write_bytes(first_model.read_bytes())
+    estimator = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={in_use}']), clock)
+    in_use.unlink()
+    most = {'rule.most': PRESSES, 'rule.first': PRESSES}
+    node = ended(make(bag=other_bag, **most), lambda: run(estimator))
+    assert node.failure is None
+    file = Path(node.params.folder) / 'gel-7_01.safetensors'
+    assert 'replaces' not in load_model(file).card
+    assert estimator.params.model == str(file)
+    estimator.close()
+
+
 def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
     publisher: Advertise, make: Callable[..., CalibratorNode], other_bag: Path
 ) -> None:
