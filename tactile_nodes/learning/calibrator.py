@@ -138,9 +138,11 @@ class Calibrator:
         self._rest: PictureComparison | None = None
         self._rests: set[str] = set()
         self.live_rest: np.ndarray | None = None
+        self._live_rest_seen: np.ndarray | None = None
         self.asked_to_finish = False
         self.read: list[PressRead] = []
         self.fits: list[Fitted] = []
+        self._fitted = b''
         self.made: Transfer | None = None
         self.recordings: RecordedPresses | None = None
         self.objection = 'no fit was tried yet'
@@ -195,7 +197,7 @@ class Calibrator:
         return self.presses >= self._next
 
     def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
-        """Renew the calibration, if there are new presses; what speaks against it is then in `objection`.
+        """Renew the calibration, if its presses are others by now; what speaks against it is then in `objection`.
 
         Args:
             told: the card's entry for each bag.
@@ -205,18 +207,13 @@ class Calibrator:
         self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
         try:
             self.recordings = self._builder.recordings(told, bags, command=command)
-            if not self._is_fitted:
+            attempts = _attempts(self.recordings)
+            if self.made is None or attempts != self._fitted:
                 self.made, self.objection = transferred(self.loaded, self.recordings, self._progress), ''
+                after, self._fitted = self.made.after, attempts
+                self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
         except DatasetError as error:
             self.made, self.objection = None, str(error)
-        if self.made is not None and not self._is_fitted:
-            after = self.made.after
-            self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
-
-    @property
-    def _is_fitted(self) -> bool:
-        """Whether the calibration is of all presses so far."""
-        return self.made is not None and bool(self.fits) and self.fits[-1].presses == self.presses
 
     @property
     def enough(self) -> str:
@@ -250,9 +247,16 @@ class Calibrator:
         Raises:
             DatasetError: says so.
         """
-        if self._rest is not None and self.live_rest is not None:
-            self.require_gel(self.live_rest, 'the running sensor')
-            self.live_rest = None
+        picture = self.live_rest  # set by another thread, perhaps again while this one is compared
+        if self._rest is not None and picture is not None and picture is not self._live_rest_seen:
+            self.require_gel(picture, 'the running sensor')
+            self._live_rest_seen = picture
+
+
+def _attempts(recordings: RecordedPresses) -> bytes:
+    """Which attempts the presses are: another may count later on, and the rig may find one doubtful, at any number."""
+    each = recordings
+    return np.column_stack([each.bag, each.plan, each.press, each.attempt, each.window_ns]).tobytes()
 
 
 def _reading(readout: Any, sample: Sample, builder: Builder) -> Reading:

@@ -147,6 +147,23 @@ def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
     assert 'needs presses at 5 places at least, and there are 4' in calibrator.objection
 
 
+def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
+    calibrator: Calibrator, pressed: list[RecordedPress]
+) -> None:
+    """The rig finds press 10 doubtful after the fit, and one more comes."""
+    for press in pressed[:10]:
+        calibrator.take(press)
+    calibrator.fit(TOLD)
+    first = calibrator.made
+    calibrator.fit(TOLD)
+    assert first is calibrator.made is not None
+    calibrator.take(told_otherwise(pressed[9], status=types.Press.STATUS_SUSPECT))
+    calibrator.take(pressed[10])
+    calibrator.fit(TOLD)
+    assert calibrator.presses == 10
+    assert calibrator.made is not None and calibrator.made is not first
+
+
 def test_presses_in_one_corner_are_an_objection_that_says_so(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
@@ -195,6 +212,23 @@ def test_presses_on_another_gel_than_the_running_sensor_sees_are_refused(
     calibrator.live_rest = Sensor(dataclasses.replace(OTHER, seed=3)).rest()
     with pytest.raises(DatasetError, match='the running sensor shows other markers'):
         calibrator.take(pressed[1])
+
+
+def test_a_rest_image_that_comes_while_another_is_compared_is_compared_next(
+    calibrator: Calibrator, pressed: list[RecordedPress], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The node's thread takes rest images while the calibration's compares."""
+    calibrator.take(pressed[0])
+    calibrator.live_rest, compare = Sensor(OTHER).rest(), calibrator.require_gel
+
+    def meanwhile(picture: np.ndarray, what: str) -> None:
+        compare(picture, what)
+        calibrator.live_rest = Sensor(dataclasses.replace(OTHER, seed=3)).rest()
+
+    monkeypatch.setattr(calibrator, 'require_gel', meanwhile)
+    calibrator.require_live_gel()
+    with pytest.raises(DatasetError, match='the running sensor shows other markers'):
+        calibrator.require_live_gel()
 
 
 def test_the_running_sensor_may_have_a_rest_image_of_its_own(
