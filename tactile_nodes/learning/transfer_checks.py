@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.transfer_errors import Errors
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.network import NetworkReadout
+from tactile_nodes.sensing.axisymmetric_readout import LEAST_REGIONS, AxisymmetricReadout
+from tactile_nodes.sensing.network import InputScaling, NetworkReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
-
-if TYPE_CHECKING:
-    from tactile_nodes.learning.transfer_fit import Errors
 
 LEAST_PRESSES = 5
 LEAST_SPREAD = 0.4
@@ -51,6 +47,8 @@ def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
         DatasetError: says what to do.
     """
     touched = dataset.presses[dataset.presses[:, 2] > 0]
+    if wrong := int((~np.isfinite(touched).all(axis=1)).sum()):
+        raise DatasetError(f'place or force of {wrong} pictures of presses is no number; leave these out')
     places = np.unique(touched[:, :2], axis=0)
     if len(places) < LEAST_PRESSES:
         raise DatasetError(
@@ -65,6 +63,24 @@ def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
                 f'the presses span {np.ptp(along):.1f} mm along {name} of the {known_mm:.1f} mm that the '
                 'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
             )
+
+
+def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
+    """Refuse pictures that show the gel in too few regions to be read, or motion that is no number.
+
+    Raises:
+        DatasetError: says what to do.
+    """
+    regions = int((scaling.trusted > 0).sum())
+    if regions < LEAST_REGIONS:
+        raise DatasetError(
+            f'markers show in nine of ten pictures in {regions} regions alone, and a place is read from '
+            f'{LEAST_REGIONS} at least; check the camera and the light'
+        )
+    shown = (scaling.trusted > 0) & (dataset.confidence >= scaling.confidence_floor)[dataset.rest]
+    wrong = int((shown & ~np.isfinite(dataset.features).all(axis=-1)).any(axis=(1, 2)).sum())
+    if wrong:
+        raise DatasetError(f'regions of {wrong} pictures moved by what is no number; leave these pictures out')
 
 
 def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
@@ -83,6 +99,8 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
 
 def require_better(before: Errors, after: Errors) -> None:
     """Refuse what does not pay, on balance of places and forces; by medians: of few presses one alone rules a mean.
+
+    Any calibration pays where nothing can be read before (NaN).
 
     Raises:
         DatasetError: says by how much held-out presses are off.

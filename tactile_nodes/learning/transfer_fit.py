@@ -31,7 +31,14 @@ from tactile_nodes.learning.holds import still_holds
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
-from tactile_nodes.learning.transfer_checks import MOST_OFFSET_N, require_better, require_presses, require_tared
+from tactile_nodes.learning.transfer_checks import (
+    MOST_OFFSET_N,
+    require_better,
+    require_motion,
+    require_presses,
+    require_tared,
+)
+from tactile_nodes.learning.transfer_errors import Errors
 from tactile_nodes.learning.transfer_regions import ASIDE, Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
@@ -52,21 +59,6 @@ IN_GAPS = 0.65
 FOLDS = 5
 WORTH = 1.02
 """A simpler form is taken if its held-out misfit is at most this times the best."""
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Of held-out presses: root mean square and median of the force's error, median distance of the place."""
-
-    force_rmse_n: float
-    force_median_n: float
-    place_median_mm: float
-
-    @classmethod
-    def of(cls, errors: Float[np.ndarray, 'n 3']) -> Errors:
-        away = np.hypot(errors[:, 0], errors[:, 1])
-        off = np.abs(errors[:, 2])
-        return cls(float(np.sqrt(np.mean(off**2))), float(np.median(off)), float(np.median(away)))
 
 
 @dataclass(frozen=True)
@@ -97,6 +89,7 @@ class Transfer:
     def as_dict(self) -> dict[str, Any]:
         """What a model's card says of it."""
         plain = asdict(replace(self, readout=None))  # type: ignore[arg-type]
+        plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict()}
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
@@ -163,9 +156,14 @@ class OtherGel:
 
     @classmethod
     def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
-        """Its regions are those that show markers on it, whether or not they did on the known gel."""
+        """Its regions are those that show markers on it, whether or not they did on the known gel.
+
+        Raises:
+            DatasetError: these are too few, or their motion is no number.
+        """
         touched = dataset.presses[:, 2] > 0
         scaling = _scaling_of(source.scaling, dataset)
+        require_motion(dataset, scaling)
         holds, untouched = still_holds(dataset, np.flatnonzero(touched), scaling.trusted), np.flatnonzero(~touched)
         typical = Typical.of(source.response, views(source.scaling.trusted))
         presses, rows = Presses.of_holds(dataset, holds, scaling), np.array([each[0] for each in holds])

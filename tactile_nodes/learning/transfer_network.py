@@ -19,7 +19,7 @@ from tactile_nodes.learning.network_scores import Validation
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.split import by_position
 from tactile_nodes.learning.transfer_checks import LEAST_SPREAD
-from tactile_nodes.learning.transfer_fit import Errors
+from tactile_nodes.learning.transfer_errors import Errors
 from tactile_nodes.learning.transfer_layer import FittedLayer, LayerConfig, fit_layer
 from tactile_nodes.learning.witness_fit import with_witness
 from tactile_nodes.model_file import LoadedModel

@@ -24,7 +24,8 @@ from tactile_nodes.learning.partial_presses import PartialFit, at, fit_partial, 
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_calibration import cautious
 from tactile_nodes.learning.transfer_checks import LEAST_PRESSES
-from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, Errors, OtherGel, live_errors
+from tactile_nodes.learning.transfer_errors import Errors
+from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, OtherGel, live_errors
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -78,8 +79,7 @@ class PartialTransfer:
     def as_dict(self) -> dict[str, Any]:
         """What a model's card says of it; None of what no press told."""
         plain = asdict(replace(self, readout=None))  # type: ignore[arg-type]
-        for when in ('before', 'after'):
-            plain[when] = {name: value if math.isfinite(value) else None for name, value in plain[when].items()}
+        plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict()}
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
@@ -106,7 +106,7 @@ def as_pens(dataset: Dataset) -> Dataset:
 
 def replace_presses(dataset: Dataset, presses: np.ndarray) -> Dataset:
     """The samples with other contacts."""
-    return Dataset(dataset.features, presses, dataset.rest, dataset.confidence, dataset.fingerprint)
+    return replace(dataset, presses=presses)
 
 
 def seen_through(
@@ -132,7 +132,7 @@ def transfer_outline(source: AnyReadout, outline: OutlineMap, half_px: float) ->
     view = views(known.scaling.trusted)
     response = seen_through(Typical.of(known.response, view), view, outline, half_px)
     nothing = Errors(math.nan, math.nan, math.nan)
-    readout = replace(known, response=response, doubt=FIRST_DOUBT)
+    readout = replace(known, response=response, doubt=FIRST_DOUBT, correction=replace(known.correction, local=None))
     readout = replace(readout, calibration=_calibration(readout, np.full((0, 3), np.nan), True))
     held = (HARDNESS_HELD, 'places follow the outline of the gel alone')
     return PartialTransfer(readout, 'outline', {}, nothing, nothing, 0, 0, True, held, dict.fromkeys(SIZES, 0.0))
@@ -275,10 +275,7 @@ def _left_over(response: AxisymmetricResponse, out: Presses, reach_mm: float) ->
 
 def _errors(errors: Float[np.ndarray, 'n 3']) -> Errors:
     """Of what is known; NaN of force or place where it is known of no press."""
-    of_force, of_place = (
-        Errors.of(known if len(known) else np.full((1, 3), np.nan))
-        for known in (errors[np.isfinite(errors[:, column])] for column in (2, 0))
-    )
+    of_force, of_place = (Errors.of(errors[np.isfinite(errors[:, column])]) for column in (2, 0))
     return replace(of_force, place_median_mm=of_place.place_median_mm)
 
 

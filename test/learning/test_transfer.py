@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -149,6 +150,50 @@ def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
 def test_presses_in_one_corner_are_refused(source: AxisymmetricReadout) -> None:
     with pytest.raises(DatasetError, match='press all over the surface'):
         transfer(source, other_gel(25, seed=3, reach_mm=3.0))
+
+
+def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(source: AxisymmetricReadout) -> None:
+    dataset = other_gel(25, seed=3)
+    for shown in (0, 11):
+        confidence = (np.arange(36) < shown).astype(np.float32).reshape(1, 6, 6)
+        with pytest.raises(DatasetError, match=f'in {shown} regions alone, and a place is read from 12 at least'):
+            transfer(source, dataclasses.replace(dataset, confidence=confidence))
+
+
+@pytest.mark.parametrize('wrong', [np.nan, np.inf])
+def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadout, wrong: float) -> None:
+    dataset = other_gel(25, seed=3)
+    features, told = dataset.features.copy(), dataset.presses.copy()
+    features[2, 1, 1, 0] = told[4, 3] = wrong
+    with pytest.raises(DatasetError, match='regions of 1 pictures moved by what is no number'):
+        transfer(source, dataclasses.replace(dataset, features=features))
+    with pytest.raises(DatasetError, match='place or force of 1 pictures of presses is no number'):
+        transfer(source, dataclasses.replace(dataset, presses=told))
+
+
+def test_a_region_without_markers_may_have_moved_by_what_is_no_number(source: AxisymmetricReadout) -> None:
+    dataset = other_gel(25, seed=3)
+    features, confidence = dataset.features.copy(), dataset.confidence.copy()
+    features[:, 0, 0], confidence[:, 0, 0] = np.nan, 0.0
+    made = transfer(source, dataclasses.replace(dataset, features=features, confidence=confidence))
+    assert made.after.place_median_mm < 0.1 * made.before.place_median_mm
+
+
+def test_a_gel_of_which_the_source_reads_nothing_is_calibrated_and_its_card_is_json(
+    source: AxisymmetricReadout,
+) -> None:
+    """The source knows the regions 0 to 19 of 36, the gel shows 12 to 35: eight in common, four too few."""
+    known, dataset, response = np.arange(36) < 20, other_gel(25, seed=3), source.response
+    part = dataclasses.replace(
+        source,
+        scaling=dataclasses.replace(source.scaling, trusted=known.astype(np.float32).reshape(6, 6)),
+        response=dataclasses.replace(response, places=response.places[known], couplings=response.couplings[known]),
+    )
+    shown = (np.arange(36) >= 12).astype(np.float32).reshape(1, 6, 6)
+    made = transfer(part, dataclasses.replace(dataset, confidence=shown))
+    told = json.loads(json.dumps(made.as_dict(), allow_nan=False))
+    assert told['before'] == {'force_rmse_n': None, 'force_median_n': None, 'place_median_mm': None}
+    assert told['after']['place_median_mm'] < 0.2
 
 
 def test_an_offset_that_few_presses_do_not_bear_out_is_no_reason_to_refuse() -> None:

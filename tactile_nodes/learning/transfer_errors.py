@@ -1,0 +1,33 @@
+"""How far off held-out presses are read, before a calibration and with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of held-out presses: root mean square and median of the force's error, median distance of the place.
+
+    NaN of none.
+    """
+
+    force_rmse_n: float
+    force_median_n: float
+    place_median_mm: float
+
+    @classmethod
+    def of(cls, errors: Float[np.ndarray, 'n 3']) -> Errors:
+        if not len(errors):
+            return cls(math.nan, math.nan, math.nan)
+        away = np.hypot(errors[:, 0], errors[:, 1])
+        off = np.abs(errors[:, 2])
+        return cls(float(np.sqrt(np.mean(off**2))), float(np.median(off)), float(np.median(away)))
+
+    def as_dict(self) -> dict[str, float | None]:
+        """For a model's card; JSON knows no NaN."""
+        return {name: value if math.isfinite(value) else None for name, value in asdict(self).items()}
