@@ -33,8 +33,9 @@ DONE = (RECORDED, VERIFIED)
 @dataclass(frozen=True)
 class Entry:
     """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
-    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag: to be done again), `suspect` (an
-    anchor after it lay elsewhere than the one before it: to be done again).
+    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag, or of a run before
+    one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
+    done again).
 
     `anchored`, of press 0, is a step of none: whatever was recorded until then, was at its place."""
 
@@ -94,6 +95,13 @@ class Journal:
         entry = Entry(press, attempt, step, stamp_ns, reason)
         self._write(entry.__dict__)
         self._take(entry)
+
+    def begin_anew(self, stamp_ns: int) -> int:
+        """Have every press done again, under another number than before; how many were done already."""
+        done = [entry for entry in self._last.values() if entry.step in DONE]
+        for entry in done:
+            self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was begun anew')
+        return len(done)
 
     def is_done(self, press: int) -> bool:
         """Whether a press needs no further attempt."""

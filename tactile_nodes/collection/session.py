@@ -44,6 +44,7 @@ class RigSettings(CollectionSettings):
     folder: str = parameter('collection', 'where the journal lies, and the bags that it is compared with')
     plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
     plan: PlanSettings = field(default_factory=PlanSettings)
+    anew: bool = parameter(False, 'do the whole plan again at each start, instead of what the journal leaves of it')
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
@@ -189,6 +190,12 @@ class Session:
     def _audit(self) -> None:
         if self._journal.repaired:
             self._log.warn(self._journal.repaired)
+        if self._settings.anew:
+            if done := self._journal.begin_anew(self._clock.now_ns()):
+                self._log.info(
+                    f'beginning plan {self.plan.plan_id} anew; {done} presses of runs before stay in their bags'
+                )
+            return
         found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
         if self._journal.done or missing:
             self._log.info(

@@ -39,6 +39,19 @@ def test_press_that_was_only_started_is_done_again_under_another_number(file: Pa
         assert journal.next_attempt(3) == 2
 
 
+def test_a_plan_that_is_begun_anew_is_done_whole_again_under_other_numbers(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        for press, step in ((1, RECORDED), (2, VERIFIED), (3, STARTED)):
+            journal.note(press, 1, STARTED, 10)
+            journal.note(press, 1, step, 20)
+    with Journal(file, PLAN) as journal:
+        assert journal.begin_anew(30) == 2
+        assert numbers(journal) == [1, 2, 3, 4, 5]
+        assert [journal.next_attempt(press) for press in (1, 2, 3, 4)] == [2, 2, 2, 1]
+    with Journal(file, PLAN) as journal:
+        assert journal.done == 0
+
+
 def test_press_is_given_up_after_so_many_rejections_until_the_next_run(file: Path) -> None:
     with Journal(file, PLAN) as journal:
         for attempt in (1, 2, 3):

@@ -19,6 +19,7 @@ from tactile_nodes.bus.runtime import run_until
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
+from tactile_nodes.collection.journal import STARTED, VERIFIED, Journal
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
@@ -236,3 +237,18 @@ def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessB
 def test_plan_file_that_is_none_is_one_sentence(bus: InProcessBus, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'nowhere\.yaml'):
         RigNode(bus, arguments(tmp_path, 'plan_file: nowhere.yaml'), SystemClock())
+
+
+@pytest.mark.parametrize(('anew', 'done'), [('false', 1), ('true', 0)])
+def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
+    bus: InProcessBus, tmp_path: Path, anew: str, done: int
+) -> None:
+    first = RigNode(bus, arguments(tmp_path), SystemClock())
+    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
+    first.close()
+    with Journal(file, plan) as journal:
+        for step in (STARTED, VERIFIED):
+            journal.note(1, 1, step, 10)
+    again = RigNode(bus, arguments(tmp_path, f'anew: {anew}'), SystemClock())
+    assert again._session.campaign.progress.done == done
+    again.close()
