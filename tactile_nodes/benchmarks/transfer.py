@@ -21,7 +21,19 @@ import numpy as np
 
 from tactile_nodes import clock
 from tactile_nodes.benchmarks.report import keep, surroundings
-from tactile_nodes.benchmarks.transfer_scores import Score, score
+from tactile_nodes.benchmarks.transfer_page import draw, page
+from tactile_nodes.benchmarks.transfer_scores import (
+    ALONE,
+    AS_IT_IS,
+    CALIBRATED,
+    COUNTS,
+    MANY,
+    OWN_GEL,
+    PICTURES,
+    TRAINED,
+    Score,
+    score,
+)
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, TESTED_SEED, other_gel
 
@@ -35,15 +47,9 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.response_readout import ResponseReadout
     from tactile_nodes.simulation.gel import Gel
 
-PICTURES = 8
-"""Of each press to calibrate by: as many as config/calibrate.yaml has the rig take."""
 TEST_FRAMES, TEST_SEED, UNTOUCHED = 1500, 5003, 20
 """A fifth of the frames are without contact, all others are tested; nothing was learned from presses of this seed."""
-COUNTS = 10, 25, 50, 100
-OWN_GEL = -1
-"""The number of the model's own gel."""
-AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
-TRAINED, TRAINED_PRESSES, TRAINED_SEED = 'trained on it', 3000, 5005
+TRAINED_PRESSES, TRAINED_SEED = 3000, 5005
 """On the very gel, by so many presses anywhere; at other places than those tested."""
 LEAST_TRAINED, TRAINED_UNTOUCHED = 150, 40
 """About so many frames are without contact at least."""
@@ -78,7 +84,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep."""
-    from tactile_nodes.benchmarks.transfer_page import draw, page
     from tactile_nodes.learning.evaluate import config_of
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model, load_model

@@ -9,8 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes.benchmarks.report import machine_and_commit, table
-from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, COUNTS, MANY, OWN_GEL, PICTURES, TRAINED
-from tactile_nodes.benchmarks.transfer_scores import COMPARED, MEASURES, PLACEMENTS, Ratio, Score, ratio
+from tactile_nodes.benchmarks.transfer_scores import (
+    ALONE,
+    AS_IT_IS,
+    CALIBRATED,
+    COMPARED,
+    COUNTS,
+    MANY,
+    MEASURES,
+    OWN_GEL,
+    PICTURES,
+    PLACEMENTS,
+    TRAINED,
+    Ratio,
+    Score,
+    ratio,
+)
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.gel import Gel

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.dataset import Dataset
     from tactile_nodes.sensing.readout_arrays import AnyReadout
 
+COUNTS, PICTURES = (10, 25, 50, 100), 8
+"""Presses to calibrate by, and pictures of each: as many as config/calibrate.yaml has the rig take."""
+AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
+TRAINED = 'trained on it'
+OWN_GEL = -1
+"""The number of the model's own gel."""
 MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'placed_armse_n', 'd_loc_mm', 'rmse_mc_n')
 COMPARED = {'force': 'force_rmse_n', 'place': 'place_median_mm', 'aRMSE': 'placed_armse_n'}
 """What is told in times the source's own; in the order of `Score.drawn`."""

@@ -7,8 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks.transfer import ALONE, AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, _planned, _tested, measure
-from tactile_nodes.benchmarks.transfer_scores import PLACEMENTS, Ratio, Score, draws, placed_squares, ratio
+from tactile_nodes.benchmarks.transfer import _planned, _tested, measure
+from tactile_nodes.benchmarks.transfer_scores import (
+    ALONE,
+    AS_IT_IS,
+    CALIBRATED,
+    OWN_GEL,
+    PLACEMENTS,
+    TRAINED,
+    Ratio,
+    Score,
+    draws,
+    placed_squares,
+    ratio,
+)
 from tactile_nodes.learning import axisymmetric_fit
 from tactile_nodes.learning.evaluate import config_of
 from tactile_nodes.learning.progress import Progress
