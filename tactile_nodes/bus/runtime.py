@@ -11,6 +11,7 @@ import threading
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from queue import SimpleQueue
 from types import FrameType
 
 from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
@@ -141,14 +142,19 @@ def _close(node: Node) -> None:
 
 
 class _Ending:
-    """The end of the process: asked for once, forced the second time or when it takes too long."""
+    """The end of the process: asked for once, forced the second time or when it takes too long.
+
+    A signal interrupts whatever the main thread does, also where that holds a lock. So to ask takes none; a thread
+    waits for it.
+    """
 
     def __init__(self, within_s: float) -> None:
         self.done = threading.Event()
+        self._asked: SimpleQueue[None] = SimpleQueue()
+        self._over = threading.Event()
         self._since_s = 0.0
         self._within_s = within_s
-        self._watchdog = threading.Timer(within_s, self._give_up)
-        self._watchdog.daemon = True
+        threading.Thread(target=self._end, name='ending', daemon=True).start()
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         del frame
@@ -159,20 +165,22 @@ class _Ending:
 
     def begin(self) -> None:
         """From now on it must not take long."""
-        self.done.set()
-        if not self._since_s:
-            self._since_s = monotonic_s()
-            self._watchdog.start()
+        self._since_s = self._since_s or monotonic_s()
+        self._asked.put(None)
 
     def over(self, nodes: Sequence[Node]) -> None:
         """All is closed, in time; only a callback that does not return can still keep the process from ending."""
         if not any(node.spinning for node in nodes):
-            self._watchdog.cancel()
+            self._over.set()
+            self._asked.put(None)
 
-    def _give_up(self) -> None:
-        sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
-        sys.stderr.flush()
-        os._exit(1)
+    def _end(self) -> None:
+        self._asked.get()
+        self.done.set()
+        if not self._over.wait(self._within_s):
+            sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
+            sys.stderr.flush()
+            os._exit(1)
 
 
 def _made(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:

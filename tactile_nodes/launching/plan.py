@@ -17,6 +17,7 @@ class ProcessPlan:
         respawn_max_retries: how often to start it again; below zero without end.
         required: the launch ends with it; if `respawn` too, only when it ends by itself, fails soon after its start, or
             fails in a way that a person has to see to (`errors.NOT_AGAIN`).
+        holds_sigint: begin with SIGINT blocked, so that it waits until the program is ready for it and lets it in.
         sigterm_timeout: seconds from SIGINT to SIGTERM, as the text in which it was given.
         sigkill_timeout: seconds from SIGTERM to SIGKILL, likewise.
     """
@@ -32,6 +33,7 @@ class ProcessPlan:
     respawn_delay_s: float
     respawn_max_retries: int
     required: bool
+    holds_sigint: bool
     sigterm_timeout: str
     sigkill_timeout: str
 

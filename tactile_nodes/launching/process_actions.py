@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from tactile_nodes.launching.interpreter import Interpreter
 
 _TIMEOUT_S = '5'
+_BECOME_THE_PROGRAM = {'chrt', 'ionice', 'nice', 'taskset'}
+"""Prefixes that are gone once the program runs; others, such as debuggers, need their signals themselves."""
 _OUTPUTS = {'log', 'screen', 'both', 'own_log', 'full'}
 
 
@@ -41,10 +43,16 @@ class ProcessOptions:
     sigterm_timeout_s: float | None
     sigkill_timeout_s: float | None
 
-    def plan(self, run: Interpreter, command: list[str], label: str | None, needed: Mapping[str, str]) -> ProcessPlan:
-        """The process to start, from its words; `needed` is added to its environment."""
+    def plan(
+        self, run: Interpreter, command: list[str], label: str | None, needed: Mapping[str, str], *, ours: bool = False
+    ) -> ProcessPlan:
+        """The process to start, from its words; `needed` is added to its environment.
+
+        A program of `ours` lets SIGINT in when it is ready for it (`tactile_nodes.nodes`).
+        """
         context = run.context
-        words = self._prefix(context, command[0]) + command
+        prefix = self._prefix(context, command[0])
+        words = prefix + command
         return ProcessPlan(
             name=run.next_name(label or Path(words[0]).name),
             command=tuple(words),
@@ -57,6 +65,7 @@ class ProcessOptions:
             respawn_delay_s=self.respawn_delay_s,
             respawn_max_retries=self.respawn_max_retries,
             required=self.required,
+            holds_sigint=ours and not self.shell and (not prefix or Path(prefix[0]).name in _BECOME_THE_PROGRAM),
             sigterm_timeout=_timeout(context, 'sigterm_timeout', self.sigterm_timeout_s),
             sigkill_timeout=_timeout(context, 'sigkill_timeout', self.sigkill_timeout_s),
         )
@@ -120,7 +129,8 @@ class Node:
         if self.ros_arguments is not None:
             words += ['--ros-args', *(word.evaluate(context) for word in self.ros_arguments)]
         words += ['--ros-args', *self._ros_arguments(run)]
-        run.start(self.options.plan(run, words, self._label(context, program), packages.source_environment(program)))
+        needed, ours = packages.source_environment(program), self._is_ours(context, program)
+        run.start(self.options.plan(run, words, self._label(context, program), needed, ours=ours))
 
     def program(self, context: Context) -> list[str]:
         """The words that start the executable: nearly always one, its path."""
@@ -128,6 +138,10 @@ class Node:
         if self.package is None:
             return [executable]
         return packages.command_of(self.package.evaluate(context), executable, context.environment)
+
+    def _is_ours(self, context: Context, program: list[str]) -> bool:
+        named = self.package is not None and self.package.evaluate(context) == packages.OWN
+        return named and program[-1].endswith('_node')
 
     def _label(self, context: Context, program: list[str]) -> str | None:
         if self.label is not None:

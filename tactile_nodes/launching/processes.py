@@ -7,7 +7,8 @@ import pty
 import signal
 import subprocess
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -45,16 +46,17 @@ class Child:
         open_pair = pty.openpty if plan.emulate_tty else os.pipe
         outputs = [open_pair(), open_pair()]
         try:
-            self._process = subprocess.Popen(
-                ' '.join(plan.command) if plan.shell else plan.command,
-                shell=plan.shell,
-                cwd=plan.cwd,
-                env=_environment(plan, mark, log.folder),
-                stdin=subprocess.PIPE,
-                stdout=outputs[0][1],
-                stderr=outputs[1][1],
-                start_new_session=True,
-            )
+            with _blocked({signal.SIGINT} if plan.holds_sigint else set()):
+                self._process = subprocess.Popen(
+                    ' '.join(plan.command) if plan.shell else plan.command,
+                    shell=plan.shell,
+                    cwd=plan.cwd,
+                    env=_environment(plan, mark, log.folder),
+                    stdin=subprocess.PIPE,
+                    stdout=outputs[0][1],
+                    stderr=outputs[1][1],
+                    start_new_session=True,
+                )
         except ValueError as error:  # a null byte in a word or variable
             _close(reading for reading, _ in outputs)
             raise OSError(0, str(error)) from error
@@ -107,6 +109,16 @@ class Child:
 
     def _group(self) -> set[int]:
         return orphans.group(self.pid)
+
+
+@contextmanager
+def _blocked(numbers: set[signal.Signals]) -> Iterator[None]:
+    """A process that is started meanwhile begins with these signals blocked: it inherits the mask of this thread."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:

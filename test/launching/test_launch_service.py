@@ -2,9 +2,11 @@
 
 import re
 import threading
+from pathlib import Path
 
 import pytest
 
+from tactile_nodes import paths
 from tactile_nodes.launching import orphans
 from tactile_nodes.launching.service import LaunchService
 
@@ -401,3 +403,21 @@ def test_signals_reach_the_whole_group(launch, program):
         """)
     _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n', {'] ready': stop})
     assert '[program-1] child got it' in shown
+
+
+@pytest.mark.parametrize('prefix', ['', ', launch-prefix: nice -n 1'])
+def test_a_node_of_ours_that_is_asked_to_end_at_once_ends_cleanly(launch, prefix):
+    """Python itself takes SIGINT long before a line of the program runs, and answers with a traceback."""
+    actions = f'- node: {{pkg: tactile_nodes, exec: recorder_node, output: screen{prefix}}}\n'
+    source = str(Path(paths.__file__).parent.parent)
+    status, shown, _ = launch(actions, {'process started with pid': stop}, environment={'PYTHONPATH': source})
+    assert status == 0
+    assert 'process has finished cleanly' in shown[-1]
+    assert 'Traceback' not in ' '.join(shown)
+
+
+@pytest.mark.parametrize('options', ['', ', launch-prefix: env'])
+def test_other_programs_and_prefixes_have_their_signals_from_the_start(launch, program, options):
+    path = program('import signal; print("blocked:", *signal.pthread_sigmask(signal.SIG_BLOCK, []))')
+    _, shown, _ = launch(f'- node: {{exec: {path}, output: screen{options}}}\n')
+    assert any(line.endswith('blocked:') for line in shown)

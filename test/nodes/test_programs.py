@@ -18,6 +18,20 @@ def test_a_program_that_is_asked_to_end_while_it_imports_ends_quietly(name: str)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
 
 
+def test_a_program_ends_although_it_is_asked_where_no_exception_gets_out() -> None:
+    """As in the callbacks of weak references, of which every import has one."""
+    code = (
+        'import os, signal, sys, weakref; sys.argv = ["/bin/camera_node"]; import tactile_nodes.nodes\n'
+        'class Thing: pass\n'
+        'thing = Thing()\n'
+        'kept = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT) or len("handled here"))\n'
+        'del thing\n'
+        'print("went on")'
+    )
+    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, '', '')
+
+
 def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
     code = (
         'import signal; before = signal.getsignal(signal.SIGINT); import tactile_nodes.nodes; '
