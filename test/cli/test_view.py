@@ -89,7 +89,7 @@ def test_ctrl_c_ends_the_view_with_a_summary(other: ZmqBus, run_folder: Path, re
         assert process.stderr.read() == ''
     assert ' fps' in first
     assert 'frames in' in rest
-    assert took_s < 1.0  # 0.2 s on a machine that does nothing else
+    assert took_s < 3.0  # 0.2 s on a machine that does nothing else, 1.5 s on one with ten times its work
 
 
 def test_bytes_that_are_no_force_are_counted(other: ZmqBus) -> None:
