@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import sys
 from pathlib import Path
@@ -89,7 +90,9 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
     print(f'{arguments.output}: model {model_id}, from {made.weights} weights at unknown places, {made.pens} pens')
     print(f'form {made.reason}')
     for when, errors in (('before', made.before), ('after', made.after)):
-        print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (nan: not known)')
+        force, place = errors.force_rmse_n, errors.place_median_mm
+        unknown = '' if math.isfinite(force + place) else ' (nan: not known)'
+        print(f'{when}: force RMSE {force:.4f} N, place {place:.3f} mm{unknown}')
     return 0
 
 

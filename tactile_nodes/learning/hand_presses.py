@@ -145,7 +145,8 @@ def outline_between(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w']) -> Outl
     """How the gel's outline maps from the model's rest image to this one, or why that cannot be told."""
     known = source_rest(loaded, rest)
     if known is None:
-        return 'the model has no rest image of its gel'
+        height, width = rest.shape
+        return f'the model has no rest image of its gel in {width}x{height} pixels, as the pictures are'
     side = min(*known.shape, *rest.shape)
     if known.shape != rest.shape:
         known, rest = (np.ascontiguousarray(centre_crop(each, side, side)) for each in (known, rest))

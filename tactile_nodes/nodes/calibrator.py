@@ -42,6 +42,7 @@ class CalibratorNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
+        self._closing = False
         self._session = CalibrationSession(self.params, self._tell)
         self._rig = RigPresses(self._stop_rig)
         estimator = self.params.estimator
@@ -58,6 +59,7 @@ class CalibratorNode(Node):
         self.post(self._thread.start)  # after the latched messages that are there already
 
     def on_close(self) -> None:
+        self._closing = True
         self._rig.end()
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)
@@ -67,7 +69,9 @@ class CalibratorNode(Node):
         error = self._session.attempt(
             lambda: BagPresses([Path(bag)], tell=self._tell) if bag else self._rig, self._live
         )
-        if error:
+        if error and self._closing:  # the presses ended because somebody ended this node
+            self.log.info(f'ended before there was a calibration: {error}')
+        elif error:
             self.fail('calibration', error)
         elif not self.params.stay:
             self.stop()

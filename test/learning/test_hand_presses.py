@@ -64,6 +64,11 @@ def test_two_rest_images_alone_make_a_model_that_says_what_it_does_not_know(fold
     assert told['after']['force_rmse_n'] is None
 
 
+def test_why_pictures_of_another_size_cannot_be_compared_with_a_simulated_gel_is_told() -> None:
+    told = outline_between(load_model(find_model('portable')), np.zeros((440, 440), np.uint8))
+    assert told == 'the model has no rest image of its gel in 440x440 pixels, as the pictures are'
+
+
 def test_the_outline_of_a_gel_whose_camera_is_aside_is_seen_aside(folder: Path) -> None:
     # In the middle 1 mm is 290 / 19.25 = 15 px at half the depth of the markers, and about half of that at the edges.
     found = outline_between(load_model(find_model('portable')), HandPresses.read(folder / 'rest.csv').rest_picture)

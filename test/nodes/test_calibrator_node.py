@@ -226,3 +226,15 @@ def test_a_file_that_cannot_be_written_is_said_before_anything_is_pressed(
 def test_the_model_to_begin_with_is_not_to_be_replaced(make: Callable[..., CalibratorNode], first_model: Path) -> None:
     with pytest.raises(ConfigurationError, match='is read for it'):
         make(output=first_model)
+
+
+def test_a_calibrator_that_somebody_ends_before_there_are_enough_presses_has_not_failed(
+    make: Callable[..., CalibratorNode],
+) -> None:
+    node = make()
+    run(node)
+    assert node._thread.is_alive()
+    node.close()
+    node._thread.join(5.0)
+    assert not node._thread.is_alive()
+    assert node.failure is None
