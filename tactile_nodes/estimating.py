@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import deque
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,6 +28,8 @@ from tactile_nodes.sensing.stamped import ByStamp
 from tactile_nodes.sensing.steady_force import SteadyForce
 
 FORCE = types.ForceDistribution
+MOST_EARLIER = 16
+"""Models to go back to that stay in memory; further back by what the cards of the files say."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,29 @@ class Inputs:
         layout = FeatureLayout(message.encoding, message.rows, message.cols, message.channels)
         return cls(message.method, layout, (message.image_width, message.image_height))
 
-    def __str__(self) -> str:
+    @property
+    def pixels(self) -> str:
+        """The size of the images in words."""
         width, height = self.image_size
-        return f'{self.layout} by {self.method} in {width}x{height} pixels'
+        return f'{width}x{height} pixels'
+
+    def unlike(self, found: Inputs) -> str:
+        """What of these is needed and comes in otherwise: '440x440 pixels and not 400x400 pixels', or nothing."""
+        pairs = (
+            (f'{self.layout}', f'{found.layout}'), _told_apart(self.method, found.method),
+            (self.pixels, found.pixels),
+        )  # fmt: skip
+        return ', '.join(f'{mine} and not {other}' for mine, other in pairs if mine != other)
+
+
+def _told_apart(method: str, other: str) -> tuple[str, str]:
+    """Two flows, 'name(option=1, other=2)', with only the options in which they differ, if that is all."""
+    (name, *options), (other_name, *other_options) = (re.split('[(,)] ?', each) for each in (method, other))
+    if name != other_name or len(options) != len(other_options):
+        return f'the flow {method}', other
+    unlike = [pair for pair in zip(options, other_options, strict=True) if pair[0] != pair[1]]
+    needed, found = (', '.join(pair[side] for pair in unlike) for side in (0, 1))
+    return f'the flow {name} with {needed}' if needed else found, found
 
 
 @dataclass(frozen=True)
@@ -142,7 +166,7 @@ class Estimating:
 
     def __init__(self, name: str) -> None:
         self.now = Ready.read(name)
-        self._earlier: list[Ready] = []
+        self._earlier: deque[Ready] = deque(maxlen=MOST_EARLIER)
         self._back: Ready | None = None
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
@@ -160,8 +184,8 @@ class Estimating:
         known = self.now.inputs if last is None or last.finer else Inputs.of_message(last)
         if ready.inputs != known:
             raise ModelError(
-                f'model {name} needs {ready.inputs}, and what comes in is {known}; choose a model of these features, '
-                'or start flow features and force estimator with that one'
+                f'model {name} needs other features than come in: {ready.inputs.unlike(known)}; choose a model of '
+                'features that do, or start flow features and force estimator with that one'
             )
         return ready
 

@@ -12,7 +12,7 @@ import pytest
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
-from tactile_nodes.estimating import Estimating
+from tactile_nodes.estimating import MOST_EARLIER, Estimating
 from tactile_nodes.force_status import told_sigma_n
 from tactile_nodes.messages import types
 from tactile_nodes.methods import told
@@ -136,8 +136,23 @@ def test_a_model_takes_over_while_pictures_are_measured_finer() -> None:
     estimating = Estimating('fast')
     estimating.answer(finer_features(0.5), '', 0.85, 0.0)
     assert estimating.prepared('fast').inputs == estimating.now.inputs
-    with pytest.raises(ModelError, match='what comes in'):
+    with pytest.raises(ModelError, match=r': 20x20 regions .* and not 10x10 .* with rows=20, ') as refused:
         estimating.prepared('portable')
+    assert '440x440' not in str(refused.value)  # in which both are alike
+
+
+def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
+    estimating = Estimating('fast')
+    models = [replace(estimating.now, name=f'{number}') for number in range(MOST_EARLIER + 5)]
+    for model in models:
+        estimating.take(model)
+    back = []
+    for _ in range(MOST_EARLIER):
+        back.append(estimating.previous())
+        estimating.take(back[-1])
+    assert back == models[-2 : -MOST_EARLIER - 2 : -1]
+    with pytest.raises(ModelError, match='nothing to return to'):
+        estimating.previous()
 
 
 def changed(seen: types.FlowFeatures, **fields: object) -> types.FlowFeatures:

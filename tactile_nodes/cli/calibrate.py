@@ -58,6 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
     model = find_model(arguments.model)
     check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
+    if not (arguments.gel or arguments.dataset):
+        progress.say('the model will not say which gel it is for; name that with --gel')
     if arguments.pictures:
         return _of_pictures(arguments, progress, command)
     model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)

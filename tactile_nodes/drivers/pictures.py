@@ -21,9 +21,13 @@ def read_grey(file: str | Path) -> Picture:
     """
     if not str(file):
         raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
-    picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    try:
+        data = np.frombuffer(Path(file).read_bytes(), np.uint8)
+    except OSError as error:
+        raise ConfigurationError(f'cannot read the picture {file} ({error.strerror}); check the path') from error
+    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if picture is None:
-        raise ConfigurationError(f'cannot read the picture {file}; check the path, and that it is a PNG or the like')
+        raise ConfigurationError(f'cannot read the picture {file}; it is no PNG or the like')
     return np.asarray(picture, np.uint8)
 
 

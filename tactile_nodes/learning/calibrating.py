@@ -120,11 +120,13 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     Raises:
         DatasetError: none follows from them; says why.
     """
+    before = calibrator.made
     calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
     calibrator.require_live_gel()
     if calibrator.made is None:
         raise DatasetError(calibrator.objection)
-    tell(fit_line(calibrator))
+    if calibrator.made is not before:  # or the last line was this one
+        tell(fit_line(calibrator))
     return calibrator.made
 
 

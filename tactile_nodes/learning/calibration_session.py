@@ -92,7 +92,7 @@ class CalibrationSession:
             live.use(file)
             self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')
         else:
-            self._tell(f'no force estimator runs here; start it with model:={file}')
+            self._tell(f'no force estimator runs here; to sense with it: tactile launch live model:={file}')
         return file
 
     @property
@@ -114,8 +114,8 @@ class CalibrationSession:
         needed, found = Inputs.of_model(self._source.loaded), Inputs.of_message(message)
         if needed != found:
             raise ModelError(
-                f'model {self._settings.model} needs {needed}, and the running sensor measures {found}; start it with '
-                'that model, or calibrate one of these features'
+                f'model {self._settings.model} needs other features than the running sensor measures: '
+                f'{needed.unlike(found)}; start the sensor with that model, or calibrate one that reads its features'
             )
 
     def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:

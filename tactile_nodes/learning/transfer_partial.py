@@ -25,7 +25,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_calibration import cautious
 from tactile_nodes.learning.transfer_checks import LEAST_PRESSES
 from tactile_nodes.learning.transfer_errors import Errors
-from tactile_nodes.learning.transfer_fit import FOLDS, WORTH, OtherGel, live_errors
+from tactile_nodes.learning.transfer_fit import WORTH, OtherGel, folds_of, live_errors, told_reason
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
@@ -73,8 +73,8 @@ class PartialTransfer:
 
     @property
     def reason(self) -> str:
-        """The form, and what the calibration does not know."""
-        return '; '.join([self.form, *self.held])
+        """The form and why this one, and what the calibration does not know."""
+        return '; '.join([told_reason(self.form, self.misfits), *self.held])
 
     def as_dict(self) -> dict[str, Any]:
         """What a model's card says of it; None of what no press told."""
@@ -206,7 +206,7 @@ class _Gel:
     def held(self) -> tuple[str, ...]:
         """What no press tells, in sentences."""
         hardness = () if self._tells_force(self.presses) else (HARDNESS_HELD,)
-        return hardness if self.outline or self._places(self.presses) >= LEAST_PLACES else (*hardness, PLACES_HELD)
+        return hardness if self.outline or _places(self.presses.contacts) >= LEAST_PLACES else (*hardness, PLACES_HELD)
 
     def readout(self, response: AxisymmetricResponse) -> AxisymmetricReadout:
         """The known gel's readout with another response."""
@@ -220,14 +220,9 @@ class _Gel:
     def _tells_force(presses: Presses) -> bool:
         return bool(np.isfinite(presses.contacts[:, 2]).any())
 
-    @staticmethod
-    def _places(presses: Presses) -> int:
-        known = presses.contacts[np.isfinite(presses.contacts[:, 0]), :2]
-        return len(np.unique(known, axis=0))
-
     def whole(self, presses: Presses, begin: PartialFit | None = None) -> PartialFit:
         """What differs as a whole, of the numbers that these presses tell."""
-        placed = self._places(presses) >= LEAST_PLACES
+        placed = _places(presses.contacts) >= LEAST_PLACES
         kept = {*(() if self._tells_force(presses) else HARDNESS), *(() if placed or self.outline else SHIFT)}
         free = tuple(name for name in SIZES if name not in kept)
         sizes = SEEN_OUTLINE if self.outline and not placed else {}
@@ -249,12 +244,12 @@ class _Gel:
         self, whole: PartialFit
     ) -> tuple[dict[str, float], dict[str, list[tuple[AxisymmetricResponse, np.ndarray]]]]:
         """Each form's misfit on held-out presses, and its response without each fold beside that fold's samples."""
-        fold = np.arange(len(self.presses)) % FOLDS
+        fold = folds_of_partial(self.presses.contacts)
         made: dict[str, list[tuple[AxisymmetricResponse, np.ndarray]]] = {'whole': []}
         left: dict[str, list[np.ndarray]] = {'whole': []}
         if len(self.presses) >= REGIONS_FROM:
             made['regions'], left['regions'] = [], []
-        for number in range(FOLDS):
+        for number in np.unique(fold):
             rest, out = self.presses.take(fold != number), self.presses.take(fold == number)
             begin = PartialFit(whole.whole, whole.contacts[fold != number])
             fit = self.whole(rest, begin)
@@ -263,6 +258,18 @@ class _Gel:
                 responses.append((response, self.other.rows[fold == number]))
                 left[form].append(_left_over(response, out, self.other.source.correction.reach_mm))
         return {form: float(np.sqrt(np.mean(np.concatenate(each)))) for form, each in left.items()}, made
+
+
+def folds_of_partial(contacts: Float[np.ndarray, 'n 3']) -> np.ndarray:
+    """A number of 0 to 4 for each press; those at one known place have the same, unless too few places would remain."""
+    together = np.isfinite(contacts[:, :1]) & (_places(contacts) > LEAST_PLACES)
+    each = np.broadcast_to(1e3 + np.arange(len(contacts))[:, None], contacts.shape)  # a place of its own, far away
+    return folds_of(np.where(together, contacts, each))
+
+
+def _places(contacts: Float[np.ndarray, 'n 3']) -> int:
+    """How many places are known."""
+    return len(np.unique(contacts[np.isfinite(contacts[:, 0]), :2], axis=0))
 
 
 def _left_over(response: AxisymmetricResponse, out: Presses, reach_mm: float) -> np.ndarray:

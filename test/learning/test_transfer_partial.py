@@ -24,6 +24,7 @@ from tactile_nodes.learning.transfer_partial import (
     REGION_TURNS,
     as_pens,
     as_weights,
+    folds_of_partial,
     replace_presses,
     transfer_outline,
     transfer_partial,
@@ -144,6 +145,24 @@ def test_pictures_of_one_hold_are_one_weight(source: AxisymmetricReadout) -> Non
     held = dataclasses.replace(single.take(rows), hold=rows)
     assert transfer_partial(source, as_weights(held, 0.5)).weights == 10
     assert transfer_partial(source, as_pens(held)).pens == 10
+
+
+def test_pens_at_one_place_are_held_out_together() -> None:
+    # Four places, of which the first was pressed twice more, and two weights somewhere.
+    places = np.array([[0, 0], [5, 0], [0, 5], [0, 0], [5, 5], [0, 0], [np.nan, np.nan], [np.nan, np.nan]])
+    contacts = np.column_stack([places, np.full(8, 0.5)])
+    assert folds_of_partial(contacts).tolist() == [0, 1, 2, 0, 3, 0, 4, 0]
+
+
+def test_presses_at_three_places_are_held_out_one_by_one_since_two_places_fix_no_camera() -> None:
+    contacts = np.array([[0, 0, 1], [5, 0, 1], [0, 5, 1], [0, 0, 1], [5, 0, 1], [0, 5, 1]], float)
+    assert folds_of_partial(contacts).tolist() == [0, 1, 2, 3, 4, 0]
+
+
+def test_a_calibration_says_why_it_took_its_form(source: AxisymmetricReadout) -> None:
+    assert transfer_partial(source, as_pens(scattered(6, seed=3))).reason.startswith('whole: too few presses')
+    reason = transfer_partial(source, as_pens(scattered(10, seed=3))).reason
+    assert 'of held-out presses unexplained; ' + HARDNESS_HELD in reason
 
 
 def test_a_gel_that_shows_no_markers_is_refused(source: AxisymmetricReadout) -> None:

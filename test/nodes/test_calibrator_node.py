@@ -170,7 +170,8 @@ def test_a_sensor_with_other_features_is_refused_before_anything_is_pressed(
     node, source = make(), publisher(topics.FLOW_FEATURES)
     source.publish(dataclasses.replace(features(first_model), method='dis(preset=medium)'))
     run(node)
-    assert 'the running sensor measures 20x20 regions of cartesian_mean' in str(node.failure)
+    assert 'than the running sensor measures: the flow inverse_comp' in str(node.failure)
+    assert ' and not dis(preset=medium);' in str(node.failure)
 
 
 def test_a_calibration_from_a_bag_leaves_a_running_rig_alone(

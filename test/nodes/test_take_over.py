@@ -172,8 +172,11 @@ def test_undo_refuses_a_file_that_holds_another_model_by_now(
 @pytest.mark.parametrize(
     ('card', 'said'),
     [
-        ({'flow': {'name': 'dis', 'options': {'preset': 'medium'}}}, 'preset=medium'),
-        ({'crop_px': 240}, 'in 240x240 pixels'),
+        (
+            {'flow': {'name': 'dis', 'options': {'preset': 'medium'}}},
+            ': the flow dis with preset=medium and not preset=ultrafast;',
+        ),
+        ({'crop_px': 240}, ': 240x240 pixels and not 160x160 pixels;'),
     ],
 )
 def test_a_model_of_other_features_is_refused_and_the_one_in_use_stays(
