@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tactile_nodes.drivers.pictures import read_grey
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.fixed_reference_patches import moved_image
@@ -30,6 +31,7 @@ DEPTHS_MM = {
 }
 RIGID_PX = (0.02, 0.1, 0.5, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0)
 DEEP_PX = ((3.0, 40.0), (6.0, 40.0), (12.0, 40.0), (10.0, 60.0), (20.0, 60.0), (30.0, 90.0))
+SPECKLE_REST = '00'
 SPECKLE_PX = {'04': 0.4, '08': 0.8, '10': 1.0, '25': 25.0, '50': 50.0}
 
 Truth = tuple[np.ndarray, np.ndarray]
@@ -169,20 +171,20 @@ def known_shifts(folder: Path) -> dict[str, Iterator[Case]]:
     """Computer-made speckle, moved right and up by commanded shifts.
 
     Raises:
-        ConfigurationError: the folder does not hold the images.
+        ConfigurationError: the folder does not hold the images; one of them is none.
     """
+    for frame in (SPECKLE_REST, *SPECKLE_PX):
+        if not (file := _speckle_file(folder, frame)).is_file():  # before anything is measured
+            raise ConfigurationError(f'there is no speckle image {file}; give --speckle the folder dic_rigid_shift')
     return {f'speckle moved by {size:g} px': _speckle(folder, frame, size) for frame, size in SPECKLE_PX.items()}
 
 
 def _speckle(folder: Path, frame: str, size: float) -> Iterator[Case]:
-    rest, image = (_read(folder / f'rigid_cam0_frame{each}.tiff') for each in ('00', frame))
+    rest, image = (read_grey(_speckle_file(folder, each)) for each in (SPECKLE_REST, frame))
     motion = np.empty((*rest.shape, 2), np.float32)
     motion[:] = size, -size
     yield Case(rest, image, partial(_means, motion, 60))
 
 
-def _read(file: Path) -> np.ndarray:
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise ConfigurationError(f'cannot read the speckle image {file}; give --speckle the folder dic_rigid_shift')
-    return image
+def _speckle_file(folder: Path, frame: str) -> Path:
+    return folder / f'rigid_cam0_frame{frame}.tiff'

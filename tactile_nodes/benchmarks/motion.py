@@ -116,6 +116,7 @@ def measure(
     Raises:
         ConfigurationError: the folder of speckle does not hold the images.
     """
+    shifted = known_shifts(speckle) if speckle else {}
     about = surroundings(command)
     one_thread()
     sensor = Sensor()
@@ -129,8 +130,7 @@ def measure(
             for low, high in bands
         },
     }
-    if speckle:
-        shifted = known_shifts(speckle)
+    if shifted:
         result['speckle'] = {name: _summaries(_errors(ways, cases)) for name, cases in _told(shifted, progress)}
     times = {name: float(np.median(each.cpu_ms)) for name, each in moved['moved by 2 px'].items()}
     return {**about, 'threads': 1, 'sizes_px': SIZES_PX, 'cpu_ms': times, **result}
