@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -43,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep; 1 if something leaked or did not answer."""
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     cv2.setNumThreads(1)
     for name in ('hours', 'seconds', 'every'):
         if not getattr(arguments, name) > 0:

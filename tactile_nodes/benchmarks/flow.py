@@ -8,7 +8,6 @@ computer-made speckle with commanded shifts. Methods take turns on every image, 
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -74,7 +73,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print the tables, and keep the numbers if asked."""
     if arguments.presses < 1:
         raise ConfigurationError(f'--presses must be at least 1, got {arguments.presses}')
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     cv2.setNumThreads(1)
     sensor = Sensor()
     sets: dict[str, Iterable[Case]] = {

@@ -9,7 +9,6 @@ grows by. The front is of those that no other beats in both time and error. All 
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -47,7 +46,6 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.benchmarks.front_page import draw, page
     from tactile_nodes.learning.progress import TerminalProgress
 
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     plan = _plan(arguments)
     ways = [way for way in WAYS if (arguments.only or '') in way.name and (plan.slow or not way.slow)]
     if not ways:

@@ -15,7 +15,6 @@ and the status of every message. Everything is simulation; docs/results/stabilit
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -55,7 +54,6 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.benchmarks.stability_page import page
     from tactile_nodes.benchmarks.stability_plots import draw
 
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     cv2.setNumThreads(1)
     cases = named(arguments.only) if arguments.only else list(CASES)
     if not cases:

@@ -8,7 +8,6 @@ one process on one thread. All of it is simulation.
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -105,7 +104,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep."""
     from tactile_nodes.benchmarks.untouched_page import page
 
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     cv2.setNumThreads(1)
     plan = QUICK if arguments.quick else Plan()
     if arguments.seconds is not None:

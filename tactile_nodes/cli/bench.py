@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import signal
 
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
@@ -35,7 +36,11 @@ BENCHMARKS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """One subcommand a benchmark; each is a module of `tactile_nodes.benchmarks` with `add_arguments` and `run`."""
+    """One subcommand a benchmark; each is a module of `tactile_nodes.benchmarks` with `add_arguments` and `run`.
+
+    All run with one thread of linear algebra, as the live nodes do, unless the environment says otherwise.
+    """
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # before a benchmark imports numpy, which looks but once
     benchmarks = parser.add_subparsers(dest='benchmark', required=True, metavar='benchmark')
     for name, text in BENCHMARKS.items():
         module = importlib.import_module(f'tactile_nodes.benchmarks.{name}')

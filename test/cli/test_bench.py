@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -32,3 +33,20 @@ def test_a_benchmark_that_is_terminated_cleans_up() -> None:
         assert program.stdout.readline() == 'begun\n'
         program.send_signal(signal.SIGTERM)
         assert program.stdout.read() == 'cleaned up\n'
+
+
+THREADS = """
+import argparse, os
+from tactile_nodes.cli import bench
+
+bench.add_arguments(argparse.ArgumentParser())
+import numpy
+print(len(os.listdir('/proc/self/task')))
+"""
+
+
+def test_benchmarks_run_with_one_thread_of_linear_algebra() -> None:
+    """OpenBLAS starts its threads when numpy is imported, one for each core but for what the environment says."""
+    free = {name: value for name, value in os.environ.items() if not name.endswith('_NUM_THREADS')}
+    told = subprocess.run([sys.executable, '-c', THREADS], env=free, stdout=subprocess.PIPE, text=True, check=True)
+    assert told.stdout == '1\n'
