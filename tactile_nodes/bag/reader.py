@@ -87,6 +87,10 @@ class BagReader:
 
     def _open_all(self) -> None:
         self.metadata, self.files = self._find()
+        *before, last = self.files
+        if before and _is_blank(last):
+            self._complain(f'{last} holds nothing, as a power cut leaves a file just begun; read those before it')
+            self.files = before
         for file in self.files:
             self._storages.append(_open(file, self._complain))
         self.size = sum(file.stat().st_size for file in self.files)
@@ -162,6 +166,11 @@ class BagReader:
                 self._complain(f'{self.path}: messages on {message.topic} cannot be unpacked and are left out')
                 continue
             yield BagMessage(message.topic, message.type_name, message.log_ns, message.publish_ns, data)
+
+
+def _is_blank(file: Path) -> bool:
+    with file.open('rb') as opened:
+        return not opened.read(16).strip(b'\0')
 
 
 def _open(file: Path, complain: Callable[[str], None]) -> Storage:

@@ -119,7 +119,8 @@ class BagWriter:
     @property
     def totals(self) -> BagTotals:
         """What is in the file by now."""
-        extent = Extent.union(self._metadata.files.values())
+        with self._arrived:  # the writing thread adds files
+            extent = Extent.union(self._metadata.files.values())
         dropped = sum(self.dropped_of.values())
         return BagTotals(extent.messages, self._written_bytes, dropped, extent.duration_ns / NS_PER_S)
 
@@ -167,7 +168,8 @@ class BagWriter:
 
     def _open_file(self) -> McapFile:
         made = McapFile(self.folder / f'{self.folder.name}_{len(self._metadata.files)}.mcap', self._compression)
-        self._metadata.files[made.path.name] = Extent()
+        with self._arrived:
+            self._metadata.files[made.path.name] = Extent()
         return made
 
     def _write_all(self) -> None:
@@ -242,6 +244,7 @@ class BagWriter:
                 known = [topic for topic in self._metadata.topics.values() if topic not in self._new_topics]
             for topic in known:
                 self._file.add_topic(topic)
+            self._save_metadata()  # before the first message: readers take the files that it names, and no others
 
     def _metadata_text(self) -> str:
         with self._arrived:

@@ -116,6 +116,30 @@ def test_killed_bag_says_when_its_metadata_is_older_than_its_file(killed) -> Non
         assert reader.problems == [f'{metadata} announces 7 messages, the files hold {reader.extent.messages}']
 
 
+SPLITTER = """
+import os, signal, sys, time
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagLimits, BagWriter
+from tactile_nodes.messages import types
+
+writer = BagWriter(sys.argv[1], limits=BagLimits(file_bytes=1))
+writer.add_topic(BagTopic.of_type('/text', 'std_msgs/msg/String'))
+for number in range(2):
+    writer.write('/text', messages.encode(types.String(data=str(number))), 10**18 + number, 10**18)
+    while writer.totals.messages <= number:
+        time.sleep(0.001)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_recorder_killed_just_after_a_split_leaves_a_bag_that_names_all_its_files(tmp_path: Path) -> None:
+    # Each message fills a file, and all is over before the second after which the metadata are written anyway.
+    subprocess.run([sys.executable, '-c', SPLITTER, str(tmp_path / 'press')], check=False)
+    with BagReader(tmp_path / 'press') as reader:
+        assert [reader.decode(message).data for message in reader.messages()] == ['0', '1']
+
+
 def check_ended_in_one_sentence(process: subprocess.Popen, folder: Path, reason: str) -> None:
     printed, said = process.communicate(timeout=30)
     assert process.returncode == 1

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.errors import BagError, MessageError
 
 
@@ -257,6 +257,19 @@ def test_folder_that_is_no_bag(tmp_path: Path) -> None:
 def test_empty_file(tmp_path: Path) -> None:
     (tmp_path / 'x.mcap').touch()
     assert refusal(tmp_path / 'x.mcap') == f'{tmp_path / "x.mcap"} is empty'
+
+
+@pytest.mark.parametrize('left', [b'', bytes(4096)])
+def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, left: bytes) -> None:
+    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
+    writer.add_topic(BagTopic.of_type('/text', STRING))
+    writer.write('/text', text(0), START_NS, START_NS)
+    writer.close()
+    blank = tmp_path / 'press' / 'press_1.mcap'
+    blank.write_bytes(left)
+    found, problems = read(tmp_path / 'press')
+    assert found == [Sample('/text', START_NS, text(0))]
+    assert problems == [f'{blank} holds nothing, as a power cut leaves a file just begun; read those before it']
 
 
 def test_file_that_is_something_else(tmp_path: Path) -> None:
