@@ -129,15 +129,21 @@ class BagWriter:
         """Why nothing is written any more."""
         return self._failure
 
+    def begin_to_close(self, patience_s: float) -> int:
+        """Take in nothing more, and give the disk a while; how many messages still wait for it after that."""
+        with self._arrived:
+            self._closing = True
+            self._arrived.notify()
+        self._ended.wait(patience_s)
+        return 0 if self._failure is not None else self._accepted - self.totals.messages
+
     def close(self) -> BagTotals:
         """Write what waits, the indexes and ``metadata.yaml``. Closing twice is harmless.
 
         Raises:
             BagError: not everything could be written; what was written can be read.
         """
-        with self._arrived:
-            self._closing = True
-            self._arrived.notify()
+        self.begin_to_close(0.0)
         for thread in self._threads:
             thread.join()
         if self._failure is not None:

@@ -27,6 +27,8 @@ from tactile_nodes.params import parameter
 
 LOOK_EVERY_S = 0.1
 HEALTH_PERIOD_S = 0.5
+PATIENCE_S = 0.5
+"""A disk that needs longer than this for what waits at the end is worth a word."""
 _RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
@@ -52,6 +54,7 @@ class RecorderNode(Node):
 
     NAME = 'recorder'
     PARAMS = RecorderParams
+    END_WITHIN_S = 4.8  # what waits for a slow disk is to be written; a launch sends the next signal after 5 s
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
@@ -95,6 +98,8 @@ class RecorderNode(Node):
         if self.writer is None:  # the last messages did not fit any more
             raise self.failure or BagError('nothing was recorded')
         writer = self._let_go()
+        if waiting := writer.begin_to_close(PATIENCE_S):
+            self.log.warn(f'{waiting} messages still wait for the disk; they are lost if this ends before it has them')
         totals = writer.close()
         return f'wrote {describe(totals)} into {writer.folder}' + self.tally.losses(totals)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -173,3 +176,45 @@ def test_folder_that_exists_ends_the_node_before_it_begins(start: Start, tmp_pat
 def test_expression_that_is_none_is_refused(start: Start) -> None:
     with pytest.raises(ConfigurationError, match='no regular expression'):
         start(regex='[')
+
+
+ON_A_SLOW_DISK = """
+import os, signal, sys, threading, time
+from tactile_nodes.bag import growing_file
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.runtime import open_bus
+from tactile_nodes.messages import types
+from tactile_nodes.nodes.recorder import main
+
+pwrite, disk_is_free = os.pwrite, threading.Event()
+
+def slow_pwrite(descriptor, data, offset):
+    assert offset == 0 or disk_is_free.wait(20)  # the head of the file is written at once
+    return pwrite(descriptor, data, offset)
+
+def talk():
+    publisher = open_bus().advertise('/chatter', 'std_msgs/msg/String', Qos('queue', 1000))
+    while not publisher.listeners:
+        time.sleep(0.01)
+    for number in range(500):
+        publisher.publish(types.String(data=str(number)))
+    time.sleep(0.5)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(2.5)
+    disk_is_free.set()
+
+growing_file.os.pwrite = slow_pwrite
+threading.Thread(target=talk, daemon=True).start()
+sys.argv = ['recorder_node', '--ros-args', '-p', 'topics:=[chatter]', '-p', f'bag:={sys.argv[1]}']
+sys.exit(main())
+"""
+
+
+def test_what_waits_for_a_slow_disk_at_the_end_is_written_and_spoken_of(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, '-c', ON_A_SLOW_DISK, str(tmp_path / 'bag')],
+        env={**os.environ, 'TACTILE_RUN_DIR': str(tmp_path / 'run')}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert '500 messages still wait for the disk' in ended.stderr
+    assert ended.returncode == 0
+    assert content(tmp_path / 'bag') == [('/chatter', str(number)) for number in range(500)]
