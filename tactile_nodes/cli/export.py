@@ -107,9 +107,16 @@ def _lerobot(arguments: argparse.Namespace, folder: Path, facts: dict[str, Any],
         arguments.fps, arguments.pick, arguments.cut, arguments.task, arguments.robot, arguments.state,
         arguments.action, tuple(arguments.topics), tuple(arguments.exclude), arguments.images,
     )  # fmt: skip
-    meta = export_lerobot(arguments.bag, folder, plan, facts, progress)
+    left_out: dict[str, str] = {}
+
+    def over(source: Source) -> None:
+        _warn(source)
+        left_out.update(source.left_out)
+
+    meta = export_lerobot(arguments.bag, folder, plan, facts, progress, over)
     keys = ', '.join(feature.key for feature in meta.features)
-    return [f'{meta.frames} frames in {len(meta.episodes)} episodes at {plan.fps} a second', f'  features: {keys}']
+    counts = f'{meta.frames} frames in {len(meta.episodes)} episodes at {plan.fps} a second'
+    return [counts, f'  features: {keys}', *_left_out(left_out)]
 
 
 def _left_out(topics: dict[str, str]) -> list[str]:
@@ -118,6 +125,9 @@ def _left_out(topics: dict[str, str]) -> list[str]:
 
 def _warn(source: Source) -> None:
     seen = source.provenance
-    odd = [f'{count} messages of {topic} cannot be read and were left out' for topic, count in seen.malformed.items()]
+    odd = [
+        f'{source.bag.path}: {count} messages of {topic} cannot be read and were left out'
+        for topic, count in seen.malformed.items()
+    ]
     for problem in [*source.bag.problems, *odd]:
         print(f'Warning: {problem}', file=sys.stderr)

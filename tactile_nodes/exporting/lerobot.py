@@ -5,7 +5,7 @@ Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,8 +43,15 @@ class Plan:
             raise ConfigurationError(f'--fps must be 1 to 1000, got {self.fps}')
 
 
-def export_lerobot(bags: Sequence[Path], folder: Path, plan: Plan, facts: dict[str, Any], progress: Progress) -> Meta:
-    """Write a data set of `bags` into `folder`.
+def export_lerobot(
+    bags: Sequence[Path],
+    folder: Path,
+    plan: Plan,
+    facts: dict[str, Any],
+    progress: Progress,
+    over: Callable[[Source], None] = lambda _: None,
+) -> Meta:
+    """Write a data set of `bags` into `folder`; `over` takes each bag when all of it was read.
 
     Raises:
         ConfigurationError: pyarrow is not installed, or the plan names what is no vector.
@@ -57,6 +64,7 @@ def export_lerobot(bags: Sequence[Path], folder: Path, plan: Plan, facts: dict[s
         with Source(path, plan.topics, plan.exclude, images=plan.images) as source:
             outside = _export_bag(source, meta, plan, facts, progress)
             sources.append({**source.facts(), 'force_messages_outside_episodes': outside})
+            over(source)
     if not meta.frames:
         raise DatasetError(f'there is no frame in {", ".join(map(str, bags))}; nothing was exported')
     whole = {
@@ -93,10 +101,11 @@ def _export_bag(source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], p
 def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:
     """Frames as they become known, and None after each message, with how many there were."""
     resampler = Resampler(list(source.layouts), episodes, plan.fps, plan.pick)
+    horizon = source.horizon(min((each.start_ns for each in episodes), default=0))
     count = 0
     for count, told in enumerate(source.told(), 1):
         row = source.layouts[told.topic].row(told.message)
-        for frame in resampler.take(told.topic, told.stamp_ns, told.received_ns, row):
+        for frame in resampler.take(told.topic, told.stamp_ns, horizon.at(told.received_ns), row):
             yield count, frame
         yield count, None
     for frame in resampler.finish():

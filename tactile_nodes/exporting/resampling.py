@@ -17,8 +17,28 @@ from tactile_nodes.clock import NS_PER_S
 
 PREVIOUS, NEAREST = 'previous', 'nearest'
 PICKS = (PREVIOUS, NEAREST)
+_NEVER_NS = 2**63 - 1
 WAIT_NS = 2 * NS_PER_S
-"""Messages are received in another order than that of their stamps; a frame waits this long for those of its time."""
+"""A frame waits for messages of so much later: that which is nearest may be one of them."""
+
+
+class Horizon:
+    """Up to when everything has come, told from when messages were received [ns, rising] and from their stamps.
+
+    Stamps may be any time older than receipts: those of what was played and recorded again, of another machine's clock.
+
+    >>> Horizon(np.array([100, 101, 102]), np.array([7, 5, 9])).at(101)
+    5
+    """
+
+    def __init__(self, received_ns: np.ndarray, stamps_ns: np.ndarray) -> None:
+        self._received_ns = received_ns
+        self._earliest_ns = np.minimum.accumulate(stamps_ns[::-1])[::-1]
+
+    def at(self, received_ns: int) -> int:
+        """The earliest stamp of what was received then or later."""
+        place = int(np.searchsorted(self._received_ns, received_ns))
+        return int(self._earliest_ns[place]) if place < len(self._earliest_ns) else _NEVER_NS
 
 
 @dataclass(frozen=True)
@@ -87,9 +107,9 @@ class Resampler:
         )
         self._next = next(self._due, None)
 
-    def take(self, topic: str, stamp_ns: int, received_ns: int, value: Any) -> Iterator[Frame]:
-        """One message; gives the frames for which nothing more is waited for."""
-        yield from self._until(received_ns - WAIT_NS)
+    def take(self, topic: str, stamp_ns: int, horizon_ns: int, value: Any) -> Iterator[Frame]:
+        """One message, before which all up to `horizon_ns` have come; gives the frames that wait for nothing more."""
+        yield from self._until(horizon_ns - WAIT_NS)
         self._tracks[topic].take(stamp_ns, value)
         self._forget(topic)
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+
+import numpy as np
 
 from tactile_nodes import __version__
 from tactile_nodes.bag.compare import find_topic
@@ -18,6 +21,7 @@ from tactile_nodes.bag.stamps import header_stamp_ns, starts_with_header
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.errors import BagError, ImageError, MessageError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
+from tactile_nodes.exporting.resampling import Horizon
 from tactile_nodes.exporting.units import SIGNS, STATUS
 
 NOT_TABLES = {
@@ -103,6 +107,19 @@ class Source:
     def stamps_ns(self, topic: str) -> list[int]:
         """The stamps of a topic in rising order, read without decoding."""
         return sorted(_stamp_ns(message) for message in self.bag.messages([topic]))
+
+    def horizon(self, start_ns: int) -> Horizon:
+        """Up to when everything stamped from `start_ns` on has come; read without decoding.
+
+        What is latched does not count: it may come, old, whenever its publisher begins anew.
+        """
+        lasting = [topic for topic in self.layouts if not self.bag.topics[topic].latched]
+        received_ns, stamps_ns = array('q'), array('q')
+        for message in self.bag.messages(lasting):
+            if (stamp_ns := _stamp_ns(message)) >= start_ns:
+                received_ns.append(message.log_ns)
+                stamps_ns.append(stamp_ns)
+        return Horizon(np.array(received_ns, np.int64), np.array(stamps_ns, np.int64))
 
     def told(self) -> Iterator[Told]:
         """Every message of the exported topics that can be read, in the order in which they were received."""

@@ -43,6 +43,17 @@ def test_a_folder_of_somebody_else_is_never_replaced(bag: Path, capsys: pytest.C
     assert 'no export of ours' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('kind', ['parquet', 'lerobot'])
+def test_what_a_bag_lost_and_what_is_left_out_is_said(kind: str, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cut = bag.parent / 'cut.mcap'
+    (whole,) = bag.glob('*.mcap')
+    cut.write_bytes(whole.read_bytes()[:-1000])  # what follows the messages, and no more
+    assert main(['export', kind, str(cut), '-o', str(bag.parent / 'out')]) == 0
+    said = capsys.readouterr()
+    assert f'Warning: {cut} is cut off' in said.err
+    assert 'left out: /image_raw (images; have them with --images)' in said.out
+
+
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

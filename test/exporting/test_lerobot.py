@@ -11,9 +11,11 @@ from exported_bags import START_NS, STEP_NS, force, picture, write_bag, write_pr
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli.main import main
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
 
 pa = pytest.importorskip('pyarrow')
@@ -62,6 +64,24 @@ def test_a_frame_says_how_old_its_force_is(first) -> None:
         for at, number in zip(first['stamp_ns'].to_pylist(), taken(first), strict=True)
     ]
     assert first['age_s.force'].to_numpy() == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_bag_played_slowly_and_recorded_again_gives_the_same_frames(first, folder: Path, tmp_path: Path) -> None:
+    """Receipts begin an hour after the stamps, and fall behind by another 10 s from force to force."""
+    writer = BagWriter(tmp_path / 'again')
+    with BagReader(folder.parent / 'one') as reader:
+        for topic in reader.topics.values():
+            writer.add_topic(topic)
+        for message in reader.messages():
+            later_ns = 3600 * NS_PER_S + 600 * (message.log_ns - START_NS)
+            writer.write(message.topic, message.data, message.log_ns + later_ns, message.publish_ns)
+    writer.close()
+    words = ['--fps', '20', '--images', '--state', 'joint_states']
+    assert main(['export', 'lerobot', str(tmp_path / 'again'), '-o', str(tmp_path / 'set'), *words]) == 0
+    again = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    assert again.schema.names == first.schema.names
+    for name in first.schema.names:
+        assert str(again[name].to_pylist()) == str(first[name].to_pylist())  # as texts: a NaN equals no other
 
 
 def test_what_nobody_told_yet_is_no_number_and_has_no_age(first) -> None:
