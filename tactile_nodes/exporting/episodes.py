@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from bisect import bisect_left, bisect_right
 from typing import Any
 
@@ -9,7 +10,7 @@ from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
 from tactile_nodes.errors import BagError
 from tactile_nodes.exporting.resampling import Episode
 from tactile_nodes.exporting.source import Source
-from tactile_nodes.messages import stamp_ns
+from tactile_nodes.messages import stamp_ns, types
 
 BAG, PRESSES = 'bag', 'presses'
 CUTS = (BAG, PRESSES)
@@ -67,10 +68,16 @@ def _told(press: Any) -> dict[str, Any]:
 
 
 def _presses(source: Source) -> list[Any]:
-    """Every attempt once, as it was told of last (a recorded press may be called suspect later), by its window."""
+    """Every attempt once, as it was told of last, by its window; one that is called suspect later keeps its own."""
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
     told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
     if not told:
         raise BagError(f'{source.bag.path} tells of no presses, so it cannot be cut at them; leave out --cut')
-    last = {(press.plan_id, press.press, press.attempt): press for press in told}
+    last: dict[Any, Any] = {}
+    for press in told:
+        key = press.plan_id, press.press, press.attempt
+        if press.status != types.Press.STATUS_SUSPECT:
+            last[key] = press
+        elif key in last:  # it says no more than which one, and why; of one in another bag there is nothing here to cut
+            last[key] = dataclasses.replace(last[key], status=press.status, reason=press.reason)
     return sorted(last.values(), key=lambda press: stamp_ns(press.window_end))

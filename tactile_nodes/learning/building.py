@@ -103,7 +103,7 @@ class Builder:
         self.untouched_found = 0
         self._usable: dict[tuple[Any, ...], tuple[LeftOut, list[Sample]]] = {}
         self._seen: set[tuple[Any, ...]] = set()
-        self._suspects: dict[tuple[str, int, int], str] = {}
+        self._suspects: dict[tuple[str, int, int, int], str] = {}
         self._without_contact = 0.0
         self._rest = 0, measurer.rest_image
 
@@ -116,7 +116,7 @@ class Builder:
         """Judge and measure one attempt; its samples, none if it cannot be used."""
         told = press.told
         if told.status == types.Press.STATUS_SUSPECT:
-            self._suspects[told.plan_id, told.press, told.attempt] = told.reason
+            self._suspects[told.plan_id, told.press, told.attempt, self._run(bag)] = told.reason
             return []
         entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
         verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
@@ -160,10 +160,14 @@ class Builder:
     def finish(self) -> list[Sample]:
         """All samples, in the order in which their presses were first told, but for those that became suspect."""
         for key, (entry, _) in list(self._usable.items()):
-            if (reason := self._suspects.get((entry.plan, entry.press, entry.attempt))) is not None:
+            suspect = entry.plan, entry.press, entry.attempt, self._run(entry.bag)
+            if (reason := self._suspects.get(suspect)) is not None:
                 self._leave_out(entry, exclusions.SUSPECT, reason)
                 del self._usable[key]
         return [sample for _, samples in self._usable.values() for sample in samples]
+
+    def _run(self, bag: int) -> int:
+        return bag if self.options.separate_runs else 0
 
     def _doubled(self, press: RecordedPress) -> exclusions.Verdict | None:
         told = press.told
@@ -175,7 +179,7 @@ class Builder:
 
     def _keep(self, entry: LeftOut, samples: list[Sample]) -> None:
         """The last attempt that can be used counts."""
-        key = (entry.plan, entry.press, entry.bag if self.options.separate_runs else 0)
+        key = (entry.plan, entry.press, self._run(entry.bag))
         if earlier := self._usable.pop(key, None):
             old, new = (earlier, (entry, samples))
             if samples[0].window_ns < earlier[1][0].window_ns:  # the bags were given in another order than recorded

@@ -10,6 +10,8 @@ from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, IMAGE, PRESS, WRENCH
+from tactile_nodes.collection.journal import RECORDED, Entry
+from tactile_nodes.collection.telling import suspect_message
 from tactile_nodes.conversions import header, image_message, wrench_message
 from tactile_nodes.messages import types
 
@@ -63,8 +65,11 @@ def write_bag(folder: Path, frames: int = 30) -> list[types.ForceDistribution]:
     return made
 
 
-def write_presses(folder: Path) -> None:
-    """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected."""
+def write_presses(folder: Path, suspect: int = 0) -> None:
+    """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected.
+
+    At the end, as a rig does it, one that is `suspect` is called so.
+    """
     writer = BagWriter(folder)
     for topic in (FORCE_DISTRIBUTION, PRESS):
         writer.add_topic(BagTopic.of_type(f'/{topic.name}', topic.type_name))
@@ -78,6 +83,11 @@ def write_presses(folder: Path) -> None:
                 status=number // 20, reason='the force drifted' if number == 39 else '',
             )  # fmt: skip
             _write(writer, f'/{PRESS.name}', press, 4 * STEP_NS)
+    if suspect:
+        entry = Entry(suspect, 1, RECORDED, 0)
+        last_ns = START_NS + 60 * STEP_NS
+        told = suspect_message(entry, 'a1b2c3d4e5f6', 'the anchor lies beside', last_ns, 'gel_surface')
+        _write(writer, f'/{PRESS.name}', told, 0)
     writer.close()
 
 

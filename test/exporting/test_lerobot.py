@@ -162,6 +162,18 @@ def test_cut_at_presses_each_episode_ends_with_its_window(tmp_path: Path) -> Non
     assert list(facts['bags'][0]['force_messages_outside_episodes'].values()) == [20]
 
 
+def test_a_press_that_became_suspect_is_an_episode_of_its_own_that_says_so(tmp_path: Path) -> None:
+    write_presses(tmp_path / 'bag', suspect=1)
+    words = ['--cut', 'presses', '--fps', '60']
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
+    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
+    assert [(each['press'], each['press_status'], each['press_reason']) for each in episodes] == [
+        (1, 2, 'the anchor lies beside'), (2, 1, 'the force drifted'),
+    ]  # fmt: skip
+    second = pq.read_table(tmp_path / 'set/data/chunk-000/file-001.parquet')
+    assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
+
+
 def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bag(tmp_path / 'bag', 5)
     words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]

@@ -276,6 +276,20 @@ def test_separate_runs_of_one_plan_are_all_kept(tmp_path: Path, sensor: Sensor) 
     assert len(set(found.press_number)) == 2
 
 
+def test_of_separate_runs_a_suspect_of_one_takes_nothing_from_the_other(tmp_path: Path, sensor: Sensor) -> None:
+    bags = []
+    for number, start_ns in enumerate((START_NS, START_NS + 3600 * SECOND_NS)):
+        collection = Collection(tmp_path / f'run{number}', sensor, start_ns)
+        collection.reference(0)
+        message = collection.press(0, 1, 0.0, 0.0, 0.5)
+        if number == 1:
+            collection.press(1, 2, 0.0, 0.0, 0.5)
+            collection.again(dataclasses.replace(message, status=types.Press.STATUS_SUSPECT, reason='it sticks'), 2)
+        bags.append(collection.close())
+    found = build(bags, dataclasses.replace(COARSE, separate_runs=True))
+    assert list(zip(found.bag.tolist(), found.press.tolist(), strict=True)) == [(0, 1), (1, 2)]
+
+
 def test_what_was_measured_is_not_measured_again(bag: Path, presses: RecordedPresses, monkeypatch) -> None:
     def refuse(*_: Any) -> None:
         raise AssertionError('measured again')
