@@ -69,16 +69,25 @@ class GapCounter:
 
 
 class Tally:
-    """What came in to a recording and what did not, in words."""
+    """What came in to a recording and what did not, in words.
+
+    `malformed` counts what could not be encoded, `foreign` what came under a topic's name and was of another type or
+    version of it, or of a publisher that nobody announced.
+    """
 
     def __init__(self) -> None:
-        self.missed = self.malformed = 0
+        self.missed = self.malformed = self.foreign = 0
         self._gaps = GapCounter()
         self._bytes_before = 0
 
     def note(self, topic: str, publisher: str, sequence: int) -> None:
         """A message came in; those that are missing before it are counted."""
         self.missed += self._gaps.note(topic, publisher, sequence)
+
+    @property
+    def unfit(self) -> int:
+        """Messages that came in and cannot be recorded."""
+        return self.malformed + self.foreign
 
     def rate_mb_s(self, totals: BagTotals, period_s: float) -> float:
         """Payload since the last call, a period ago."""
@@ -90,11 +99,13 @@ class Tally:
         """What is wrong with the recording; empty when nothing is."""
         if totals.dropped:
             return 'the disk is too slow: messages are dropped'
+        if self.foreign:
+            return 'foreign messages are left out: of another type or version of it, or of a publisher that nobody announced'
         return 'messages were lost on their way to the recorder' if self.missed else ''
 
     def losses(self, totals: BagTotals) -> str:
         """'; 3 lost on the way, 1 malformed', or nothing."""
-        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.malformed}
+        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.unfit}
         told = ', '.join(f'{count} {why}' for why, count in lost.items() if count)
         return f'; {told}' if told else ''
 

@@ -30,7 +30,7 @@ _MEGABYTE = 1_000_000
 
 
 def record(arguments: argparse.Namespace) -> int:
-    """Record until Ctrl-C, or for ``--duration``; 1 when not everything could be written."""
+    """Record until Ctrl-C, or for ``--duration``; 1 when not everything could be written, or not be awaited."""
     parameters: dict[str, Value] = {
         'bag': arguments.output,
         'topics': arguments.topics,
@@ -50,8 +50,7 @@ def record(arguments: argparse.Namespace) -> int:
             return node.failure is not None or monotonic_s() >= end_s
 
         with _watched(done, lambda: _recording_line(node), is_over):
-            run_until([node], done)
-        return 0 if node.failure is None else 1  # the node has said why
+            return run_until([node], done)  # the node has said why
 
 
 def play(arguments: argparse.Namespace) -> int:
@@ -70,8 +69,7 @@ def play(arguments: argparse.Namespace) -> int:
     with _bus_and_end() as (bus, done):
         node = PlayerNode(bus, _node_arguments(parameters))
         with _keys(node, done), _watched(done, lambda: _playing_line(node)):
-            run_until([node], done)
-        return 0 if node.failure is None else 1  # the node has said why
+            return run_until([node], done)  # the node has said why
 
 
 def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
@@ -93,11 +91,12 @@ def _bus_and_end() -> Iterator[tuple[Bus, threading.Event]]:
 
 
 def _recording_line(node: RecorderNode) -> str:
-    if node.writer is None:
+    writer = node.writer  # the node's own thread may let go of it meanwhile
+    if writer is None:
         return ''
-    totals = node.writer.totals
-    lost = totals.dropped + node.tally.missed
-    return f'{node.writer.folder}: {describe(totals)}' + (f', {lost} lost' if lost else '')
+    totals = writer.totals
+    lost = totals.dropped + node.tally.missed + node.tally.unfit
+    return f'{writer.folder}: {describe(totals)}' + (f', {lost} lost' if lost else '')
 
 
 def _playing_line(node: PlayerNode) -> str:

@@ -118,9 +118,13 @@ class RecorderNode(Node):
         return writer
 
     def _unsubscribe(self) -> None:
+        self._count_foreign()
         for subscription in self._subscriptions.values():
             subscription.close()
         self._subscriptions.clear()
+
+    def _count_foreign(self) -> None:
+        self.tally.foreign = sum(subscription.malformed for subscription in self._subscriptions.values())
 
     def _look(self) -> None:
         if self.writer is None:
@@ -179,12 +183,13 @@ class RecorderNode(Node):
             if self.failure is None:
                 self.report('bag', Level.OK, 'nothing is being recorded')
             return
+        self._count_foreign()
         totals, tally = self.writer.totals, self.tally
         complaint = tally.complaint(totals)
         level, text = Level.WARN if complaint else Level.OK, complaint or f'recording into {self.writer.folder}'
         self.report(
             'bag', level, text, messages=totals.messages, seconds=totals.seconds, missed=tally.missed,
-            mb_per_s=tally.rate_mb_s(totals, HEALTH_PERIOD_S), dropped=totals.dropped, malformed=tally.malformed,
+            mb_per_s=tally.rate_mb_s(totals, HEALTH_PERIOD_S), dropped=totals.dropped, malformed=tally.unfit,
         )  # fmt: skip
 
 

@@ -152,3 +152,13 @@ def test_folder_that_exists_is_one_sentence_and_exit_status_1(tmp_path: Path) ->
         process.communicate(timeout=20)[1] == f'{tmp_path} exists already and is not overwritten; choose another name\n'
     )
     assert process.returncode == 1
+
+
+def test_a_recording_that_a_bug_ends_has_exit_status_1(tmp_path: Path) -> None:
+    spoilt = 'from tactile_nodes.nodes.recorder import RecorderNode\nRecorderNode._report_health = lambda self: 1 / 0\n'
+    words = ['record', '-o', str(tmp_path / 'press')]
+    process = subprocess.run(
+        [sys.executable, '-c', spoilt + PROGRAM, *words], stderr=subprocess.PIPE, text=True, timeout=30, check=False
+    )
+    assert 'ZeroDivisionError' in process.stderr
+    assert process.returncode == 1

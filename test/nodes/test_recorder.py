@@ -7,19 +7,21 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from feeding import START_NS, run
 
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus import topics
+from tactile_nodes.bus import topics, wire
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import services, types
@@ -178,10 +180,44 @@ def test_expression_that_is_none_is_refused(start: Start) -> None:
         start(regex='[')
 
 
+def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> None:
+    located = {'bag': Located(str(tmp_path / 'bag'), 'test'), 'topics': Located(['chatter'], 'test')}
+    arguments = NodeArguments(parameters=(NodeParameters('/**', located),))
+    said = (
+        Level.WARN,
+        'foreign messages are left out: of another type or version of it, or of a publisher that nobody announced',
+    )
+    with (
+        TemporaryDirectory() as folder,
+        closing(ZmqBus(7, folder=Path(folder))) as bus,
+        closing(ZmqBus(7, folder=Path(folder))) as other,
+        closing(RecorderNode(bus, arguments)) as made,
+        spinning(made) as node,
+    ):
+        talker = other.advertise('/chatter', 'std_msgs/msg/String', Qos('queue', 100))
+        talker._key = wire.type_key('std_msgs/msg/Int64')  # as the hash of another release would be another
+        until(lambda: talker.listeners)
+        for number in range(5):
+            talker.publish(types.String(data=str(number)))
+        until(lambda: said in [(entry.level, entry.message) for entry in node.diagnostics.message(0).status])
+        answer = call(bus, node, 'stop')
+    assert answer.message.endswith('; 5 malformed')
+
+
+def until(condition: Callable[[], object]) -> None:
+    waiting = threading.Event()
+    for _ in range(1000):
+        if condition():
+            return
+        waiting.wait(0.01)
+    raise AssertionError('it never came to be')
+
+
 ON_A_SLOW_DISK = """
 import os, signal, sys, threading, time
 from tactile_nodes.bag import growing_file
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.bus.runtime import open_bus
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.recorder import main
