@@ -100,7 +100,7 @@ class Tally:
         if totals.dropped:
             return 'the disk is too slow: messages are dropped'
         if self.foreign:
-            return 'foreign messages are left out: of another type or version of it, or of a publisher that nobody announced'
+            return 'foreign messages are left out: of another type, or version of it, or of an unknown publisher'
         return 'messages were lost on their way to the recorder' if self.missed else ''
 
     def losses(self, totals: BagTotals) -> str:

@@ -185,7 +185,7 @@ def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> Non
     arguments = NodeArguments(parameters=(NodeParameters('/**', located),))
     said = (
         Level.WARN,
-        'foreign messages are left out: of another type or version of it, or of a publisher that nobody announced',
+        'foreign messages are left out: of another type, or version of it, or of an unknown publisher',
     )
     with (
         TemporaryDirectory() as folder,
