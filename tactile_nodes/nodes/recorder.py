@@ -21,7 +21,7 @@ from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Endpoint, Qos, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.params import parameter
 
@@ -29,6 +29,8 @@ LOOK_EVERY_S = 0.1
 HEALTH_PERIOD_S = 0.5
 PATIENCE_S = 0.5
 """A disk that needs longer than this for what waits at the end is worth a word."""
+ABSENT_AFTER_S = 5.0
+"""So long a topic that was named may take to be published."""
 _RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
@@ -85,7 +87,7 @@ class RecorderNode(Node):
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
-        self.failure, self.tally = None, Tally()
+        self.failure, self.tally, self._begun_ns = None, Tally(), self.clock.now_ns()
         self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
         self._look()
         return folder
@@ -101,7 +103,9 @@ class RecorderNode(Node):
         if waiting := writer.begin_to_close(PATIENCE_S):
             self.log.warn(f'{waiting} messages still wait for the disk; they are lost if this ends before it has them')
         totals = writer.close()
-        return f'wrote {describe(totals)} into {writer.folder}' + self.tally.losses(totals)
+        silent = sorted(name for name in self._filter.names if not writer.counts[name])
+        nothing = f'; nothing came on {", ".join(silent)}' if silent else ''
+        return f'wrote {describe(totals)} into {writer.folder}' + self.tally.losses(totals) + nothing
 
     def on_close(self) -> None:
         if self.writer is not None:
@@ -178,6 +182,12 @@ class RecorderNode(Node):
         self.kept.drop(_RECORDING)
         self.report('bag', Level.ERROR, str(error))
 
+    def _absent(self) -> str:
+        """Which topics that were named nobody publishes, when they had the time to come."""
+        absent = ', '.join(sorted(self._filter.names - self._subscriptions.keys()))
+        is_late = self.clock.now_ns() - self._begun_ns >= ABSENT_AFTER_S * NS_PER_S
+        return f'nobody publishes {absent}' if absent and is_late else ''
+
     def _report_health(self) -> None:
         if self.writer is None:
             if self.failure is None:
@@ -185,7 +195,7 @@ class RecorderNode(Node):
             return
         self._count_foreign()
         totals, tally = self.writer.totals, self.tally
-        complaint = tally.complaint(totals)
+        complaint = tally.complaint(totals) or self._absent()
         level, text = Level.WARN if complaint else Level.OK, complaint or f'recording into {self.writer.folder}'
         self.report(
             'bag', level, text, messages=totals.messages, seconds=totals.seconds, missed=tally.missed,
