@@ -22,6 +22,8 @@ _HEAD = struct.Struct('<BQ')
 _CHUNK = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
 HEAD_BYTES = _HEAD.size
+LARGEST_BYTES = 1 << 30
+"""No chunk or message unpacks to more; recorders make chunks of some MB. A forged one of 1 MB could fill any memory."""
 
 
 class Record(NamedTuple):
@@ -93,8 +95,10 @@ def unpack_chunk(head: ChunkHead, stored: bytes) -> memoryview:
         ValueError: damaged, or compressed in a way we do not know.
     """
     whole = len(stored) == head.stored
+    if head.compression and head.size > LARGEST_BYTES:
+        raise ValueError(f'it is said to unpack to {head.size} bytes')
     try:
-        data = _decompress(head.compression, stored)
+        data = _decompress(head.compression, stored, head.size)
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise ValueError(str(error)) from error
     if whole and (len(data) != head.size or (head.crc and zlib.crc32(data) != head.crc)):
@@ -102,13 +106,22 @@ def unpack_chunk(head: ChunkHead, stored: bytes) -> memoryview:
     return memoryview(data)
 
 
-def _decompress(name: str, stored: bytes) -> bytes:
+def unpack_zstd(stored: bytes, limit: int) -> bytes:
+    """What was packed, or `limit` + 1 bytes of what is longer; of what is cut off, what can be had.
+
+    Raises:
+        zstandard.ZstdError: damaged.
+    """
+    return bytes(zstandard.ZstdDecompressor().stream_reader(stored).read(limit + 1))
+
+
+def _decompress(name: str, stored: bytes, limit: int) -> bytes:
     if name == '':
         return stored
     if name == 'zstd':
-        return zstandard.ZstdDecompressor().decompressobj().decompress(stored)
+        return unpack_zstd(stored, limit)
     if name == 'lz4':
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(stored))
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=limit + 1))
     raise ValueError(f'its compression {name!r} is unknown here; known are lz4 and zstd')
 
 

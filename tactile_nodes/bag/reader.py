@@ -13,6 +13,7 @@ import zstandard
 
 from tactile_nodes.bag import growing_file, sqlite_storage
 from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection, Storage
+from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
 from tactile_nodes.bag.metadata import FILE_NAME, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
@@ -161,11 +162,20 @@ class BagReader:
     def _decompressed(self, parts: Iterator[BagMessage]) -> Iterator[BagMessage]:
         for message in parts:
             try:
-                data = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
-            except zstandard.ZstdError:
+                data = _unpacked(message.data)
+            except (zstandard.ZstdError, ValueError):
                 self._complain(f'{self.path}: messages on {message.topic} cannot be unpacked and are left out')
                 continue
             yield BagMessage(message.topic, message.type_name, message.log_ns, message.publish_ns, data)
+
+
+def _unpacked(data: bytes) -> bytes:
+    said = zstandard.frame_content_size(data)  # -1: it does not say
+    limit = min(said if said >= 0 else LARGEST_BYTES, LARGEST_BYTES)
+    found = unpack_zstd(data, limit)
+    if len(found) > limit or said not in (-1, len(found)):
+        raise ValueError('it unpacks to another size than it says, or to one that no message has')
+    return found
 
 
 def _is_blank(file: Path) -> bool:

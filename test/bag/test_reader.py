@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import itertools
 import sqlite3
+import struct
+import tracemalloc
 from pathlib import Path
 
+import lz4.frame
 import mcap.writer
 import pytest
+import zstandard
 from bagging import FORCE, START_NS, STRING, Sample, samples, text, write
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from tactile_nodes.bag import growing_file
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
@@ -270,6 +276,27 @@ def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, l
     found, problems = read(tmp_path / 'press')
     assert found == [Sample('/text', START_NS, text(0))]
     assert problems == [f'{blank} holds nothing, as a power cut leaves a file just begun; read those before it']
+
+
+@pytest.mark.parametrize('said', [1000, 1 << 40])
+@pytest.mark.parametrize('compression', ['zstd', 'lz4'])
+def test_chunk_that_would_fill_the_memory_is_left_out(tmp_path: Path, compression: str, said: int) -> None:
+    content = bytes(256 << 20)
+    packed = zstandard.compress(content) if compression == 'zstd' else lz4.frame.compress(content)
+    head = struct.pack('<QQQII', 0, 1, said, 0, len(compression)) + compression.encode()
+    chunk = head + struct.pack('<Q', len(packed)) + packed
+    forged = tmp_path / 'forged.mcap'
+    forged.write_bytes(growing_file.MAGIC + struct.pack('<BQ', Opcode.CHUNK, len(chunk)) + chunk)
+    del content
+    tracemalloc.start()
+    try:
+        found, problems = read(forged)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found == []
+    assert 'and is left out' in problems[-1]
+    assert most < 32 << 20
 
 
 def test_file_that_is_something_else(tmp_path: Path) -> None:
