@@ -159,7 +159,14 @@ class Hands:
             DeviceError: the machine does not obey, or does not know where it is.
         """
         self._await_stopped()
-        self.cnc.retract()
+        was_well = self.safety.trip is None
+        try:
+            self.cnc.retract()
+        except DeviceError:
+            if not was_well or self.safety.trip is None:
+                raise
+            self._await_stopped()  # the guard stopped the way up; it stops nothing twice, so this one leads there
+            self.cnc.retract()
         if self._line:
             self.switch(False)
         self._status()

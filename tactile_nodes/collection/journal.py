@@ -12,6 +12,7 @@ the run goes on. A line that was cut off by a power cut is the last one, and is 
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -206,8 +207,13 @@ class Journal:
             self._reasons.append(entry)
 
     def _write(self, values: dict[str, Any]) -> None:
+        line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size
         try:
-            os.write(self._file, json.dumps(values).encode('ascii') + b'\n')
+            written = 0
+            while written < len(line):  # a disk that becomes full takes a part and only then refuses
+                written += os.write(self._file, line[written:])
             os.fsync(self._file)
         except OSError as error:
+            with contextlib.suppress(OSError):  # else the next start takes away what is half there
+                os.ftruncate(self._file, size)
             raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends here') from error

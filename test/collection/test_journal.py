@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import resource
+import signal
 from pathlib import Path
 
 import pytest
 
 from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, VERIFIED, Journal
 from tactile_nodes.collection.plan import numbered
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, TactileError
 
 PLAN = numbered([(float(x), 0.0, 1.0) for x in range(5)])
 
@@ -98,3 +100,23 @@ def test_verified_press_is_not_looked_for_again(file: Path) -> None:
             journal.note(press, 1, RECORDED, 20)
         journal.note(1, 1, VERIFIED, 30)
         assert [entry.press for entry in journal.unverified()] == [2]
+
+
+def test_full_disk_that_takes_half_an_entry_leaves_a_journal_that_can_be_gone_on_with(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        journal.note(1, 1, STARTED, 10)
+        size, before = file.stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
+        heed = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, before[1]))
+        try:
+            with pytest.raises(TactileError, match='cannot write the journal'):
+                journal.note(1, 1, RECORDED, 20)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+            signal.signal(signal.SIGXFSZ, heed)
+        assert file.stat().st_size == size
+        assert not journal.is_done(1)
+        journal.note(2, 1, STARTED, 30)
+    with Journal(file, PLAN) as journal:
+        assert not journal.repaired
+        assert numbers(journal) == [1, 2, 3, 4, 5]

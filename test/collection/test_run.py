@@ -162,6 +162,22 @@ def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest(tmp_path: Path) 
     assert sorted(first.recorded + second.recorded) == ALL
 
 
+@pytest.mark.parametrize('silent', ['silent_camera', 'silent_sensor'])
+def test_stop_of_a_whole_launch_leaves_no_tip_in_the_gel(tmp_path: Path, silent: str) -> None:
+    """Camera and sensor end with the run; the guard, which finds them silent, stops the way up."""
+    run = Run(tmp_path)
+
+    def end_all() -> None:
+        run.rig.hands.asked_to_stop = True
+        setattr(run.rig, silent, True)
+
+    run.at(4, run.in_the_gel(end_all))
+    assert 'stopped on request' in run.campaign.run()
+    assert run.rig.safety.trip is not None
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+    assert not any('could not be brought up' in line for line in run.said)
+
+
 def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path) -> None:
     first = Run(tmp_path)
     first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
