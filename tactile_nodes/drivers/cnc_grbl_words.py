@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -72,7 +73,7 @@ def _place(text: str, factor: float) -> Place | None:
         x, y, z, *_ = (float(part) * factor for part in text.split(','))
     except ValueError:
         return None
-    return (x, y, z)
+    return (x, y, z) if all(map(math.isfinite, (x, y, z))) else None  # NaN is at no height: below none that is safe
 
 
 def number_of(line: str) -> int:

@@ -32,6 +32,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTim
 
 PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
 STOP_S = 10.0
+NUMBER = r'-?\d{1,6}(?:\.\d*)?'
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 
 
@@ -198,5 +199,5 @@ def marlin_identity(lines: list[str]) -> Identity:
 
 def marlin_place(line: str) -> Place | None:
     """The place in ``X:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000``; None: it is no such line."""
-    match = re.match(r'X:\s*(-?[\d.]+) Y:\s*(-?[\d.]+) Z:\s*(-?[\d.]+)', line)
+    match = re.match(rf'X:\s*({NUMBER}) Y:\s*({NUMBER}) Z:\s*({NUMBER})(?![\d.])', line)
     return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None

@@ -292,8 +292,12 @@ def test_reports_are_understood(line: str, state: CncState, held: bool, place: t
 
 
 @pytest.mark.parametrize(
-    'line', ['<>', '<Idle>', '<Idle|MPos:1,2>', '<Idle|MPos:a,b,c>', '<Idle|FS:0,0>', 'Idle', '<Idl']
-)
+    'line',
+    [
+        '<>', '<Idle>', '<Idle|MPos:1,2>', '<Idle|MPos:a,b,c>', '<Idle|FS:0,0>', 'Idle', '<Idl',
+        '<Idle|MPos:0,0,nan>', '<Idle|WPos:0,inf,0>', '<Idle|MPos:0,0,0|WCO:0,0,nan>',
+    ],
+)  # fmt: skip
 def test_damaged_reports_are_none(line: str) -> None:
     assert parse_report(line) is None
 

@@ -283,3 +283,9 @@ def test_capabilities_and_places_are_read() -> None:
     assert marlin_place('X:-1.50 Y:0.00 Z:60.00 E:0.00 Count X:0') == (-1.5, 0.0, 60.0)
     assert marlin_identity(['FIRMWARE_NAME:Virtual Marlin 1.0 PROTOCOL_VERSION:1.0']).version == '1.0'
     assert marlin_place('T:25.0 /0.0') is None
+
+
+@pytest.mark.parametrize('z', ['6..00', '6.0.0', '.', '-', 'nan'])
+def test_place_that_was_damaged_on_the_line_is_none(z: str) -> None:
+    """An error that nobody expects would end the thread that stops the machine."""
+    assert marlin_place(f'X:-1.50 Y:0.00 Z:{z}') is None
