@@ -6,6 +6,7 @@ large the held force really was.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -19,10 +20,10 @@ from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import Array, Tare, pressing_n, tare_of, wrenches
-from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.cnc import Cnc, CncSettings
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError, TactileError
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
 from tactile_nodes.params import parameter
 
 LOOK_S = 0.005
@@ -83,26 +84,35 @@ class GuardedRun:
         Raises:
             DeviceError: it was given up, and why.
         """
-        hands = self.station.hands
+        hands, homed = self.station.hands, False
         hands.safety.watch(self._clock.now_ns(), camera=False)
         try:
             hands.home()
+            homed = True
             return hands.run(guarded_approach(self._settings, hands.readings, self._feel))
         except TrippedError as tripped:
             raise DeviceFaultError(f'the approach was given up: {tripped}') from tripped
         except InterruptedRunError:
             return None
         finally:
-            if hands.cnc.status().homed:
+            if _is_homed(hands.cnc, homed):
                 hands.retreat()
 
     def stop(self) -> None:
         """Let the run end, with the tip up; returns at once."""
         self.station.hands.asked_to_stop = True
 
-    def close(self) -> None:
-        """Let go of the devices."""
-        self.station.close()
+    def close(self, run: threading.Thread | None = None, within_s: float = 0.0) -> bool:
+        """Let go of the devices when the run has ended, as `Station.close_after`."""
+        return self.station.close_after(run, within_s)
+
+
+def _is_homed(cnc: Cnc, before: bool) -> bool:
+    """Whether the machine knows where it is; as before where it does not answer: one lost report leaves no tip down."""
+    try:
+        return cnc.status().homed
+    except DeviceError:
+        return before
 
 
 def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Feel) -> Procedure[Outcome]:

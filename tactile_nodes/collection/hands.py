@@ -14,7 +14,7 @@ from typing import TypeVar
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Action, Go, Look, Procedure, Seen, SetTare, Switch
 from tactile_nodes.collection.readings import Readings
-from tactile_nodes.collection.safety import Safety, Trip
+from tactile_nodes.collection.safety import MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
 from tactile_nodes.drivers.cnc import Cnc, CncStatus, Place, Switched
 from tactile_nodes.errors import DeviceError, DeviceFaultError
@@ -257,11 +257,15 @@ class Guard:
 
     def _run(self, safety: Safety) -> None:
         while not self._ending:
-            if self._tripped.wait(BREATH_S):
-                self._tripped.clear()
-                self._stop()
-            else:
-                safety.tick(self._clock.now_ns(), self._cnc.health)
+            try:
+                if self._tripped.wait(BREATH_S):
+                    self._tripped.clear()
+                    self._stop()
+                else:
+                    safety.tick(self._clock.now_ns(), self._cnc.health)
+            except Exception as error:  # noqa: BLE001 - a bug: nothing may move that nobody watches
+                self.failure = f'a bug in what watches the rig: {type(error).__name__}: {error}'
+                safety.fail(MACHINE, self.failure, self._clock.now_ns())
 
     def _stop(self) -> None:
         try:

@@ -21,7 +21,7 @@ from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.recall import recalled
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.station import NOT_UP_YET, Station
 from tactile_nodes.collection.voice import Names, Voice
 from tactile_nodes.drivers.cnc import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
@@ -125,12 +125,12 @@ class Session:
         self.station.hands.asked_to_stop = True
 
     def close(self) -> None:
-        """End the run and let go of everything."""
+        """End the run and let go of everything, but of what a run needs whose tip is not up yet."""
         if self._station is not None:
             self.stop()
-            if self._runner is not None:
-                self._runner.join(LEAVE_S)
-            self._station.close()
+            if not self._station.close_after(self._runner, LEAVE_S):
+                self._log.warn(NOT_UP_YET)
+                return
         self._journal.close()
 
     def image(self, stamp_ns: int, image: Picture) -> None:

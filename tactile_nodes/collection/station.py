@@ -26,6 +26,7 @@ from tactile_nodes.simulation import worlds
 
 WORLD = 'rig'
 READ_S = 0.1
+NOT_UP_YET = 'the run has not ended in time, so the tip may not be up yet; it goes up when this process is gone'
 
 
 class Station:
@@ -83,6 +84,19 @@ class Station:
         """An image has come. Raises ImageError."""
         self.safety.frame(self._clock.now_ns())
         self.readings.put_frame(frame_of(stamp_ns, image))
+
+    def close_after(self, run: threading.Thread | None, within_s: float) -> bool:
+        """Close when the run has ended, and say whether it has in time.
+
+        If not, its tip may be down, and nothing is closed: the run goes on its way up, guarded, and where its process
+        ends before, what watches over the machine (`tactile_nodes.drivers.cnc_dead_man`) brings the tip up.
+        """
+        if run is not None:
+            run.join(within_s)
+            if run.is_alive():
+                return False
+        self.close()
+        return True
 
     def close(self) -> None:
         """Let go of the devices; the machine's motors stay on."""

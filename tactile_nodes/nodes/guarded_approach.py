@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import traceback
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -21,6 +22,7 @@ from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.guarded import Felt
 from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.station import NOT_UP_YET
 from tactile_nodes.errors import TactileError
 
 LEAVE_S = 3.0
@@ -55,8 +57,8 @@ class GuardedApproachNode(Node):
 
     def on_close(self) -> None:
         self._guarded.stop()
-        self._thread.join(LEAVE_S)
-        self._guarded.close()
+        if not self._guarded.close(self._thread, LEAVE_S):
+            self.log.warn(NOT_UP_YET)
 
     def _on_force(self, received: Received) -> None:
         self._felt = Felt.of(received.message)
@@ -66,6 +68,8 @@ class GuardedApproachNode(Node):
             self.report('approach', Level.OK, str(self._guarded.run() or 'stopped on request'))
         except TactileError as error:
             self.fail('approach', error)
+        except Exception:  # noqa: BLE001 - a bug: the tip is up; say all we know, and end
+            self.fail('approach', TactileError(f'a bug ended the approach:\n{traceback.format_exc()}'))
         else:
             self.stop()
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
+import traceback
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -65,6 +66,8 @@ class RigNode(Node):
             self.log.info(self._session.run())
         except TactileError as error:
             self.fail('collection', error)
+        except Exception:  # noqa: BLE001 - a bug: the tip is up; say all we know, and end
+            self.fail('collection', TactileError(f'a bug ended the collection:\n{traceback.format_exc()}'))
         else:
             self.stop()
 

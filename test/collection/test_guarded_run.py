@@ -13,10 +13,10 @@ from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.guarded import Felt, GuardSettings
 from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
-from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.cnc import CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import DeviceError, DeviceFaultError
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 from tactile_nodes.messages import types
 
 SAFE_Z_MM = -4.0
@@ -105,4 +105,25 @@ def test_stopped_it_goes_up_without_an_outcome() -> None:
 
     with opened(stopping) as run:
         assert run.run() is None
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_a_report_that_is_lost_at_the_end_leaves_no_tip_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) < 10:
+            return truth(run, now_ns)
+        told = run.station.cnc.status
+
+        def lost() -> CncStatus:
+            monkeypatch.setattr(run.station.cnc, 'status', told)
+            raise DeviceTimeoutError('the machine does not answer')
+
+        monkeypatch.setattr(run.station.cnc, 'status', lost)
+        return Felt(now_ns, 0.0, INVALID, 2)
+
+    with opened(failing) as run:
+        with pytest.raises(DeviceFaultError, match='invalid for reasons 2'):
+            run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import threading
+import time
 
-from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.settings import CollectionSettings
+import pytest
+
+from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.collection.safety import MACHINE
+from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.drivers.cnc import CncSettings
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings, Sample
+from tactile_nodes.drivers.health import Health
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import BusError
+from tactile_nodes.errors import BusError, DeviceError
 
 PATIENCE_S = 15.0
+SAFE_Z_MM, LOW_Z_MM = -4.0, -6.0
 
 
 def test_a_sample_that_nobody_can_be_told_after_closing_ends_the_pump_quietly() -> None:
@@ -42,3 +48,60 @@ def test_a_sample_that_nobody_can_be_told_after_closing_ends_the_pump_quietly() 
     closed.set()
     station._pump.join(PATIENCE_S)
     assert not station._pump.is_alive()
+
+
+def near() -> Station:
+    """A rig whose end switches and gel are near."""
+    clock = SystemClock()
+
+    def nothing(_: object) -> None:
+        return None
+
+    world = WorldSettings(start_mm=(-3.0, -3.0, -1.0), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-9.0)
+    settings = CollectionSettings(limits=LimitSettings(force_silence_ms=5000.0))
+    return Station(
+        settings, CncSettings(safe_z_mm=SAFE_Z_MM), ForceTorqueSettings(), world, clock, nothing, nothing, nothing
+    )
+
+
+def test_a_run_that_takes_longer_than_closing_waits_brings_its_tip_up() -> None:
+    """Closing under it would leave the tip down, and dismiss what brings it up without this process."""
+    station, low, may_go_up = near(), threading.Event(), threading.Event()
+
+    def run() -> None:
+        station.hands.home()
+        station.cnc.move(z=LOW_Z_MM, feed=1200.0)
+        station.cnc.wait_idle()
+        low.set()
+        may_go_up.wait(PATIENCE_S)
+        station.hands.retreat()
+
+    runner = threading.Thread(target=run)
+    runner.start()
+    assert low.wait(PATIENCE_S)
+    assert not station.close_after(runner, 0.05)
+    may_go_up.set()
+    runner.join(PATIENCE_S)
+    assert station.cnc.status().position_mm[2] == pytest.approx(SAFE_Z_MM, abs=0.01)
+    assert station.close_after(runner, 0.05)
+    with pytest.raises(DeviceError, match='not connected'):
+        station.cnc.status()
+
+
+def test_a_bug_in_what_watches_the_rig_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    station = near()
+    try:
+        station.safety.watch(SystemClock().now_ns(), camera=False)
+
+        def broken(_: object) -> Health:
+            raise ValueError('no number')
+
+        monkeypatch.setattr(type(station.cnc), 'health', property(broken))
+        deadline_s = monotonic_s() + PATIENCE_S
+        while station.safety.trip is None and monotonic_s() < deadline_s:
+            time.sleep(0.01)
+        assert station.safety.trip is not None
+        assert station.safety.trip.kind == MACHINE
+        assert 'a bug in what watches the rig: ValueError: no number' in station.safety.trip.reason
+    finally:
+        station.close()
