@@ -107,7 +107,8 @@ class ForceEstimatorNode(Node):
         self._ask(_PREVIOUS, self._estimating.previous)
 
     def _undo(self) -> str:
-        ready = _found(self._asked.pop(_PREVIOUS))
+        asked = self._asked.pop(_PREVIOUS, None)
+        ready = _found(asked) if asked else self._estimating.previous()  # found for another call, which took it
         self._asked[ready.name] = ready
         self._parameters.change({'model': ready.name})
         return f'back to {ready.file.stem} ({ready.loaded.model_id})'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,13 +75,22 @@ class Live:
 
     def call(self, service: str, type_name: str, request: Any) -> Any:
         """The answer of a call that another thread makes, while frames go on coming in."""
+        return self.calls(service, type_name, request, 1)[0]
+
+    def calls(self, service: str, type_name: str, request: Any, count: int) -> list[Any]:
+        """The answers of calls that so many threads make at once."""
         answers: list[Any] = []
         name = f'/force_estimator/{service}'
-        caller = threading.Thread(target=lambda: answers.append(self.bus.call(name, type_name, request)))
-        caller.start()
-        while caller.is_alive():
+        callers = [
+            threading.Thread(target=lambda: answers.append(self.bus.call(name, type_name, request)))
+            for _ in range(count)
+        ]
+        for caller in callers:
+            caller.start()
+        time.sleep(0.3 * (count > 1))  # so that all wait for the node, which runs only in `frame`
+        while any(caller.is_alive() for caller in callers):
             self.frame()
-        return answers[0]
+        return answers
 
     def set_model(self, file: Path | str) -> types.SetParametersResult:
         entry = types.Parameter(name='model', value=to_message(str(file)))
@@ -144,6 +154,15 @@ def test_undo_returns_to_the_model_before(live: Live, forces: Subscription, cali
     assert found[-1].provenance.model == 'small'
     assert len(found) == live.sent
     assert live.node.params.model.endswith('small.safetensors')
+
+
+def test_who_undoes_twice_at_once_is_answered_twice(live: Live, forces: Subscription, calibrated: Path) -> None:
+    live.set_model(calibrated)
+    answers = live.calls('undo_calibration', services.TRIGGER, types.Trigger_Request(), 2)
+    assert sorted(answer.success for answer in answers) == [False, True]
+    assert any('nothing to return to' in answer.message for answer in answers)
+    live.frame()
+    assert taken(forces)[-1].provenance.model == 'small'
 
 
 def test_after_a_restart_undo_returns_to_the_model_that_the_calibration_came_from(
