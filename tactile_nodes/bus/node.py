@@ -5,6 +5,8 @@ from __future__ import annotations
 import heapq
 import itertools
 import queue
+import threading
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -140,6 +142,21 @@ class Node:
         self.failure = error
         self.report(part, Level.ERROR, str(error))
         self.stop()
+
+    def run_beside(self, part: str, work: Callable[[], None]) -> threading.Thread:
+        """Start `work` in a thread of its own. What it raises ends this node with `fail`: else nobody would know."""
+
+        def watched() -> None:
+            try:
+                work()
+            except TactileError as error:
+                self.fail(part, error)
+            except Exception:  # noqa: BLE001 - a bug: say all we know, end the node, let the launcher decide
+                self.fail(part, TactileError(f'a bug ended it:\n{traceback.format_exc()}'))
+
+        thread = threading.Thread(target=watched, name=part, daemon=True)
+        thread.start()
+        return thread
 
     def on_close(self) -> None:
         """Release what the subclass holds."""

@@ -71,8 +71,7 @@ class CameraNode(Node):
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
         self._closing = threading.Event()
         self._frames = 0
-        self._reader = threading.Thread(target=self._read, name='camera reader', daemon=True)
-        self._reader.start()
+        self._reader = self.run_beside('camera', self._read)
         self.create_timer(HEALTH_PERIOD_S, self._report_health)
 
     def on_close(self) -> None:
@@ -94,9 +93,6 @@ class CameraNode(Node):
                 frame = self._camera.read(READ_TIMEOUT_S)
             except DeviceTimeoutError:
                 continue  # the camera's health says it, and goes on saying it
-            except TactileError as error:
-                self.fail('camera', error)
-                return
             if frame is None:
                 self.report('recording', Level.OK, f'{self.params.source} has ended after {self._frames} frames')
                 return

@@ -8,8 +8,6 @@ node that collects is: it drives the same machine, by the same file of devices, 
 from __future__ import annotations
 
 import sys
-import threading
-import traceback
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -23,7 +21,6 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.collection.guarded import Felt
 from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.station import NOT_UP_YET
-from tactile_nodes.errors import TactileError
 
 LEAVE_S = 3.0
 
@@ -47,8 +44,7 @@ class GuardedApproachNode(Node):
         self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
-        self._thread = threading.Thread(target=self._approach, name='approach', daemon=True)
-        self._thread.start()
+        self._thread = self.run_beside('approach', self._approach)
 
     def stop(self) -> None:
         """Also ends the approach, at once: by the time that this node closes, the sensor may be gone."""
@@ -64,14 +60,8 @@ class GuardedApproachNode(Node):
         self._felt = Felt.of(received.message)
 
     def _approach(self) -> None:
-        try:
-            self.report('approach', Level.OK, str(self._guarded.run() or 'stopped on request'))
-        except TactileError as error:
-            self.fail('approach', error)
-        except Exception:  # noqa: BLE001 - a bug: the tip is up; say all we know, and end
-            self.fail('approach', TactileError(f'a bug ended the approach:\n{traceback.format_exc()}'))
-        else:
-            self.stop()
+        self.report('approach', Level.OK, str(self._guarded.run() or 'stopped on request'))
+        self.stop()
 
     def _stop_approach(self) -> str:
         self._guarded.stop()

@@ -7,7 +7,6 @@ be changed on the way. The node ends when it has played everything.
 from __future__ import annotations
 
 import sys
-import threading
 from dataclasses import dataclass, replace
 
 from tactile_nodes.bag.content import BagMessage
@@ -20,7 +19,7 @@ from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.runtime import run_node
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, TactileError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.params import parameter
@@ -62,6 +61,7 @@ class PlayerNode(Node):
             raise BagError('there is no bag to play; set the parameter bag')
         self.reader = BagReader(self.params.bag)
         try:
+            self._require_something()
             self._publishers = self._advertise()
         except TactileError:
             self.reader.close()
@@ -76,8 +76,7 @@ class PlayerNode(Node):
         for act in (self.pause, self.resume, self.toggle_paused, self.play_next):
             self.create_trigger(f'~/{act.__name__}', act)
         self.create_timer(_HEALTH_PERIOD_S, self._report_health)
-        self._thread = threading.Thread(target=self._play, name='player', daemon=True)
-        self._thread.start()
+        self._thread = self.run_beside('bag', self._play)
 
     def pause(self) -> str:
         """Stand still."""
@@ -107,6 +106,11 @@ class PlayerNode(Node):
         self.playback.stop()
         self._thread.join(timeout=1.0)
         self.reader.close()
+
+    def _require_something(self) -> None:
+        lasts_s, offset_s = self.reader.extent.duration_ns / NS_PER_S, self.params.start_offset
+        if offset_s > lasts_s:
+            raise BagError(f'{self.reader.path} lasts {lasts_s:.1f} s; nothing is left to play after {offset_s:g} s')
 
     def _advertise(self) -> dict[str, Publisher]:
         rules = tuple(parse_remap(rule) for rule in self.params.remap)

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
-import traceback
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +22,7 @@ from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.session import RigSettings, Session
 from tactile_nodes.collection.voice import TOPICS
-from tactile_nodes.errors import NOT_AGAIN, TactileError
+from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.messages import stamp_ns
 
 STATUS_S = 1.0
@@ -56,20 +54,14 @@ class RigNode(Node):
         self.create_trigger('~/resume', lambda: self._pause(False))
         self.create_trigger('~/stop', self._stop_run)
         self.create_timer(STATUS_S, self._report)
-        threading.Thread(target=self._collect, name='collection', daemon=True).start()
+        self.run_beside('collection', self._collect)
 
     def on_close(self) -> None:
         self._session.close()
 
     def _collect(self) -> None:
-        try:
-            self.log.info(self._session.run())
-        except TactileError as error:
-            self.fail('collection', error)
-        except Exception:  # noqa: BLE001 - a bug: the tip is up; say all we know, and end
-            self.fail('collection', TactileError(f'a bug ended the collection:\n{traceback.format_exc()}'))
-        else:
-            self.stop()
+        self.log.info(self._session.run())
+        self.stop()
 
     def _report(self) -> None:
         campaign, station = self._session.campaign, self._session.station

@@ -63,17 +63,17 @@ class SyncInputNode(Node):
         self._edge = self.create_publisher(topics.SYNC_EDGE)
         self._input = self._made()
         self._running = True
-        self._reader = threading.Thread(target=self._read, name='sync input reader', daemon=True)
+        self._reader: threading.Thread | None = None
         if not self.params.device:
             self.report('sync input', Level.OK, 'no device is named, so nothing is watched')
             return
         self._input.open()
-        self._reader.start()
+        self._reader = self.run_beside('sync input', self._read)
         self.create_timer(HEALTH_S, self._report_health)
 
     def on_close(self) -> None:
         self._running = False
-        if self._reader.is_alive():
+        if self._reader is not None:
             self._reader.join(2 * READ_S)
         self._input.close()
 
@@ -97,10 +97,9 @@ class SyncInputNode(Node):
                     self._edge.publish(self._message(edge))
             except DeviceTimeoutError:
                 continue  # still, or lost and looked for: the health says which
-            except TactileError as error:
-                if self._running:
-                    self.fail('sync input', error)
-                return
+            except TactileError:
+                if self._running:  # else closed meanwhile
+                    raise
 
     def _message(self, edge: Edge) -> types.SyncEdge:
         return types.SyncEdge(

@@ -148,6 +148,22 @@ def test_bug_in_a_callback_is_not_hidden(node: Plain, bus: InProcessBus) -> None
         node.spin()
 
 
+@pytest.mark.parametrize(
+    ('error', 'told'),
+    [(DeviceLostError('the camera is gone'), 'the camera'), (ValueError('no number'), 'a bug')],
+)
+def test_what_ends_a_thread_beside_ends_the_node(node: Plain, error: Exception, told: str) -> None:
+    """Else it would go on answering, and nothing would come of what it is there for."""
+
+    def work() -> None:
+        raise error
+
+    node.run_beside('reader', work).join()
+    node.spin()  # returns
+    assert str(node.failure).startswith(told)
+    assert str(error) in str(node.failure)
+
+
 def test_stopped_node_does_not_work_off_what_still_waits(node: Plain) -> None:
     done: list[int] = []
     for number in range(10):

@@ -188,3 +188,8 @@ def test_further_topics_are_played_if_the_bag_holds_them(bus, play) -> None:
     play(topics=['/chatter'], topics_if_there=['/rest', '/not_there']).spin()
     assert taken(chatter) == NUMBERS
     assert taken(rest) == ['rest']
+
+
+def test_an_offset_beyond_the_end_is_refused(play) -> None:
+    with pytest.raises(BagError, match=r'lasts \d+\.\d s; nothing is left to play after 1000 s'):
+        play(start_offset=1000.0)

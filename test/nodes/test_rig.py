@@ -20,7 +20,6 @@ from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.collection.journal import STARTED, VERIFIED, Journal
-from tactile_nodes.collection.session import Session
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
@@ -253,16 +252,3 @@ def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
     again = RigNode(bus, arguments(tmp_path, f'anew: {anew}'), SystemClock())
     assert again._session.campaign.progress.done == done
     again.close()
-
-
-def test_a_bug_in_a_collection_ends_the_node(start: Callable[[], Rig], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else it would go on saying how far the collection is."""
-
-    def broken(_: Session) -> str:
-        raise ValueError('no number')
-
-    monkeypatch.setattr(Session, 'run', broken)
-    rig = start()
-    wait_until(lambda: rig.node.failure is not None)
-    assert 'a bug ended the collection' in str(rig.node.failure)
-    assert 'ValueError: no number' in str(rig.node.failure)
