@@ -6,6 +6,7 @@ it: when the process that commands it is gone, the machine comes to rest within 
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -234,7 +235,6 @@ class Guard:
         self._ending = False
         self.stopped = threading.Event()
         self.stopped.set()
-        self.failure = ''
         self._thread: threading.Thread | None = None
 
     def start(self, safety: Safety) -> None:
@@ -264,14 +264,13 @@ class Guard:
                 else:
                     safety.tick(self._clock.now_ns(), self._cnc.health)
             except Exception as error:  # noqa: BLE001 - a bug: nothing may move that nobody watches
-                self.failure = f'a bug in what watches the rig: {type(error).__name__}: {error}'
-                safety.fail(MACHINE, self.failure, self._clock.now_ns())
+                told = f'a bug in what watches the rig: {type(error).__name__}: {error}'
+                safety.fail(MACHINE, told, self._clock.now_ns())
 
     def _stop(self) -> None:
         try:
             if not self.stopped.is_set():
-                self._cnc.stop()
-        except DeviceError as error:
-            self.failure = str(error)
+                with contextlib.suppress(DeviceError):  # the way up meets what is wrong again, and tells it
+                    self._cnc.stop()
         finally:
             self.stopped.set()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -58,16 +57,6 @@ class CalibrationSession:
         check_output(self._file(), self._source.file)
         self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule)
         self._written = Written(self._source, self.calibrator, 'tactile launch calibrate')
-
-    def attempt(self, presses: Callable[[], Presses], live: LiveModel | None) -> TactileError | None:
-        """`run`, with what went wrong as its result: an error in a thread of its own would be nobody's."""
-        try:
-            self.run(presses(), live)
-        except TactileError as error:
-            return error
-        except Exception:  # noqa: BLE001 - a bug: say all we know, and let the node end
-            return TactileError(f'a bug ended the calibration:\n{traceback.format_exc()}')
-        return None
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
         """The whole of it, once; the file that was written. The rig that presses is asked to end in any case.

@@ -96,11 +96,9 @@ class RigPresses:
             if rig_is_there or self._over or not (self._seen or now_ns - self._first_look_ns >= ABSENT_NS):
                 return ''
             self.end()
-            return (
-                'has ended'
-                if self._seen
-                else f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
-            )
+            if self._seen:
+                return 'has ended'
+            return f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
 
     def end(self) -> None:
         """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""

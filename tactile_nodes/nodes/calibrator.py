@@ -55,25 +55,29 @@ class CalibratorNode(Node):
         self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
         self._features = self.create_subscription(topics.FLOW_FEATURES, self._on_features)
         self.create_trigger('~/finish', self._finish)
-        self._thread = threading.Thread(target=self._calibrate, name='calibration', daemon=True)
-        self.post(self._thread.start)  # after the latched messages that are there already
+        self._thread: threading.Thread | None = None
+        self.post(self._begin)  # after the latched messages that are there already
 
     def on_close(self) -> None:
         self._closing = True
         self._rig.end()
-        if self._thread.is_alive():
+        if self._thread is not None:
             self._thread.join(timeout=1.0)
+
+    def _begin(self) -> None:
+        self._thread = self.run_beside('calibration', self._calibrate)
 
     def _calibrate(self) -> None:
         bag = self.params.bag
-        error = self._session.attempt(
-            lambda: BagPresses([Path(bag)], tell=self._tell) if bag else self._rig, self._live
-        )
-        if error and self._closing:  # the presses ended because somebody ended this node
+        try:
+            presses = BagPresses([Path(bag)], tell=self._tell) if bag else self._rig
+            self._session.run(presses, self._live)
+        except TactileError as error:
+            if not self._closing:  # else the presses ended because somebody ended this node
+                raise
             self.log.info(f'ended before there was a calibration: {error}')
-        elif error:
-            self.fail('calibration', error)
-        elif not self.params.stay:
+            return
+        if not self.params.stay:
             self.stop()
 
     def _tell(self, text: str) -> None:
