@@ -28,7 +28,7 @@ $(BIN)/python:
 
 # Without torch: nothing in the live path needs it.
 $(VENV)/.live: setup.py constraints.txt | $(BIN)/python
-	@echo 'Installing what live sensing needs (about 480 MB on disk, no torch) …'
+	@echo 'Installing what live sensing needs (about 500 MB on disk, no torch) …'
 	@$(PIP) --constraint constraints.txt --editable .
 	@touch $@
 
