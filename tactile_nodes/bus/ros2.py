@@ -220,8 +220,8 @@ class Ros2Bus:
             return self._clients[key]
 
     def _served_as(self, service: str) -> str | None:
-        names = dict(self._looker.get_service_names_and_types())
-        return str(names[service][0]) if names.get(service) else None
+        # Not get_service_names_and_types: that tells the types of clients too, the one that asks here among them.
+        return next((end.type_name for end in read_graph(self._looker).services(service)), None)
 
     def _keep(self, end: End) -> End:
         self._ends = [kept for kept in self._ends if not getattr(kept, 'shut', False)]

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from ros2_here import DOMAIN_ID, EMULATOR, HAS_ROS
+from ros2_programs import Program
 from ros2_workspace import build
 
 DEADLINE_S = 30.0
@@ -83,30 +84,16 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, st
 
 @pytest.fixture
 def running(installed: dict[str, str], tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start a program beside the test, in the sourced environment; SIGINT ends it, as a launcher would."""
-    started: list[subprocess.Popen[str]] = []
+    """Start a program beside the test, in the sourced environment; SIGINT ends it and its children, as Ctrl-C would."""
+    started: list[Program] = []
 
     def start(*words: str, **more: str) -> subprocess.Popen[str]:
-        said = (tmp_path / f'said-{len(started)}.txt').open('w', encoding='utf-8')
-        program = subprocess.Popen(
-            words,
-            env={**installed, **more},
-            cwd=tmp_path,
-            stdout=said,
-            stderr=said,
-            stdin=subprocess.DEVNULL,
-            text=True,
-        )
-        said.close()
-        started.append(program)
-        return program
+        said = tmp_path / f'said-{len(started)}.txt'
+        started.append(Program(words, said, env={**installed, **more}, cwd=tmp_path))
+        return started[-1].process
 
     yield start
     for program in started:
-        program.send_signal(signal.SIGINT)
+        program.send(signal.SIGINT)
     for program in started:
-        try:
-            program.wait(10.0)
-        except subprocess.TimeoutExpired:
-            program.kill()
-            program.wait()
+        program.end()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
@@ -14,6 +13,7 @@ from typing import Any
 
 import yaml
 from ros2_here import ROOT
+from ros2_programs import Program
 
 LAUNCHES = sorted((ROOT / 'launch').glob('*.launch.yaml'))
 _QUIET_S = 4.0
@@ -48,27 +48,29 @@ def make_prefix(folder: Path) -> Path:
     return folder
 
 
+def required_arguments(file: Path) -> list[str]:
+    """A value for each argument of a launch file that has no default, as both launchers want it."""
+    entries = [item['arg'] for item in yaml.safe_load(file.read_text(encoding='utf-8'))['launch'] if 'arg' in item]
+    return [f'{entry["name"]}:=given' for entry in entries if 'default' not in entry]
+
+
 def started_by(launcher: list[str], prefix: Path, notes: Path, environment: dict[str, str]) -> list[dict[str, Any]]:
     """How `launcher` starts programs, sorted; it is ended when no new one has come for a while."""
     notes.mkdir()
     before = environment.get('AMENT_PREFIX_PATH', '')
     env = {**environment, 'AMENT_PREFIX_PATH': f'{prefix}:{before}'.rstrip(':'), 'LAUNCH_NOTES': str(notes)}
     said = notes / 'said.txt'
-    with said.open('w') as stream:
-        program = subprocess.Popen(
-            launcher, env=env, stdout=stream, stderr=stream, stdin=subprocess.DEVNULL, start_new_session=True
-        )
-        try:
-            _wait_until_quiet(notes, program)
-        finally:
-            os.killpg(program.pid, signal.SIGINT)
-            program.wait(20.0)
+    program = Program(launcher, said, env=env)
+    try:
+        _wait_until_quiet(notes, program.process)
+    finally:
+        program.end(signal.SIGINT, 20.0)
     found = [json.loads(file.read_text()) for file in notes.glob('*.json')]
     assert found, said.read_text()
-    return sorted((_plain(entry, prefix) for entry in found), key=json.dumps)
+    return sorted((plain(entry, prefix) for entry in found), key=json.dumps)
 
 
-def _wait_until_quiet(notes: Path, program: subprocess.Popen[bytes]) -> None:
+def _wait_until_quiet(notes: Path, program: subprocess.Popen[str]) -> None:
     count, since_s, begin_s = 0, time.monotonic(), time.monotonic()
     while program.poll() is None and time.monotonic() - begin_s < 60.0:
         found = len(list(notes.glob('*.json')))
@@ -79,8 +81,10 @@ def _wait_until_quiet(notes: Path, program: subprocess.Popen[bytes]) -> None:
         time.sleep(0.05)
 
 
-def _plain(entry: dict[str, Any], prefix: Path) -> dict[str, Any]:
-    """Without what two launchers may name differently: temporary files, and the prefix."""
+def plain(entry: dict[str, Any], prefix: Path) -> dict[str, Any]:
+    """Without what two launchers may name differently: temporary files, and the prefix, in parameter files too."""
+    share = f'{prefix}/share/tactile_nodes'
     words = [re.sub(r'^\S*/launch_params_\w+(\.yaml)?$', '<temporary>', word) for word in entry['words']]
-    words = [word.replace(f'{prefix}/share/tactile_nodes', str(ROOT)) for word in words]
-    return {'name': entry['name'], 'words': words, 'files': [yaml.safe_load(text) for text in entry['files']]}
+    words = [word.replace(share, str(ROOT)) for word in words]
+    files = [yaml.safe_load(text.replace(share, str(ROOT))) for text in entry['files']]
+    return {'name': entry['name'], 'words': words, 'files': files}

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from launch_stub import LAUNCHES, make_prefix, started_by
+from launch_stub import LAUNCHES, make_prefix, plain, required_arguments, started_by
 from ros2_here import ROOT, needs_ros, run
 
 pytestmark = pytest.mark.timeout(300)
@@ -39,8 +39,9 @@ def test_launch_file_is_read_by_ros_2(file: Path, flag: str, tmp_path: Path) -> 
 @pytest.mark.parametrize('file', LAUNCHES, ids=_name)
 def test_both_launchers_start_the_same_programs_with_the_same_words(file: Path, tmp_path: Path) -> None:
     prefix = make_prefix(tmp_path / 'prefix')
-    ours = started_by([*_OURS, str(file)], prefix, tmp_path / 'ours', _environment())
-    theirs = started_by(['ros2', 'launch', '-n', str(file)], prefix, tmp_path / 'theirs', dict(os.environ))
+    words = [str(file), *required_arguments(file)]
+    ours = started_by([*_OURS, *words], prefix, tmp_path / 'ours', _environment())
+    theirs = started_by(['ros2', 'launch', '-n', *words], prefix, tmp_path / 'theirs', dict(os.environ))
     assert ours == theirs
 
 
@@ -54,3 +55,23 @@ def test_stubs_note_how_our_launcher_starts_them(tmp_path: Path) -> None:
     assert sensing['words'].count('--ros-args') >= 1
     assert str(ROOT / 'config/live.yaml') in sensing['words']
     assert all(isinstance(content, dict) for entry in noted for content in entry['files'])
+
+
+def test_stubs_are_started_also_by_a_file_with_an_argument_that_has_no_default(tmp_path: Path) -> None:
+    prefix = make_prefix(tmp_path / 'prefix')
+    file = ROOT / 'launch/replay.launch.yaml'
+    assert required_arguments(file) == ['bag:=given']
+    noted = started_by([*_OURS, str(file), *required_arguments(file)], prefix, tmp_path / 'ours', _environment())
+    assert {entry['name'] for entry in noted} == {'composed_node', 'recorder_node', 'player_node'}
+
+
+def test_a_path_below_the_prefix_is_the_same_in_words_and_in_parameter_files(tmp_path: Path) -> None:
+    """The launchers resolve `$(find-pkg-share …)` to different folders, and write what is inline into a file."""
+    path = f'{tmp_path}/share/tactile_nodes/config/plans/even.yaml'
+    noted = {'name': 'rig_node', 'words': [path], 'files': [f'/**: {{ros__parameters: {{plan: {path}}}}}']}
+    here = str(ROOT / 'config/plans/even.yaml')
+    assert plain(noted, tmp_path) == {
+        'name': 'rig_node',
+        'words': [here],
+        'files': [{'/**': {'ros__parameters': {'plan': here}}}],
+    }

@@ -54,6 +54,11 @@ def test_a_message_of_rclpys_that_nobody_filled_is_ours(type_name: str) -> None:
     assert bytes(serialize_message(_generated(type_name)()))[: len(ours)] == ours
 
 
+def test_the_byte_of_a_request_without_fields_is_never_set() -> None:
+    """rosidl's converter for Python writes a 0 there, whatever was read (`_msg_support.c.em`)."""
+    assert {messages.encode(filled('std_srvs/srv/Trigger_Request', seed)) for seed in range(5)} == {b'\0\1\0\0\0'}
+
+
 @pytest.mark.parametrize('type_name', TYPES + HALVES)
 def test_our_codec_reads_what_it_wrote(type_name: str) -> None:
     """The half of the check that needs no ROS 2."""

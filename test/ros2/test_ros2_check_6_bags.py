@@ -6,11 +6,14 @@ to an rclpy subscriber, byte for byte; what `ros2 bag record` writes of our topi
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from filled_messages import filled
 from ros2_here import needs_ros, run
 
@@ -23,6 +26,7 @@ from tactile_nodes.bus.protocol import Qos
 pytestmark = [needs_ros, pytest.mark.timeout(900)]
 
 COUNT = 20
+TAKEN_WITHIN_S = 3.0  # asked to end, ros2 bag record takes nothing more, and it tells nobody what it has
 SECOND_NS = 1_700_000_000 * 10**9
 SENT = [topics.WRENCH, topics.FORCE_DISTRIBUTION, topics.IMAGE]
 QUEUE = Qos('queue', 1000)
@@ -65,12 +69,17 @@ def test_we_read_what_ros_2_recorded(
     bus = join()
     publishers = {topic: bus.advertise(f'/{topic.name}', topic.type_name, QUEUE) for topic in SENT}
     names = [f'/{topic.name}' for topic in SENT]
-    program = running('ros2', 'bag', 'record', '-s', storage, '-o', str(tmp_path / 'theirs'), '--topics', *names)
+    deep = tmp_path / 'deep.yaml'  # the recorder asks for 10 at once otherwise, and all come in one burst
+    profile = {'history': 'keep_last', 'depth': 1000, 'reliability': 'reliable', 'durability': 'volatile'}
+    deep.write_text(yaml.safe_dump(dict.fromkeys(names, profile)))
+    record = ['ros2', 'bag', 'record', '-s', storage, '--qos-profile-overrides-path', str(deep)]
+    program = running(*record, '-o', str(tmp_path / 'theirs'), '--topics', *names)
     until(lambda: all(publisher.listeners for publisher in publishers.values()))
     for number in range(COUNT):
         for topic, publisher in publishers.items():
             publisher.publish(filled(topic.type_name, number))
-    program.send_signal(2)
+    threading.Event().wait(TAKEN_WITHIN_S)
+    program.send_signal(signal.SIGINT)
     assert program.wait(20.0) == 0
     with BagReader(tmp_path / 'theirs') as reader:
         found = [entry.topic for entry in reader.messages()]

@@ -161,7 +161,12 @@ class Node:
         return [_info(end) for node in nodes for end in node.subscription_ends if end.topic == topic_name]
 
     def get_service_names_and_types(self) -> list[tuple[str, list[str]]]:
-        return [pair for node in network.neighbours(self) for pair in node.own_services()]
+        """Those that clients ask for too: DDS has a topic for requests and one for answers, whoever is at its ends."""
+        found: dict[str, set[str]] = {}
+        for node in network.neighbours(self):
+            for end in [*node.service_ends, *node.client_ends]:
+                found.setdefault(end.srv_name, set()).add(end.srv_type.__msgtype__)
+        return [(service, sorted(kinds)) for service, kinds in sorted(found.items())]
 
     def get_service_names_and_types_by_node(self, node_name: str, node_namespace: str) -> list[tuple[str, list[str]]]:
         wanted = (node_name, node_namespace)
