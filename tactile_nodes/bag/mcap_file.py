@@ -97,9 +97,9 @@ class McapFile:
         """Against a power cut. Raises OSError when the disk fails."""
         self._stream.sync()
 
-    def close(self, metadata_yaml: str) -> None:
-        """Write the rest, the indexes and the summary. Raises as `flush` does."""
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata_yaml})
+    def close(self, metadata: str) -> None:
+        """Write the rest, `metadata` as rosbag2 keeps them, indexes and summary. Raises as `flush` does."""
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
         self._writer.finish()
         self._stream.finish()
         self._stream.sync()

@@ -109,9 +109,16 @@ class BagMetadata:
     compression_mode: str = ''
 
     def to_yaml(self) -> str:
-        """The file's text."""
+        """The text of ``metadata.yaml``."""
+        return _dump({_ROOT: self._content()})
+
+    def to_record(self) -> str:
+        """The text in an MCAP file, which rosbag2's storage reads without the key that the file begins with."""
+        return _dump(self._content())
+
+    def _content(self) -> dict[str, Any]:
         extent = Extent.union(self.files.values())
-        content = {
+        return {
             'version': VERSION,
             'storage_identifier': self.storage_id,
             **_times(extent),
@@ -126,7 +133,6 @@ class BagMetadata:
             'custom_data': None,
             'ros_distro': _Quoted(self.ros_distro),
         }
-        return yaml.dump({_ROOT: content}, Dumper=_Dumper, sort_keys=False, width=10_000)
 
     def _topic(self, topic: BagTopic) -> dict[str, Any]:
         described = {
@@ -202,3 +208,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 _Dumper.add_representer(_Quoted, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', text, style='"'))
+
+
+def _dump(content: dict[str, Any]) -> str:
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=10_000)

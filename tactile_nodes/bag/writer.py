@@ -66,6 +66,7 @@ class BagWriter:
         self._held: list[Entry] = []
         self._newest_ns = 0
         self._new_topics: list[BagTopic] = []
+        self._described: list[BagTopic] = []
         self._queued_bytes = self._written_bytes = self._accepted = 0
         self._failure: BagError | None = None
         self._sync_failure: OSError | None = None
@@ -200,7 +201,7 @@ class BagWriter:
                 saved_s = monotonic_s()
         self._write_ready()
         self._write_ready()  # those that the first one held back
-        self._file.close(self._metadata_text())
+        self._file.close(self._metadata_now().to_record())
         self._save_metadata(durable=True)
 
     def _is_urgent(self) -> bool:
@@ -210,15 +211,17 @@ class BagWriter:
         if self._sync_failure is not None:
             raise self._sync_failure
         entries, topics = self._take_ready()
+        if entries and self._is_full():  # not before: ros2 bag reindex takes an empty file's time, which is 1970
+            self._split()
         for topic in topics:
             self._file.add_topic(topic)
+            self._described.append(topic)
         for entry in entries:
             self._file.add(entry)
         if entries:
             self._file.flush()
             self._account(entries)
             self._dirty.set()
-            self._split_if_full()
 
     def _take_ready(self) -> tuple[list[Entry], list[BagTopic]]:
         with self._arrived:
@@ -239,27 +242,25 @@ class BagWriter:
             self._written_bytes += size
             self._queued_bytes -= size
 
-    def _split_if_full(self) -> None:
-        limits = self.limits
+    def _is_full(self) -> bool:
+        extent, limits = self._file.extent, self.limits
         too_big = 0 < limits.file_bytes <= self._file.size
-        too_long = 0.0 < limits.file_s <= self._file.extent.duration_ns / NS_PER_S
-        if too_big or too_long:
-            self._file.close(self._metadata_text())
-            self._file = self._open_file()
-            with self._arrived:
-                known = [topic for topic in self._metadata.topics.values() if topic not in self._new_topics]
-            for topic in known:
-                self._file.add_topic(topic)
-            self._save_metadata()  # before the first message: readers take the files that it names, and no others
+        return extent.messages > 0 and (too_big or 0.0 < limits.file_s <= extent.duration_ns / NS_PER_S)
 
-    def _metadata_text(self) -> str:
+    def _split(self) -> None:
+        self._file.close(self._metadata_now().to_record())
+        self._file = self._open_file()
+        for topic in self._described:
+            self._file.add_topic(topic)
+        self._save_metadata()  # before the first message: readers take the files that it names, and no others
+
+    def _metadata_now(self) -> BagMetadata:
         with self._arrived:
-            self._metadata.counts = dict(self.counts)
-            return self._metadata.to_yaml()
+            now = self._metadata
+            return replace(now, files=dict(now.files), topics=dict(now.topics), counts=dict(self.counts))
 
     def _save_metadata(self, durable: bool = False) -> None:
-        text = self._metadata_text()
-        draft = self.folder / f'.{FILE_NAME}'
+        text, draft = self._metadata_now().to_yaml(), self.folder / f'.{FILE_NAME}'
         try:
             with draft.open('w', encoding='utf-8') as file:
                 file.write(text)

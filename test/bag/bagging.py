@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,3 +58,13 @@ def write(folder: Path, content: list[Sample], compression: str = 'none', limits
         writer.write(sample.topic, sample.data, sample.log_ns, sample.log_ns - 1_000_000, number)
     writer.close()
     return writer
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Wait for a writer's thread."""
+    waiting = threading.Event()
+    for _ in range(2000):
+        if condition():
+            return
+        waiting.wait(0.005)
+    raise AssertionError('it did not happen in time')

@@ -12,7 +12,7 @@ import lz4.frame
 import mcap.writer
 import pytest
 import zstandard
-from bagging import FORCE, START_NS, STRING, Sample, samples, text, write
+from bagging import FORCE, START_NS, STRING, Sample, samples, text, until, write
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
@@ -269,13 +269,18 @@ def test_empty_file(tmp_path: Path) -> None:
 def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, left: bytes) -> None:
     writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
     writer.add_topic(BagTopic.of_type('/text', STRING))
-    writer.write('/text', text(0), START_NS, START_NS)
+    for number in range(2):
+        writer.write('/text', text(number), START_NS + number, START_NS)
+        until(lambda number=number: writer.totals.messages == number + 1)
     writer.close()
     blank = tmp_path / 'press' / 'press_1.mcap'
     blank.write_bytes(left)
     found, problems = read(tmp_path / 'press')
     assert found == [Sample('/text', START_NS, text(0))]
-    assert problems == [f'{blank} holds nothing, as a power cut leaves a file just begun; read those before it']
+    assert problems == [
+        f'{blank} holds nothing, as a power cut leaves a file just begun; read those before it',
+        f'{tmp_path / "press" / "metadata.yaml"} announces 2 messages, the files hold 1',
+    ]
 
 
 @pytest.mark.parametrize('said', [1000, 1 << 40])
