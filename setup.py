@@ -57,7 +57,7 @@ setup(
     },
     data_files=shared_files(),
     install_requires=[
-        'aiohttp>=3.9,<4',
+        'aiohttp>=3.14,<4',
         'argcomplete>=3.5,<4',
         'jaxtyping>=0.3,<0.4',
         'mcap>=1.5,<2',

@@ -85,10 +85,6 @@ class ViewState:
         self.advice = 'start a sensor with: tactile launch live'
         self._health: dict[str, _Heard] = {}
         self._logs: deque[_Said] = deque(maxlen=4)
-        self.count_anew(start_ns)
-
-    def count_anew(self, start_ns: int) -> None:
-        """Forget all frames, as one does who has looked away: what nobody received was not lost on its way."""
         self._start_ns = start_ns
         self.frames = self._invalid = 0
         self._force: Any = None

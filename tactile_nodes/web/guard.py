@@ -3,17 +3,26 @@
 Whatever page a browser shows may send requests to this machine's own addresses. Two things betray it: the browser
 says in `Origin` whose page it is, and a foreign name that was made to point here (DNS rebinding) stands in `Host`. So
 `Host` must be an address, which cannot be made to point elsewhere, or a name that we know; and what acts, or opens a
-WebSocket, must come from a page of ours.
+WebSocket, must come from a page of ours. Programs that are no browser can say what they like in both: whose program it
+is, `accounts` finds out.
 """
 
 from __future__ import annotations
 
-import hmac
 import ipaddress
 import re
 from collections.abc import Collection
+from enum import Enum
 
 _HOST = re.compile(r'(?P<name>\[[0-9a-fA-F:.]+\]|[\w.-]+)(:\d{1,5})?', re.ASCII)
+
+
+class Guests(Enum):
+    """What those may who are not the owner of a server: other accounts of this machine, and other machines."""
+
+    NONE = 'none'
+    WATCH = 'watch'
+    ACT = 'act'
 
 
 def is_known_host(host: str, names: Collection[str] = ()) -> bool:
@@ -40,11 +49,6 @@ def is_own_page(origin: str | None, host: str) -> bool:
     (True, False)
     """
     return origin is not None and origin == f'http://{host}'
-
-
-def is_right_token(given: str | None, token: str) -> bool:
-    """Whether a request carries the word that only a page of ours was told."""
-    return given is not None and hmac.compare_digest(given.encode(), token.encode())
 
 
 def is_loopback(address: str) -> bool:

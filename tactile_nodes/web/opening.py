@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.web import port
 from tactile_nodes.web.controls import Outcome
+from tactile_nodes.web.guard import Guests
 
 if TYPE_CHECKING:
     from tactile_nodes.web.server import PageServer
@@ -18,6 +19,8 @@ def open_page(
     first_port: int,
     act: Callable[[str, bool], Outcome],
     changed: Callable[[], None],
+    complain: Callable[[str], None],
+    guests: Guests = Guests.NONE,
     names: Collection[str] = (),
     viewers: int = 16,
 ) -> PageServer:
@@ -34,6 +37,6 @@ def open_page(
             f'the live view in the browser needs aiohttp ({error}); install it with: pip install aiohttp, '
             'or launch without the page: page:=false'
         ) from error
-    made = PageServer(port.listen(address, first_port), act, changed, names, viewers)
+    made = PageServer(port.listen(address, first_port), act, changed, complain, guests, names, viewers)
     made.start()
     return made

@@ -70,11 +70,10 @@ class Scene:
 
     # --- what is to be seen -------------------------------------------------------------------------------------
 
-    def look_again(self, now_ns: int) -> None:
-        """Somebody watches again after a time in which nothing was received."""
-        self.view.count_anew(now_ns)
-        for place in (self._images, self._motions, self._truths):
-            place.clear()
+    def look_again(self) -> None:
+        """Somebody watches again after a time in which no pictures were received."""
+        self._images.clear()
+        self._motions.clear()
 
     def touching_n(self, now_ns: int) -> float | None:
         """The total force [N] when something touches; None when nothing does, or nobody knows. From any thread."""

@@ -1,33 +1,32 @@
-"""The page's server: HTTP and WebSockets in a thread of its own, so that no viewer can make a node wait.
+"""The page's server.
 
 ``/`` and ``/static/…`` are the page, ``/live`` the WebSocket that it watches through, ``/control/<action>`` what its
-buttons post to. See `guard` for who may, `packet` for what travels, `viewers` for what happens to slow ones.
+buttons post to. See `door` and `guard` for who may, `packet` for what travels, `viewers` for what happens to slow ones.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
-import secrets
 import socket
-import threading
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Callable, Collection
 from dataclasses import asdict
 from pathlib import Path
 
 from aiohttp import WSMsgType, web
 
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.web import guard, port
+from tactile_nodes.web import guard
+from tactile_nodes.web.complaints import Complaints
 from tactile_nodes.web.controls import Outcome
+from tactile_nodes.web.door import Door
+from tactile_nodes.web.guard import Guests
 from tactile_nodes.web.packet import Packet
+from tactile_nodes.web.serving import LONGEST_WORD, Serving
 from tactile_nodes.web.viewers import Audience, Viewer
 
 STATIC = Path(__file__).parent / 'static'
 HEARTBEAT_S = 10.0
-LONGEST_WORD = 4096  # bytes of what a viewer may say at once
-CLOSE_WITHIN_S = 0.5
-TOKEN = 'X-Tactile-Token'  # noqa: S105 - the header's name
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
     "connect-src 'self' ws://{host}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
@@ -46,34 +45,39 @@ Act = Callable[[str, bool], Outcome]
 Changed = Callable[[], None]
 """Told, in the server's thread, that somebody has come or gone."""
 
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-
 
 class PageServer:
     """Serves on `listening`, which it closes in the end; `names` are hosts to be known by besides addresses."""
 
     def __init__(
-        self, listening: socket.socket, act: Act, changed: Changed, names: Collection[str] = (), viewers: int = 16
+        self,
+        listening: socket.socket,
+        act: Act,
+        changed: Changed,
+        complain: Callable[[str], None],
+        guests: Guests = Guests.NONE,
+        names: Collection[str] = (),
+        viewers: int = 16,
     ) -> None:
-        self.url = port.url(listening)
-        self._listening = listening
+        self.door = Door(guests=guests is not Guests.NONE)
+        self.complaints = Complaints(complain, monotonic_s)
+        self._serving = Serving(listening, self.door, self.complaints, self._add_routes, names)
         self._act = act
         self._changed = changed
-        self._names = frozenset(names)
+        self._guests_act = guests is Guests.ACT
         self._audience = Audience(viewers)
         self._news: dict[Viewer, asyncio.Event] = {}
-        self._sockets: set[web.WebSocketResponse] = set()
-        self._token = secrets.token_urlsafe(16)
-        self._loop = asyncio.new_event_loop()
-        self._ready = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='page', daemon=True)
 
     # --- from other threads -------------------------------------------------------------------------------------
 
+    @property
+    def url(self) -> str:
+        """What to open in a browser."""
+        return self._serving.url
+
     def start(self) -> None:
         """Serve; returns when the page can be opened."""
-        self._thread.start()
-        self._ready.wait()
+        self._serving.start()
 
     @property
     def watching(self) -> int:
@@ -87,54 +91,27 @@ class PageServer:
 
     def show(self, packet: Packet) -> None:
         """Show it to all who watch; returns at once."""
-        self._loop.call_soon_threadsafe(self._offer, packet)
+        self._serving.post(self._offer, packet)
+
+    def remember(self, samples: bytes) -> None:
+        """Keep the course of the force for those who come, and for those who could not be sent a packet."""
+        self._serving.post(self._audience.remember, samples)
 
     def close(self) -> None:
         """Serve no more."""
-        if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join()
-        self._listening.close()
+        self._serving.close()
 
-    # --- the thread ---------------------------------------------------------------------------------------------
+    # --- in the server's thread ---------------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            runner = self._loop.run_until_complete(self._begin())
-        finally:
-            self._ready.set()
-        self._loop.run_forever()
-        self._loop.run_until_complete(self._end(runner))
-        self._loop.close()
+    def _add_routes(self, application: web.Application) -> None:
+        application.on_response_prepare.append(_add_headers)
+        application.router.add_get('/', _index)
+        application.router.add_static('/static', STATIC)
+        application.router.add_get('/live', self._live)
+        application.router.add_post('/control/{action}', self._control)
 
-    async def _begin(self) -> web.AppRunner:
-        runner = web.AppRunner(self.application(), access_log=None, handle_signals=False, shutdown_timeout=0.1)
-        await runner.setup()
-        await web.SockSite(runner, self._listening).start()
-        return runner
-
-    async def _end(self, runner: web.AppRunner) -> None:
-        closing = [asyncio.create_task(each.close(code=1001, message=b'the node ends')) for each in self._sockets]
-        if closing:
-            await asyncio.wait(closing, timeout=CLOSE_WITHIN_S)
-        await runner.cleanup()
-
-    def application(self) -> web.Application:
-        """The routes; for tests, too."""
-        made = web.Application(middlewares=[self._check_host], client_max_size=LONGEST_WORD)
-        made.on_response_prepare.append(_add_headers)
-        made.router.add_get('/', _index)
-        made.router.add_static('/static', STATIC)
-        made.router.add_get('/live', self._live)
-        made.router.add_post('/control/{action}', self._control)
-        return made
-
-    @web.middleware
-    async def _check_host(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not guard.is_known_host(request.host, self._names):
-            raise web.HTTPMisdirectedRequest(text='This page is not served under that name.')
-        return await handler(request)
+    def _may_act(self, request: web.Request) -> bool:
+        return self._guests_act or self.door.is_owner(request.transport)
 
     # --- watching -----------------------------------------------------------------------------------------------
 
@@ -149,25 +126,25 @@ class PageServer:
         if self._audience.is_full:
             raise web.HTTPServiceUnavailable(text='Too many pages watch already; close one.')
         channel = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_WORD)
-        await channel.prepare(request)
+        may_act = self._may_act(request)
+        await self._serving.open_channel(request, channel)
         viewer = self._audience.join(monotonic_s())
         self._news[viewer] = asyncio.Event()
-        self._sockets.add(channel)
         self._changed()
-        sending = asyncio.create_task(self._send(channel, viewer))
+        sending = asyncio.create_task(self._send(channel, viewer, may_act))
         try:
             await self._hear(channel, viewer)
         finally:
             sending.cancel()
             self._audience.leave(viewer)
             del self._news[viewer]
-            self._sockets.discard(channel)
+            self._serving.forget_channel(channel)
             self._changed()
         return channel
 
-    async def _send(self, channel: web.WebSocketResponse, viewer: Viewer) -> None:
+    async def _send(self, channel: web.WebSocketResponse, viewer: Viewer, may_act: bool) -> None:
         try:
-            await channel.send_str(json.dumps({'token': self._token}))
+            await channel.send_str(json.dumps({'may_act': may_act}))
             while True:
                 await self._news[viewer].wait()
                 self._news[viewer].clear()
@@ -186,9 +163,10 @@ class PageServer:
     # --- acting -------------------------------------------------------------------------------------------------
 
     async def _control(self, request: web.Request) -> web.StreamResponse:
-        own = guard.is_own_page(request.headers.get('Origin'), request.host)
-        if not (own and guard.is_right_token(request.headers.get(TOKEN), self._token)):
+        if not guard.is_own_page(request.headers.get('Origin'), request.host):
             raise web.HTTPForbidden(text='Only the page itself may act here.')
+        if not self._may_act(request):
+            raise web.HTTPForbidden(text='You may watch, but only the account that started this may act.')
         insist = request.query.get('insist') == 'yes'
         outcome = await asyncio.to_thread(self._act, request.match_info['action'], insist)
         return web.json_response(asdict(outcome), status=200 if outcome.done else 409)

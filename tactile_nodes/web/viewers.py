@@ -30,7 +30,11 @@ class Viewer:
         """There is something new to see."""
         self.passed_over += self._body is not None
         self._body = packet.body
-        self._samples.append(packet.samples)
+        self.remember(packet.samples)
+
+    def remember(self, samples: bytes) -> None:
+        """To be sent with the next packet."""
+        self._samples.append(samples)
 
     def take(self) -> bytes | None:
         """What to send now, if anything."""
@@ -84,6 +88,12 @@ class Audience:
             self._history.append(packet.samples)
         for viewer in self.viewers:
             viewer.offer(packet)
+
+    def remember(self, samples: bytes) -> None:
+        """What belongs to the course of the force, and comes with no packet."""
+        self._history.append(samples)
+        for viewer in self.viewers:
+            viewer.remember(samples)
 
     def watching(self, now_s: float) -> int:
         """How many take what they are sent."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -24,7 +25,9 @@ from tactile_nodes.web.packet import Packet
 
 Advertise = Callable[[Topic], Publisher]
 WORDS = {topics.DIAGNOSTICS.name, topics.ROSOUT.name, f'/{topics.CALIBRATION_STATE.name}'}
-DATA = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION, topics.TRUE_FORCE)
+FORCES = {f'/{topic.name}' for topic in (topics.FORCE_DISTRIBUTION, topics.TRUE_FORCE)}
+SAMPLE = struct.Struct('<dff')  # as packet.py describes it
+PICTURES = {f'/{topic.name}' for topic in (topics.IMAGE, topics.FLOW_FEATURES)}
 
 
 @pytest.fixture
@@ -55,11 +58,22 @@ def subscribed(bus: InProcessBus) -> set[str]:
     return {end.name for end in bus.graph().subscriptions()}
 
 
-def test_while_nobody_watches_no_picture_and_no_force_is_received(
+def test_while_nobody_watches_no_picture_is_received(
     bus: InProcessBus, clock: SteppedClock, node: LiveViewNode
 ) -> None:
     pass_time(node, clock, 1.0)
-    assert subscribed(bus) == WORDS
+    assert subscribed(bus) == WORDS | FORCES
+
+
+def test_who_comes_later_is_told_the_force_of_the_time_before(
+    clock: SteppedClock, node: LiveViewNode, publisher: Advertise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remembered: list[bytes] = []
+    monkeypatch.setattr(node.server, 'remember', remembered.append)
+    for number in range(3):
+        publisher(topics.FORCE_DISTRIBUTION).publish(force(1000.0 + 16 * number, (0.25 * number, 0.0, 0.0, 0.0)))
+        pass_time(node, clock, 1 / 30)
+    assert [total for each in remembered for _, total, _ in SAMPLE.iter_unpack(each)] == [0.0, 0.25, 0.5]
 
 
 def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
@@ -68,8 +82,7 @@ def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
     for watching in (1, 0):
         monkeypatch.setattr(type(node.server), 'watching', property(lambda _, count=watching: count))
         pass_time(node, clock, 1.0)
-        data = subscribed(bus) - WORDS
-        assert data == ({f'/{topic.name}' for topic in DATA} if watching else set())
+        assert subscribed(bus) - WORDS - FORCES == (PICTURES if watching else set())
 
 
 def test_what_is_published_is_shown_at_the_next_look(
@@ -106,3 +119,19 @@ def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) 
     arguments = NodeArguments(parameters=(NodeParameters('/**', {'port': Located(70000, 'test')}),))
     with pytest.raises(ConfigurationError, match='70000'):
         LiveViewNode(bus, arguments, clock)
+
+
+@pytest.mark.parametrize(
+    ('values', 'said'),
+    [
+        ({'guests': 'watch'}, 'every account of this machine can watch'),
+        ({'guests': 'act', 'address': '0.0.0.0'}, 'anyone who reaches 0.0.0.0 can watch and press the buttons'),
+        ({'address': '0.0.0.0'}, '0.0.0.0 is open to other machines, but only guests come from there: set guests'),
+    ],
+)
+def test_who_else_may_is_said_at_the_start(
+    bus: InProcessBus, clock: SteppedClock, capfd: pytest.CaptureFixture[str], values: dict[str, str], said: str
+) -> None:
+    located = {name: Located(value, 'test') for name, value in ({'port': 0} | values).items()}
+    LiveViewNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock).close()
+    assert said in capfd.readouterr().err

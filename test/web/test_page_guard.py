@@ -43,11 +43,6 @@ def test_the_page_that_was_loaded_from_here_is_our_own() -> None:
     assert guard.is_own_page('http://localhost:9000', 'localhost:9000')
 
 
-@pytest.mark.parametrize(('given', 'right'), [('abc', True), ('abd', False), ('', False), (None, False), ('ü', False)])
-def test_only_the_token_is_the_token(given: str | None, right: bool) -> None:
-    assert guard.is_right_token(given, 'abc') is right
-
-
 @pytest.mark.parametrize(('address', 'own'), [('127.0.0.1', True), ('::1', True), ('0.0.0.0', False), ('lab', False)])
 def test_loopback_is_what_only_this_machine_reaches(address: str, own: bool) -> None:
     assert guard.is_loopback(address) is own

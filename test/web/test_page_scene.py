@@ -120,14 +120,12 @@ def test_nothing_new_is_told_twice_a_second_only() -> None:
     assert scene.is_due(1600 * MS)
 
 
-def test_what_nobody_received_while_nobody_looked_was_not_lost() -> None:
+def test_a_picture_of_before_somebody_looked_away_is_not_shown_again() -> None:
     scene = Scene()
-    scene.add_force(received(force(10), 10, sequence=1))
-    scene.look_again(5000 * MS)
-    scene.add_force(received(force(6000), 6000, sequence=300))
-    told, _, _ = seen(scene, 6001)
-    assert told['slow']['rates']['lost'] == 0
-    assert told['slow']['rates']['frames'] == 1
+    scene.add_image(received(image(10), 10))
+    scene.look_again()
+    told, sections, _ = seen(scene, 6001)
+    assert (told['image'], sections['image']) == (None, b'')
 
 
 def test_a_fresh_touch_is_known_and_an_old_one_is_not() -> None:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import socket
 import threading
 from collections.abc import Coroutine, Iterator
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
 
+from tactile_nodes.web import accounts
 from tactile_nodes.web.controls import Outcome
+from tactile_nodes.web.guard import Guests
 from tactile_nodes.web.opening import open_page
 from tactile_nodes.web.packet import Packet
-from tactile_nodes.web.server import TOKEN, PageServer
+from tactile_nodes.web.server import PageServer
 from tactile_nodes.web.viewers import IN_FLIGHT
 
 Found = TypeVar('Found')
@@ -24,11 +29,14 @@ PATIENCE_S = 10.0
 class Served:
     """A running server, and what it was asked to do."""
 
-    def __init__(self) -> None:
+    def __init__(self, guests: Guests = Guests.NONE) -> None:
         self.asked: list[tuple[str, bool]] = []
+        self.complaints: list[str] = []
         self.slowly = threading.Semaphore(0)
         self.came_or_went = threading.Semaphore(0)
-        self.server: PageServer = open_page('127.0.0.1', 0, self._act, self.came_or_went.release, viewers=2)
+        self.server: PageServer = open_page(
+            '127.0.0.1', 0, self._act, self.came_or_went.release, self.complaints.append, guests, viewers=2
+        )
         self.url = self.server.url.rstrip('/')
         self.socket_url = self.url.replace('http', 'ws') + '/live'
 
@@ -40,10 +48,18 @@ class Served:
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
-    made = Served()
+def served(request: pytest.FixtureRequest) -> Iterator[Served]:
+    """With the guests of the test's parameter; else there are none."""
+    made = Served(getattr(request, 'param', Guests.NONE))
     yield made
     made.server.close()
+    assert made.complaints == []
+
+
+@pytest.fixture
+def of_another_account(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever connects is taken for a program of somebody else."""
+    monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
 
 
 def run(talk: Coroutine[Any, Any, Found]) -> Found:
@@ -58,9 +74,18 @@ async def status_of(method: str, url: str, **headers: str) -> int:
         return response.status
 
 
-async def token_of(served: Served) -> str:
+async def may_act(served: Served) -> bool:
     async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url) as channel:
-        return str(json.loads(await channel.receive_str())['token'])
+        return bool(json.loads(await channel.receive_str())['may_act'])
+
+
+def talk_raw(served: Served, *sent: bytes) -> bytes:
+    """What the server answers to bytes until it closes the connection."""
+    place = urlsplit(served.url)
+    with socket.create_connection((place.hostname, place.port), timeout=PATIENCE_S) as made:
+        for each in sent:
+            made.sendall(each)
+        return b''.join(iter(lambda: made.recv(65536), b''))
 
 
 def test_the_page_and_all_that_it_names_are_served(served: Served) -> None:
@@ -156,30 +181,70 @@ def test_one_page_too_many_is_told_so(served: Served) -> None:
     assert run(talk()) == 503
 
 
-def test_an_action_needs_origin_and_token(served: Served) -> None:
-    token, url = run(token_of(served)), served.url + '/control/good'
+def test_an_action_must_come_from_a_page_of_ours(served: Served) -> None:
+    url = served.url + '/control/good'
     assert run(status_of('POST', url)) == 403
-    assert run(status_of('POST', url, Origin=served.url)) == 403
-    assert run(status_of('POST', url, **{TOKEN: token})) == 403
-    assert run(status_of('POST', url, Origin='http://evil.example', **{TOKEN: token})) == 403
-    assert run(status_of('GET', url, Origin=served.url, **{TOKEN: token})) == 405
+    assert run(status_of('POST', url, Origin='http://evil.example')) == 403
+    assert run(status_of('GET', url, Origin=served.url)) == 405
     assert served.asked == []
-    assert run(status_of('POST', url, Origin=served.url, **{TOKEN: token})) == 200
+    assert run(status_of('POST', url, Origin=served.url)) == 200
     assert served.asked == [('good', False)]
+    assert run(may_act(served))
 
 
 def test_a_refusal_is_told_with_its_sentence(served: Served) -> None:
-    token = run(token_of(served))
-
     async def talk() -> tuple[int, Any]:
         async with (
-            aiohttp.ClientSession(headers={'Origin': served.url, TOKEN: token}) as session,
+            aiohttp.ClientSession(headers={'Origin': served.url}) as session,
             session.post(served.url + '/control/bad?insist=yes') as response,
         ):
             return response.status, await response.json()
 
     assert run(talk()) == (409, {'done': False, 'text': 'bad.', 'insistable': True})
     assert served.asked == [('bad', True)]
+
+
+@pytest.mark.usefixtures('of_another_account')
+class TestAnotherAccount:
+    @pytest.fixture
+    def served(self, request: pytest.FixtureRequest, of_another_account: None) -> Iterator[Served]:
+        made = Served(request.param)
+        yield made
+        made.server.close()
+        assert made.complaints == []
+
+    @pytest.mark.parametrize('served', [Guests.NONE], indirect=True)
+    def test_neither_sees_nor_does_anything_and_is_told_why(self, served: Served) -> None:
+        async def talk() -> str:
+            async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
+                assert response.status == 403
+                return await response.text()
+
+        assert f'served to the account that started it (uid {os.getuid()})' in run(talk())
+        for path in ('/static/page.css', '/live', '/control/good'):
+            assert run(status_of('POST', served.url + path, Origin=served.url)) == 403
+        assert served.asked == []
+        assert served.server.door.refused == 4
+
+    @pytest.mark.parametrize('served', [Guests.WATCH], indirect=True)
+    def test_watches_where_guests_may_and_acts_not(self, served: Served) -> None:
+        assert run(may_act(served)) is False
+        assert run(status_of('POST', served.url + '/control/good', Origin=served.url)) == 403
+        assert served.asked == []
+
+    @pytest.mark.parametrize('served', [Guests.ACT], indirect=True)
+    def test_acts_where_guests_may(self, served: Served) -> None:
+        assert run(may_act(served)) is True
+        assert run(status_of('POST', served.url + '/control/good', Origin=served.url)) == 200
+        assert served.asked == [('good', False)]
+
+
+def test_odd_bytes_in_headers_are_refused_as_other_words_are(served: Served) -> None:
+    sent = (
+        b'POST /control/good HTTP/1.1\r\nHost: [::1]\r\nX-Token: \xff\xfe\r\nOrigin: \xff\r\nConnection: close\r\n\r\n'
+    )
+    assert talk_raw(served, sent).startswith(b'HTTP/1.1 403')
+    assert served.asked == []
 
 
 def test_closing_ends_what_is_open(served: Served) -> None:
@@ -199,8 +264,7 @@ def test_closing_ends_what_is_open(served: Served) -> None:
 
 
 def test_closing_does_not_wait_for_a_node_that_does_not_answer(served: Served) -> None:
-    token = run(token_of(served))
-    headers = {'Origin': served.url, TOKEN: token}
+    headers = {'Origin': served.url}
 
     async def talk() -> None:
         async with aiohttp.ClientSession(headers=headers) as session:

@@ -107,3 +107,13 @@ def test_more_viewers_than_allowed_find_it_full() -> None:
     assert audience.is_full
     audience.leave(viewer)
     assert not audience.is_full
+
+
+def test_the_course_of_the_force_goes_on_while_nobody_can_be_shown_anything() -> None:
+    audience = Audience()
+    audience.remember(b'|0')
+    watching = audience.join(0.0)
+    audience.remember(b'|1')
+    late = audience.join(1.0)
+    audience.offer(packet(2))
+    assert watching.take() == late.take() == b'body2|0|1|2'

@@ -18,8 +18,9 @@ export class Controls {
     const { recording, controls } = slow ?? { recording: null, controls: {} };
     this.recording = recording;
     const on = Boolean(recording?.on);
-    $('record').disabled = !isOpen || this.busy || !controls.recording_start;
-    $('rest').disabled = !isOpen || this.busy || !controls.rest_image;
+    const may = isOpen && !this.busy && this.link.mayAct;
+    $('record').disabled = !may || !controls.recording_start;
+    $('rest').disabled = !may || !controls.rest_image;
     $('record').classList.toggle('on', on);
     $('record-word').textContent = on ? `Stop recording, ${recording.seconds.toFixed(0)} s` : 'Record a bag';
     $('recording-mark').hidden = !on;

@@ -8,7 +8,7 @@ export class Link {
     this.open = false;
     this.onPacket = onPacket;
     this.onChange = onChange;
-    this.token = '';
+    this.mayAct = false;
     this.failures = 0;
     this.connect();
   }
@@ -24,7 +24,7 @@ export class Link {
 
   take(data) {
     if (typeof data === 'string') {
-      this.token = JSON.parse(data).token;
+      this.mayAct = JSON.parse(data).may_act;
       this.failures = 0;
     } else {
       this.onPacket(data);
@@ -52,7 +52,7 @@ export class Link {
   async act(action, insist = false) {
     try {
       const path = `/control/${action}${insist ? '?insist=yes' : ''}`;
-      const response = await fetch(path, { method: 'POST', headers: { 'X-Tactile-Token': this.token } });
+      const response = await fetch(path, { method: 'POST' });
       if (response.headers.get('Content-Type')?.startsWith('application/json')) return await response.json();
       return { done: false, text: await response.text() };
     } catch {

@@ -1,0 +1,65 @@
+"""Which account of this machine a TCP connection comes from, by the kernel's own table of sockets (proc(5)).
+
+A name of a user, a word or an address can be sent by anybody; that a socket is somebody's only the kernel says.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+TABLES = (Path('/proc/net/tcp'), Path('/proc/net/tcp6'))
+_LOOKS = 3  # the table is no snapshot: a row may be missed while others come and go
+_NO_INODE = '0'  # of a socket that its program has closed, and that is then shown as root's
+_ROW = 10  # columns that are read of a row
+
+End = tuple[str, int]
+"""Address and port of one end of a connection."""
+
+
+def owners() -> frozenset[int]:
+    """The accounts to whom a program belongs: the one that started it, and root, who may do anything anyway."""
+    return frozenset({os.getuid(), 0})
+
+
+def account_of(peer: End, here: End, tables: Sequence[Path] = TABLES) -> int | None:
+    """The uid of the program at `peer`, which is connected to `here`; None: none of this machine, or it has gone."""
+    wanted = {tuple(_written(end, wide) for end in (peer, here)) for wide in (False, True)} - {(None, None)}
+    for _ in range(_LOOKS):
+        for table in tables:
+            if (found := _uid_in(table, wanted)) is not None:
+                return found
+    return None
+
+
+def _uid_in(table: Path, wanted: set[tuple[str | None, ...]]) -> int | None:
+    try:
+        rows = table.read_text('ascii').splitlines()[1:]
+    except FileNotFoundError:  # no IPv6, or no Linux: then nobody is known
+        return None
+    for row in rows:
+        columns = row.split(maxsplit=_ROW)
+        if (columns[1], columns[2]) in wanted and columns[9] != _NO_INODE:
+            return int(columns[7])
+    return None
+
+
+def _written(end: End, wide: bool) -> str | None:
+    """An end as the table writes it, `wide` in that of IPv6; None where it has no such form.
+
+    >>> _written(('127.0.0.1', 7470), wide=False)  # on a little-endian machine
+    '0100007F:1D2E'
+    """
+    address = ipaddress.ip_address(end[0].partition('%')[0])
+    if isinstance(address, ipaddress.IPv6Address):
+        address = address.ipv4_mapped or address
+    packed = address.packed
+    if wide and len(packed) == 4:
+        packed = ipaddress.IPv6Address(f'::ffff:{address}').packed
+    if not wide and len(packed) == 16:
+        return None
+    words = struct.unpack(f'={len(packed) // 4}I', packed)
+    return f'{"".join(f"{word:08X}" for word in words)}:{end[1]:04X}'

@@ -1,0 +1,55 @@
+"""What a server complains of: of requests that are none a line a minute with their number, of a bug once."""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from aiohttp.http_exceptions import HttpProcessingError
+
+SAY_EVERY_S = 60.0
+
+
+class Complaints(logging.Handler):
+    """Takes what aiohttp and asyncio report instead of the terminal; `say` gets the lines that a person should read."""
+
+    def __init__(self, say: Callable[[str], None], now_s: Callable[[], float]) -> None:
+        super().__init__()
+        self.malformed = 0
+        self.logger = logging.Logger('tactile_nodes.web')
+        self.logger.addHandler(self)
+        self._say = say
+        self._now_s = now_s
+        self._told = 0
+        self._next_s = -float('inf')
+        self._bugs: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, HttpProcessingError):
+            self._count(error)
+        elif record.levelno >= logging.WARNING:
+            self._report(error, record.getMessage())
+
+    def take(self, _: object, context: dict[str, Any]) -> None:
+        """What asyncio's loop says of an exception that nobody caught (``loop.set_exception_handler``)."""
+        self._report(context.get('exception'), context['message'])
+
+    def _count(self, error: HttpProcessingError) -> None:
+        self.malformed += 1
+        now_s = self._now_s()
+        if now_s < self._next_s:
+            return
+        more = self.malformed - self._told
+        self._told, self._next_s = self.malformed, now_s + SAY_EVERY_S
+        reason = ' '.join(ascii(str(error.message).partition('\n')[0]).strip('\'":').split())[:120]
+        self._say(f'malformed requests refused: {more}, {self.malformed} in all; the last: {reason}')
+
+    def _report(self, error: BaseException | None, text: str) -> None:
+        if error is not None:
+            text += '\n' + ''.join(traceback.format_exception(error))
+        if text not in self._bugs:
+            self._bugs.add(text)
+            self._say(f'a bug in the server, which goes on: {text}')
