@@ -109,6 +109,6 @@ def _is_well(hands: Hands, limits: LimitSettings, now_ns: int) -> bool:
     if trip is not None and trip.kind == MACHINE:
         raise TrippedError(trip)
     hands.safety.reset(now_ns)
-    samples = hands.readings.samples(now_ns - round(2e6 * limits.force_silence_ms))
+    samples = hands.readings.samples(now_ns - round(2e6 * hands.safety.silence_ms))
     frames = hands.readings.frames(now_ns - round(1e6 * limits.camera_silence_ms))
     return trip is None and bool(frames) and bool(samples) and samples[-1].usable

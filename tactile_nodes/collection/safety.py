@@ -12,11 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tactile_nodes.collection.settings import LimitSettings
-from tactile_nodes.drivers.force_torque import UNUSABLE, Sample, Wrench
+from tactile_nodes.drivers.force_torque import UNUSABLE, Flag, Sample, Wrench
+from tactile_nodes.drivers.force_torque_check import permitted_ms, too_old
 from tactile_nodes.drivers.force_torque_stream import told
 from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
+UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so nobody knows how old its samples are'
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 
@@ -36,16 +38,20 @@ class Safety:
     Args:
         limits: the numbers.
         on_trip: told the moment something is wrong, in the thread that found out; must be quick.
+        rate_hz: force samples a second that are expected (`ForceTorqueSensor.expected_hz`); 0: not known.
     """
 
-    def __init__(self, limits: LimitSettings, on_trip: Callable[[Trip], None] | None = None) -> None:
+    def __init__(
+        self, limits: LimitSettings, on_trip: Callable[[Trip], None] | None = None, rate_hz: float = 0.0
+    ) -> None:
         self._limits = limits
         self._on_trip = on_trip
         self._lock = threading.Lock()
         self._recent: deque[tuple[int, float]] = deque()
         self._zero: Wrench | None = None
-        self._sample_ns = self._frame_ns = 0
-        self._period_ns = 0.0
+        self._newest: Sample | None = None
+        self._frame_ns = 0
+        self.silence_ms = permitted_ms(limits.force_silence_ms, rate_hz)
         self._since_ns = 0
         self.trip: Trip | None = None
         self.greatest_n = 0.0
@@ -72,13 +78,15 @@ class Safety:
 
     def sample(self, sample: Sample) -> None:
         """A force sample has come."""
-        self._note_period(sample)
-        self._sample_ns = sample.arrival_ns
+        self._newest = sample
         if not self.watching:
             return
         if sample.flags & UNUSABLE:
             wrong = told(sample.flags & UNUSABLE)
             self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
+            return
+        if sample.flags & Flag.UNTIMED:
+            self._stop(SENSOR, f'{UNTIMED}; check what it says of its rate', sample.arrival_ns)
             return
         force, torque = self._change(sample.wrench)
         if math.isnan(force):
@@ -95,10 +103,8 @@ class Safety:
         """Time has passed; look for who is silent."""
         if not self.watching:
             return
-        silence_ns = max(self._limits.force_silence_ms * NS_PER_MS, 3 * self._period_ns)
-        silent_ns = now_ns - max(self._sample_ns, self._since_ns)
-        if silent_ns > silence_ns:
-            self._stop(SENSOR, f'the force/torque sensor has been silent for {silent_ns / NS_PER_MS:.0f} ms', now_ns)
+        if wrong := too_old(self._newest, self._since_ns, now_ns, self.silence_ms):
+            self._stop(SENSOR, f'the force/torque sensor {wrong}', now_ns)
         silent_ns = now_ns - max(self._frame_ns, self._since_ns)
         if self.watching_camera and silent_ns > self._limits.camera_silence_ms * NS_PER_MS:
             self._stop(CAMERA, f'the camera has sent no image for {silent_ns / NS_PER_MS:.0f} ms', now_ns)
@@ -108,11 +114,6 @@ class Safety:
     def fail(self, kind: str, reason: str, now_ns: int) -> None:
         """Somebody else found that everything must stop."""
         self._stop(kind, reason, now_ns)
-
-    def _note_period(self, sample: Sample) -> None:
-        if self._sample_ns and sample.sequence:
-            gap_ns = min(sample.arrival_ns - self._sample_ns, NS_PER_S)
-            self._period_ns += 0.02 * (gap_ns - self._period_ns) if self._period_ns else gap_ns
 
     def _change(self, wrench: Wrench) -> tuple[float, float]:
         with self._lock:

@@ -20,7 +20,7 @@ class LimitSettings:
     force_rate_n_s: float = parameter(40.0, 'fastest rise of the force over rate_ms [N/s]', minimum=0.1)
     rate_ms: float = parameter(40.0, 'over which the rise of the force is taken', minimum=1.0)
     depth_mm: float = parameter(2.2, 'no press of a plan, and no search, goes deeper', minimum=0.0, maximum=10.0)
-    force_silence_ms: float = parameter(50.0, 'without a force sample for so long (or three periods)', minimum=5.0)
+    force_silence_ms: float = parameter(50.0, 'newest force sample older than this (or three periods)', minimum=5.0)
     camera_silence_ms: float = parameter(250.0, 'without an image for so long', minimum=20.0)
     recover_s: float = parameter(30.0, 'how long a lost sensor or camera may take to come back', minimum=0.0)
     steady_again_s: float = parameter(2.0, 'how long it must be well again before the run goes on', minimum=0.0)

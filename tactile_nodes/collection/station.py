@@ -66,12 +66,12 @@ class Station:
             worlds.share(WORLD, self.world)
         self.cnc: Cnc = open_cnc(cnc, clock, machine=self.world)
         self.guard = Guard(self.cnc, clock)
-        self.safety = Safety(settings.limits, self.guard.trip)
         try:
             self.sensor = self._sensor(force_torque, settings)
         except BaseException:
             self.cnc.close()
             raise
+        self.safety = Safety(settings.limits, self.guard.trip, self.sensor.expected_hz)
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
         stopped = self.guard.stopped

@@ -33,9 +33,13 @@ class Flag(IntFlag):
     """The sensor complains of something that leaves the numbers good."""
     RESTARTED = 32
     """The first sample after the sensor was lost and found again: how long it was away is only estimated."""
+    NOT_A_NUMBER = 64
+    """An axis that it measures shows no finite number."""
+    UNTIMED = 128
+    """Its clock does not keep the rate that it announces, so the stamp is the arrival: nobody knows how old it is."""
 
 
-UNUSABLE = Flag.FAULT | Flag.SATURATED | Flag.STALLED
+UNUSABLE = Flag.FAULT | Flag.SATURATED | Flag.STALLED | Flag.NOT_A_NUMBER
 
 
 class Sample(NamedTuple):
@@ -105,9 +109,6 @@ class TextLineSettings:
     units_per_count: tuple[float, ...] = parameter((1.0,), 'N or N·m per count, of each channel')
     lowest: float = parameter(-8388608.0, 'counts at the lower end of the range (a 24-bit converter has these)')
     highest: float = parameter(8388607.0, 'counts at the upper end of the range')
-    same_values: int = parameter(
-        20, 'that often the same counts: the converter stands still; 0: do not look', minimum=0
-    )
 
     def __post_init__(self) -> None:
         unknown = set(self.axes) - set(AXES)
@@ -127,6 +128,9 @@ class ForceTorqueSettings:
     rate_hz: float = parameter(0.0, 'samples a second, where the sensor can choose; 0.0: as it is', minimum=0.0)
     silence_ms: float = parameter(50.0, 'this long (or three periods) without a sample is silence', minimum=1.0)
     lost_s: float = parameter(1.0, 'silent for this long counts as lost: it is opened again', minimum=0.2)
+    same_values: int = parameter(
+        20, 'so many equal samples in a row (of one axis in six 120): it stands still; 0: do not look', minimum=0
+    )
     delay_ms: float = parameter(0.0, 'constant time from measurement to arrival, taken off the stamps', minimum=0.0)
     queue: int = parameter(20000, 'samples that wait for a slow reader before the oldest are dropped', minimum=10)
     baud: int = parameter(0, "of a serial sensor; 0: the sensor's usual (bota 460800, text 115200)", minimum=0)
@@ -159,6 +163,11 @@ class ForceTorqueSensor(Protocol):
     @property
     def rate_hz(self) -> float:
         """Samples a second, as announced or seen; 0 while it is not open."""
+        ...
+
+    @property
+    def expected_hz(self) -> float:
+        """Samples a second that shall come: as announced, else as seen when it was opened, however slow it becomes."""
         ...
 
     def open(self) -> None:

@@ -17,7 +17,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.force_torque import AXES, Flag, ForceTorqueSettings, Wrench
 from tactile_nodes.drivers.force_torque_clock import TickClock
 from tactile_nodes.drivers.force_torque_queue import SampleQueue
-from tactile_nodes.drivers.force_torque_serial import WAIT_S, Gaps, Repetition
+from tactile_nodes.drivers.force_torque_serial import WAIT_S, Gaps, require_no_restart
 from tactile_nodes.drivers.force_torque_stream import StreamedForceTorque
 from tactile_nodes.drivers.serial_port import Port, open_port
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError
@@ -33,7 +33,6 @@ US_PER_S = 1e6
 OVERRUN, OVERRANGE, INVALID, RAW = 1, 2, 4, 8
 BOOT_S = 1.5  # wait for ``App Init`` of a sensor that has just got power from the port
 ANSWER_S = 1.0
-SAME_VALUES = 10
 GARBAGE_S = 1.0
 MEANS = {
     OVERRUN: Flag.WARNING,
@@ -79,13 +78,12 @@ class FrameParser:
 
 
 def parse(data: bytes) -> Frame | None:
-    """A frame of 37 bytes; None if its check sum is wrong or a force is no number."""
+    """A frame of 37 bytes; None if its check sum is wrong."""
     body = data[1 : 1 + BODY.size]
     if crc16_x25(body) != int.from_bytes(data[-2:], 'little'):
         return None
     status, fx, fy, fz, tx, ty, tz, time_us, temperature_c = BODY.unpack(body)
-    wrench = (fx, fy, fz, tx, ty, tz)
-    return Frame(status, wrench, time_us, temperature_c) if all(map(math.isfinite, wrench)) else None
+    return Frame(status, (fx, fy, fz, tx, ty, tz), time_us, temperature_c)
 
 
 def _crc_table() -> tuple[int, ...]:
@@ -137,7 +135,6 @@ class BotaConnection:
         self._ticks = TickClock(US_PER_S, delay_ns=round(settings.delay_ms * 1e6))
         self._parser = FrameParser()
         self._gaps = Gaps(US_PER_S / self.rate_hz)
-        self._same = Repetition(SAME_VALUES)
         self._last_us = -1
         self._good_s = clocks.monotonic_s()
         self._temperature_c = math.nan
@@ -147,6 +144,11 @@ class BotaConnection:
     def rate_hz(self) -> float:
         """As the filter gives it."""
         return SINC_RATE_HZ / self._sinc
+
+    @property
+    def announced_hz(self) -> float:
+        """As `rate_hz`."""
+        return self.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -184,12 +186,14 @@ class BotaConnection:
         self._good_s = clocks.monotonic_s()
         self._temperature_c = frame.temperature_c
         ticks = self._ticks.unwrapped(frame.time_us)
+        require_no_restart(ticks, self._last_us, self._port.name)
         flags = flags_of(frame.status)
-        if self._same.too_often(frame.wrench) or ticks == self._last_us:
+        if ticks == self._last_us:
             flags |= Flag.STALLED
         self._last_us = ticks
         missing = self._gaps.missing(ticks)
         stamp_ns = self._ticks.stamp(ticks, arrival_ns)
+        flags |= self._ticks.flags
         if self._ticks.settled:
             queue.put(frame.wrench, frame.wrench, stamp_ns, arrival_ns, ticks, flags, frame.status, missing)
 

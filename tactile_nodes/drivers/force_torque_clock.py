@@ -5,8 +5,10 @@ negative. So the arrivals, drawn over the counter, lie above a straight line, an
 the lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of
 clock skew from network delay measurements", 1999.)
 
-A counter whose rate is not the one that was announced would lead the line away from the arrivals, further every
-second. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it is said.
+A counter whose rate is not the one that was announced would lead the line away from the arrivals, evenly from the
+first second on. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it
+is said. Delays that grow later, or at once, are no such thing: something holds the samples up, and their stamps say
+since when. A counter that jumps ahead of the line begins a new one: no sample arrives before it was measured.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from collections import deque
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.force_torque import Flag
 from tactile_nodes.sensing.sync_envelope import lower_line
 
 BLOCK_NS = 250_000_000
@@ -26,6 +29,8 @@ MOST_DRIFT = 500e-6
 EARLY_BLOCKS = 8
 EDGE_BLOCKS = 4  # a second: the least delay in it is small unless the host stands still
 JITTER_NS = 10e6
+JUMP_NS = 20e6
+EVEN = 0.15  # of the growth: so far its half may be from half of it
 EARLY_JITTER_NS = 200e6
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
@@ -48,7 +53,7 @@ class TickClock:
         self._modulus = 1 << bits
         self._delay_ns = delay_ns
         self._most_drift = most_drift
-        self._keeps_time = True
+        self._keeps_time = self._is_timed = True
         self._x = 0.0
         self._arrived_ns = 0
         self._ticks: int | None = None
@@ -77,6 +82,11 @@ class TickClock:
         return '' if self._keeps_time else 'its counter does not keep the announced rate: samples carry their arrival'
 
     @property
+    def flags(self) -> int:
+        """What is to be known of a stamp, as `Flag`."""
+        return int(Flag(0) if self._is_timed else Flag.UNTIMED)
+
+    @property
     def told(self) -> str:
         """The drift for a description."""
         return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
@@ -103,10 +113,13 @@ class TickClock:
         x = (ticks - self._origin[0]) * self._ns_per_tick
         self._arrived_ns = arrival_ns - self._origin[1]
         y = self._arrived_ns - x
+        if self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS:
+            self._begin_anew(y)
         self._observe(x, y)
         late = min(y, self._line[0] + self._line[1] * x) if self._keeps_time else y
-        line_ns = self._origin[1] + round(x + late)
-        self._stamp_ns = max(self._stamp_ns + 1, line_ns - self._delay_ns)
+        line_ns = self._origin[1] + round(x + late) - self._delay_ns
+        self._stamp_ns = max(self._stamp_ns + 1, line_ns)
+        self._is_timed = self._keeps_time and self._stamp_ns - line_ns < JUMP_NS
         return self._stamp_ns
 
     def _observe(self, x: float, y: float) -> None:
@@ -121,6 +134,11 @@ class TickClock:
             self._block = (x, y)
             self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
 
+    def _begin_anew(self, y: float) -> None:
+        self._blocks.clear()
+        self._block = None
+        self._line = (y, 0.0)
+
     def _end_block(self) -> None:
         if self._block is not None:
             self._blocks.append(self._block)
@@ -132,16 +150,27 @@ class TickClock:
         if not self._keeps_time:
             return
         if len(self._blocks) < SLOPE_AFTER_BLOCKS:
-            self._line = (min(y for _, y in points[-RECENT_BLOCKS:]), 0.0)
+            self._line = (self._recent(points), 0.0)
             return
         array = np.array(points)
         at, slope = lower_line(array[:, 0], array[:, 1], self._most_drift)
         self._line = (at, slope)
 
+    def _recent(self, points: list[tuple[float, float]]) -> float:
+        """The least delay of late, which no drift makes much longer than that of all."""
+        x, y = min(points, key=lambda point: point[1])
+        return min(*(y for _, y in points[-RECENT_BLOCKS:]), y + self._most_drift * max(0.0, points[-1][0] - x))
+
     def _kept(self, points: list[tuple[float, float]]) -> bool:
-        """Whether the least delays at both ends differ by no more than the drift allows."""
-        first, last = (min(edge, key=lambda point: point[1]) for edge in (points[:EDGE_BLOCKS], points[-EDGE_BLOCKS:]))
-        return abs(last[1] - first[1]) <= 2 * self._most_drift * abs(last[0] - first[0]) + JITTER_NS
+        """Whether the least delays do not grow evenly by more than the drift allows."""
+        middle = (len(points) - EDGE_BLOCKS) // 2
+        edges = (points[:EDGE_BLOCKS], points[middle : middle + EDGE_BLOCKS], points[-EDGE_BLOCKS:])
+        first, half, last = (min(edge, key=lambda point: point[1]) for edge in edges)
+        growth, span = last[1] - first[1], last[0] - first[0]
+        if abs(growth) <= 2 * self._most_drift * abs(span) + JITTER_NS:
+            return True
+        even = first[1] + growth * (half[0] - first[0]) / span
+        return abs(half[1] - even) > EVEN * abs(growth)
 
     def _elapsed_ns(self) -> float:
         return 0.0 if self._ticks is None else (self._ticks - self._origin[0]) * self._ns_per_tick

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.force_torque import Flag, Listener, Sample, Wrench
+from tactile_nodes.drivers.force_torque_check import SampleCheck
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
 
 
@@ -17,15 +18,17 @@ class SampleQueue:
     Args:
         name: of the sensor, for errors.
         depth: samples that wait; when more come, the oldest are dropped and counted.
+        check: looks at the numbers of each.
 
     Attributes:
         rate_hz: samples a second, to estimate how many a sensor made while it was lost.
     """
 
-    def __init__(self, name: str, depth: int) -> None:
+    def __init__(self, name: str, depth: int, check: SampleCheck) -> None:
         self.rate_hz = 0.0
         self._name = name
         self._depth = depth
+        self._check = check
         self._waiting: deque[Sample] = deque()
         self._changed = threading.Condition()
         self._listeners: tuple[Listener, ...] = ()
@@ -67,6 +70,7 @@ class SampleQueue:
         missing: int = 0,
     ) -> None:
         """A sample has come, and `missing` before it have not."""
+        flags |= self._check.flags(wrench)
         if self._failure is not None and self._newest is not None:
             flags |= Flag.RESTARTED
             missing = max(missing, self._missed_since(self._newest.stamp_ns, stamp_ns))

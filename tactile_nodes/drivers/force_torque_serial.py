@@ -1,24 +1,20 @@
-"""What sensors that send by themselves over a serial line have in common: missing and repeated readings."""
+"""What sensors that send by themselves over a serial line have in common: missing readings."""
 
 from __future__ import annotations
+
+from tactile_nodes.errors import DeviceLostError
 
 WAIT_S = 0.05
 """How long to wait for bytes before looking whether it is time to stop."""
 
 
-class Repetition:
-    """Counts how often the very same reading came: a converter that stands still repeats, a living one has noise."""
+RESTART_US = 1_000_000
 
-    def __init__(self, limit: int) -> None:
-        self._limit = limit
-        self._last: object = None
-        self._times = 0
 
-    def too_often(self, reading: object) -> bool:
-        """Whether this reading is one of more than `limit` equal ones in a row; never if `limit` is 0."""
-        self._times = self._times + 1 if reading == self._last else 0
-        self._last = reading
-        return 0 < self._limit <= self._times
+def require_no_restart(time_us: int, last_us: int, port: str) -> None:
+    """Raise DeviceLostError where the sensor's clock went back: it was switched off and on, and must be set up anew."""
+    if time_us < last_us - RESTART_US:
+        raise DeviceLostError(f'the sensor at {port} has begun anew, by its clock; see that its power is steady')
 
 
 class Gaps:

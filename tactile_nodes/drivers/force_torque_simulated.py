@@ -10,6 +10,7 @@ import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.force_torque import AXES, ForceTorqueSettings, Listener, Sample, Wrench
+from tactile_nodes.drivers.force_torque_check import SampleCheck
 from tactile_nodes.drivers.force_torque_queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceTimeoutError
@@ -56,7 +57,7 @@ class SimulatedForceTorque:
         self._random = np.random.default_rng(seed)
         self._noise: list[list[float]] = []
         self._rate_hz = settings.rate_hz or USUAL_RATE_HZ
-        self._queue = SampleQueue(NAME, settings.queue)
+        self._queue = self._new_queue()
         self._listeners: list[Listener] = []
         self._start_ns = 0
         self._taken = 0
@@ -84,9 +85,14 @@ class SimulatedForceTorque:
         """As set."""
         return self._rate_hz if self._is_open else 0.0
 
+    @property
+    def expected_hz(self) -> float:
+        """As set."""
+        return self._rate_hz
+
     def open(self) -> None:
         """Begin; the first sample is due at once."""
-        self._queue = SampleQueue(NAME, self._settings.queue)
+        self._queue = self._new_queue()
         for listener in self._listeners:
             self._queue.listen(listener)
         self._start_ns, self._taken = self._clock.now_ns(), 0
@@ -119,6 +125,9 @@ class SimulatedForceTorque:
     def close(self) -> None:
         """End."""
         self._is_open = False
+
+    def _new_queue(self) -> SampleQueue:
+        return SampleQueue(NAME, self._settings.queue, SampleCheck(AXES, self._settings.same_values))
 
     def _measure(self) -> None:
         now_ns = self._clock.now_ns()

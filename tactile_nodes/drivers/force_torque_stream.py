@@ -8,6 +8,7 @@ from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.force_torque import UNUSABLE, Flag, ForceTorqueSettings, Listener, Sample
+from tactile_nodes.drivers.force_torque_check import SampleCheck, permitted_ms, too_old
 from tactile_nodes.drivers.force_torque_queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
@@ -24,6 +25,11 @@ class Connection(Protocol):
     @property
     def rate_hz(self) -> float:
         """Samples a second, as announced or seen."""
+        ...
+
+    @property
+    def announced_hz(self) -> float:
+        """Samples a second as set or as the sensor says; 0: nobody says it."""
         ...
 
     @property
@@ -59,7 +65,7 @@ class StreamedForceTorque:
     Args:
         name: for errors.
         connect: opens the sensor.
-        settings: `lost_s`, `silence_ms` and `queue` are used.
+        settings: `lost_s`, `silence_ms`, `same_values` and `queue` are used.
         clock: stamps the arrivals.
         axes: which components of the wrench it measures.
     """
@@ -77,13 +83,14 @@ class StreamedForceTorque:
         self._settings = settings
         self._clock = clock
         self._axes = axes
-        self._queue = SampleQueue(name, settings.queue)
+        self._queue = self._new_queue()
         self._listeners: list[Listener] = []
         self._connection: Connection | None = None
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._losses = 0
         self._heard_ns = 0
+        self._expected_hz = 0.0
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -113,9 +120,14 @@ class StreamedForceTorque:
         """Samples a second."""
         return self._connection.rate_hz if self._connection else 0.0
 
+    @property
+    def expected_hz(self) -> float:
+        """As announced, else as seen with the first sample."""
+        return self._expected_hz
+
     def open(self) -> None:
         """Connect, and wait for the first sample whose time is known."""
-        self._queue = SampleQueue(self.name, self._settings.queue)
+        self._queue = self._new_queue()
         for listener in self._listeners:
             self._queue.listen(listener)
         self._stopping.clear()
@@ -127,6 +139,8 @@ class StreamedForceTorque:
             failure = self._queue.failure
             self.close()
             raise DeviceTimeoutError(str(failure) if failure else self._silent(FIRST_SAMPLE_S))
+        connection = self._connection
+        self._expected_hz = (connection.announced_hz or connection.rate_hz) if connection else 0.0
 
     def read(self, timeout_s: float) -> Sequence[Sample]:
         """All samples since the last call; waits for one."""
@@ -153,16 +167,19 @@ class StreamedForceTorque:
         thread.join(JOIN_S)
 
     def _health(self, connection: Connection, newest: Sample) -> Health:
-        age_s = (self._clock.now_ns() - newest.arrival_ns) / NS_PER_S
-        if age_s > max(self._settings.silence_ms / 1000, 3 / max(connection.rate_hz, 1e-3)):
-            return Health(Level.ERROR, f'{self.name} has been silent for {age_s:.2f} s')
+        limit_ms = permitted_ms(self._settings.silence_ms, self._expected_hz)
+        if wrong := too_old(newest, 0, self._clock.now_ns(), limit_ms):
+            return Health(Level.ERROR, f'{self.name} {wrong}')
         if newest.flags & UNUSABLE:
             return Health(Level.ERROR, f'{self.name}: {told(newest.flags)} (status {newest.status:#x})')
         counted = f'{connection.rate_hz:.0f} samples/s, {self._queue.dropped} lost'
-        if newest.flags & (Flag.THRESHOLD | Flag.WARNING) or connection.complaint:
+        if newest.flags & (Flag.THRESHOLD | Flag.WARNING | Flag.UNTIMED) or connection.complaint:
             words = connection.complaint or f'{told(newest.flags)} (status {newest.status:#x})'
             return Health(Level.WARN, f'{counted}; {words}')
         return Health(Level.OK, counted)
+
+    def _new_queue(self) -> SampleQueue:
+        return SampleQueue(self.name, self._settings.queue, SampleCheck(self._axes, self._settings.same_values))
 
     def _run(self) -> None:
         try:
@@ -188,7 +205,7 @@ class StreamedForceTorque:
     def _watch(self) -> None:
         newest, now_ns = self._queue.newest, self._clock.now_ns()
         heard_ns = max(self._heard_ns, newest.arrival_ns if newest else 0)
-        rate_hz = self._connection.rate_hz if self._connection else 0.0
+        rate_hz = self._expected_hz
         patience_s = max(self._settings.lost_s, 5 / rate_hz if rate_hz > 0 else FIRST_SAMPLE_S)
         if (now_ns - heard_ns) / NS_PER_S > patience_s:
             raise DeviceLostError(self._silent((now_ns - heard_ns) / NS_PER_S))
@@ -221,5 +238,5 @@ class StreamedForceTorque:
 
 
 def told(flags: int) -> str:
-    """Flags as words: `Flag.SATURATED | Flag.THRESHOLD` is "saturated, threshold"."""
-    return ', '.join(flag.name.lower() for flag in Flag if flag & flags and flag.name) or 'well'
+    """Flags as words: `Flag.SATURATED | Flag.NOT_A_NUMBER` is "saturated, not a number"."""
+    return ', '.join(flag.name.lower().replace('_', ' ') for flag in Flag if flag & flags and flag.name) or 'well'

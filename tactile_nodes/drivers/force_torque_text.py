@@ -1,8 +1,8 @@
 """Sensors that send lines of text, ``t_us,ch0[,ch1..5]``: an HX711 on an Arduino, or whatever a user can script.
 
 A line is the sensor's own time in microseconds (unsigned, may wrap at 2³²), then one to six numbers, whole or decimal,
-separated by commas, ended by LF or CR LF. Lines that begin with ``#`` are remarks. A sketch for an Arduino stands in
-``docs/force_torque.md``.
+separated by commas, ended by LF or CR LF; ``nan`` and ``inf``, as an Arduino prints them, are faults. Lines that
+begin with ``#`` are remarks. A sketch for an Arduino stands in ``docs/force_torque.md``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.force_torque import AXES, Flag, ForceTorqueSettings, TextLineSettings, Wrench
 from tactile_nodes.drivers.force_torque_clock import TickClock
 from tactile_nodes.drivers.force_torque_queue import SampleQueue
-from tactile_nodes.drivers.force_torque_serial import WAIT_S, Gaps, Repetition
+from tactile_nodes.drivers.force_torque_serial import WAIT_S, Gaps, require_no_restart
 from tactile_nodes.drivers.force_torque_stream import StreamedForceTorque
 from tactile_nodes.drivers.serial_port import Port, open_port
 from tactile_nodes.errors import DeviceLostError
@@ -27,7 +27,7 @@ US_PER_S = 1e6
 MOST_DRIFT = 0.01  # an Arduino Uno counts microseconds with a ceramic resonator
 LONGEST_LINE = 200
 GARBAGE_S = 2.0
-NUMBER = rb'-?\d{1,12}(?:\.\d{0,12})?(?:[eE][+-]?\d{1,2})?'
+NUMBER = rb'-?(?:\d{1,12}(?:\.\d{0,12})?(?:[eE][+-]?\d{1,2})?|(?i:nan|inf))'
 LINE = re.compile(rb'(\d{1,10})((?:\s*,\s*' + NUMBER + rb'){1,6})\s*')
 
 
@@ -94,7 +94,6 @@ class TextLineConnection:
         self._ticks = TickClock(US_PER_S, delay_ns=round(settings.delay_ms * 1e6), most_drift=MOST_DRIFT)
         self._parser = LineParser()
         self._gaps = Gaps(US_PER_S / settings.rate_hz if settings.rate_hz else 0.0)
-        self._same = Repetition(settings.text.same_values)
         self._last_us = -1
         self._wrong = 0
         self._good_s = clocks.monotonic_s()
@@ -103,6 +102,11 @@ class TextLineConnection:
     def rate_hz(self) -> float:
         """As set, or as seen."""
         return US_PER_S / self._gaps.period_ticks if self._gaps.period_ticks > 0 else 0.0
+
+    @property
+    def announced_hz(self) -> float:
+        """As set."""
+        return self._settings.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -147,9 +151,11 @@ class TextLineConnection:
             return
         self._good_s = clocks.monotonic_s()
         ticks = self._ticks.unwrapped(line.time_us)
+        require_no_restart(ticks, self._last_us, self._port.name)
         flags = self._flags(line, ticks)
         missing = self._gaps.missing(ticks)
         stamp_ns = self._ticks.stamp(ticks, arrival_ns)
+        flags |= self._ticks.flags
         if self._ticks.settled and self.rate_hz > 0:
             wrench = wrench_of(line.values, text)
             queue.put(wrench, line.values, stamp_ns, arrival_ns, ticks, flags, 0, missing)
@@ -158,7 +164,7 @@ class TextLineConnection:
         text, flags = self._settings.text, 0
         if any(value <= text.lowest or value >= text.highest for value in line.values):
             flags |= Flag.SATURATED
-        if self._same.too_often(line.values) or ticks <= self._last_us:
+        if ticks <= self._last_us:
             flags |= Flag.STALLED
         self._last_us = max(self._last_us, ticks)
         return int(flags)

@@ -71,6 +71,11 @@ class NetFtConnection:
         return self.config.rate_hz
 
     @property
+    def announced_hz(self) -> float:
+        """As the box says."""
+        return self.config.rate_hz
+
+    @property
     def description(self) -> Mapping[str, str]:
         """The box's configuration and what became of its records."""
         fields, counters = self.config.fields, self.tracker.counters
@@ -135,6 +140,7 @@ class NetFtConnection:
             flags |= Flag.STALLED
         ticks = self._ticks.unwrapped(record.ft_sequence)
         stamp_ns = self._ticks.stamp(ticks, arrival_ns)
+        flags |= self._ticks.flags
         if not self._ticks.settled and not accepted.stalled:
             return
         a, b, c, d, e, f = (

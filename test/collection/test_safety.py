@@ -68,8 +68,8 @@ def test_slow_rise_does_not_trip() -> None:
     assert not trips
 
 
-@pytest.mark.parametrize('flag', [Flag.FAULT, Flag.SATURATED, Flag.STALLED])
-def test_sample_that_is_not_usable_is_never_taken_for_no_force(flag: Flag) -> None:
+@pytest.mark.parametrize('flag', [Flag.FAULT, Flag.SATURATED, Flag.STALLED, Flag.NOT_A_NUMBER, Flag.UNTIMED])
+def test_sample_that_says_nothing_of_now_is_never_taken_for_no_force(flag: Flag) -> None:
     safety, trips = watching()
     safety.sample(sample(1, flags=flag))
     assert [trip.kind for trip in trips] == [SENSOR]
@@ -93,14 +93,46 @@ def test_silence_of_the_sensor_trips_after_50_ms() -> None:
 
 
 def test_slow_sensor_is_given_three_periods() -> None:
-    safety, trips = watching()
+    trips: list[Trip] = []
+    safety = Safety(LimitSettings(), trips.append, rate_hz=12.5)
+    safety.watch(0, camera=False)
     for ms in range(0, 2000, 80):
         safety.sample(sample(ms))
-        safety.frame(ms * MS)
-    safety.tick((1920 + 230) * MS, WELL)
+    safety.tick((1920 + 239) * MS, WELL)
     assert not trips
-    safety.tick((1920 + 245) * MS, WELL)
-    assert trips
+    safety.tick((1920 + 241) * MS, WELL)
+    assert [trip.kind for trip in trips] == [SENSOR]
+
+
+def test_sensor_that_slows_down_step_by_step_earns_no_silence_by_it() -> None:
+    """1000 samples a second at first, a tenth more time from each to the next: 50 ms is the 43rd pause."""
+    trips: list[Trip] = []
+    safety = Safety(LimitSettings(), trips.append, rate_hz=1000.0)
+    safety.watch(0, camera=False)
+    at_ms, pause_ms = 0.0, 1.0
+    while not trips and pause_ms < 500:
+        for _ in range(50):
+            safety.sample(sample(at_ms))
+            safety.tick(round((at_ms + pause_ms) * MS), WELL)
+            at_ms += pause_ms
+        pause_ms *= 1.1
+    assert pause_ms < 61
+    assert 'silent for 5' in trips[0].reason
+
+
+def test_samples_that_were_measured_long_ago_do_not_count_by_their_arrival() -> None:
+    safety, trips = watching()
+    safety.frame(0)
+    for ms in range(200):
+        late_ns = 0 if ms < 100 else 1500 * MS
+        safety.sample(sample(ms)._replace(arrival_ns=ms * MS + late_ns))
+        if ms < 100:
+            safety.tick(ms * MS, WELL)
+    assert not trips
+    safety.frame(1650 * MS)
+    safety.tick(1700 * MS, WELL)
+    assert [trip.kind for trip in trips] == [SENSOR]
+    assert 'measured 1501 ms ago' in trips[0].reason
 
 
 def test_silence_of_the_camera_trips_after_250_ms() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import pytest
 
+from tactile_nodes.drivers.force_torque import Flag
 from tactile_nodes.drivers.force_torque_clock import TickClock
 
 START_NS = 1_795_000_000_000_000_000
@@ -115,3 +117,57 @@ def test_a_host_that_stands_still_for_seconds_does_not_spoil_the_clock() -> None
         errors.append(clock.stamp(clock.unwrapped(number), arrival_ns) - true_ns)
     assert clock.complaint == ''
     assert max(map(abs, errors[12_000:])) < 0.5e6
+
+
+LATE_NS = 1_500_000_000
+
+
+def ages(late_from_s: float, until_s: float, grows_s: float = 0.0, drift_ppm: float = 80.0) -> list[float]:
+    """How old each sample is, in s, of 200 a second that from some time on arrive 1.5 s late, at once or by and by.
+
+    Infinite where nobody knows it, which is told.
+    """
+    clock, found = TickClock(7000), []
+    for number in range(round(until_s * 200)):
+        passed_s = number / 200
+        share = min(1.0, max(0.0, passed_s - late_from_s) / grows_s) if grows_s else float(passed_s >= late_from_s)
+        arrival_ns = START_NS + round(passed_s * 1e9) + round(share * LATE_NS) + 200_000 + 3_000_000 * (number % 3 == 0)
+        ticks = round(number * 35 * (1 + drift_ppm * 1e-6))
+        age_s = (arrival_ns - clock.stamp(ticks, arrival_ns)) / 1e9
+        found.append(math.inf if clock.flags & Flag.UNTIMED else age_s)
+    return found
+
+
+@pytest.mark.parametrize('late_from_s', [1.0, 3.0, 8.0, 30.0])
+def test_samples_that_arrive_late_from_some_time_on_stay_old(late_from_s: float) -> None:
+    """For as long as anybody waits for the sensor to become well: their delay is no drift of the clock."""
+    found = ages(late_from_s, late_from_s + 40.0)
+    late = found[round(late_from_s * 200) + 1 :]
+    assert max(found[: round(late_from_s * 200)]) < 0.01
+    assert min(late) > 1.4
+
+
+@pytest.mark.parametrize('late_from_s', [5.0, 30.0])
+def test_a_delay_that_grows_by_and_by_shows_as_age(late_from_s: float) -> None:
+    """50 ms more each second, for half a minute; a clock off by 500 ppm would be 15 ms."""
+    found = ages(late_from_s, late_from_s + 30.0, grows_s=30.0)
+    assert found[-1] > 1.4
+    assert found[round((late_from_s + 5) * 200)] > 0.2
+
+
+def test_a_counter_that_jumps_ahead_is_followed_at_once() -> None:
+    clock, errors = TickClock(7000), []
+    for number in range(200 * 60):
+        true_ns = START_NS + number * 5_000_000
+        ticks = number * 35 + (2100 if number >= 4000 else 0)  # 0.3 s after 20 s
+        errors.append(clock.stamp(ticks, true_ns + 200_000 + 3_000_000 * (number % 3 == 0)) - true_ns)
+    assert max(map(abs, errors)) < 5e6
+    assert not clock.flags
+
+
+@pytest.mark.parametrize('factor', [0.99, 1.01])
+def test_a_counter_of_another_rate_marks_its_stamps_as_no_measure_of_age(factor: float) -> None:
+    clock = TickClock(1000)
+    for number in range(2400):
+        clock.stamp(round(5 * number * factor), START_NS + number * 5_000_000)
+    assert clock.flags == Flag.UNTIMED

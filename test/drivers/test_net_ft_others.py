@@ -124,7 +124,7 @@ def start() -> Iterator[Start]:
     with contextlib.ExitStack() as stack:
 
         def opened(box: OtherBox, **more: object) -> object:
-            settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=box.settings, **more)
+            settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=box.settings, same_values=0, **more)
             return stack.enter_context(contextlib.closing(open_force_torque(settings, SystemClock())))
 
         yield opened

@@ -1,0 +1,186 @@
+"""A rig whose sensor tells lies in mid-press: the project's drivers, on emulated sensors, with liars in between.
+
+The tip goes down at 1 mm/s; the lie begins at 0.3 mm depth, 2.0 mm are commanded.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from liars import BotaLiar, Lie, TextLiar, UdpProxy, Values, frozen, zeros
+
+from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.hands import TrippedError
+from tactile_nodes.collection.safety import SENSOR, Trip
+from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
+from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.wrench import tare_of
+from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, TextLineSettings
+from tactile_nodes.emulators.net_ft import NetFtServer
+from tactile_nodes.emulators.net_ft_box import NetFtBox
+from tactile_nodes.emulators.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.serial_ft import PtySensor
+from tactile_nodes.emulators.serial_ft_bota import BotaSensor
+from tactile_nodes.emulators.serial_ft_text import TextLineSensor
+from tactile_nodes.emulators.world import NOTHING, World, WorldSettings, Wrench
+
+WORLD = WorldSettings(start_mm=(-3.0, -3.0, -1.5), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-2.0)
+SURFACE_MM, BEGINS_MM, COMMANDED_MM = -2.0, 0.3, 2.0
+NOISE = (0.005, 0.0001)
+SILENCE_MS = 300.0  # a computer with other work may falter for 50 ms, which would stop the tip for another reason
+MS = 1e-3
+Liar = Callable[['Bench', Lie | None], contextlib.AbstractContextManager[ForceTorqueSettings]]
+
+
+class Bench:
+    """The world that the station makes, felt by an emulated sensor that was there before it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.clock = SystemClock()
+        self.world: World | None = None
+        self.descending = False
+
+    def wrench_at(self, time_ns: int) -> Wrench:
+        return NOTHING if self.world is None else self.world.wrench_at(time_ns)
+
+    @property
+    def depth_mm(self) -> float:
+        return -1.0 if self.world is None else self.world.press_at(self.clock.now_ns()).depth_mm
+
+    def begins(self) -> bool:
+        return self.descending and self.depth_mm > BEGINS_MM
+
+
+@contextlib.contextmanager
+def net_ft(bench: Bench, lie: Lie | None, **liar: Callable[[], float]) -> Iterator[ForceTorqueSettings]:
+    box = NetFtBox(bench, NetFtConfig(divider=14), noise=NOISE)
+    with NetFtServer(box, bench.clock) as server, UdpProxy(server.rdt_port, lie, now_s=monotonic_s, **liar) as proxy:
+        ports = NetFtSettings(rdt_port=proxy.port, http_port=server.http_port)
+        yield ForceTorqueSettings('netft://127.0.0.1', net_ft=ports)
+
+
+@contextlib.contextmanager
+def bota(bench: Bench, lie: Lie | None) -> Iterator[ForceTorqueSettings]:
+    assert lie is not None
+    with PtySensor(BotaLiar(BotaSensor(bench), lie), bench.clock, bench.folder / 'bota') as device:
+        yield ForceTorqueSettings(f'bota:{device.path}', rate_hz=200.0)
+
+
+@contextlib.contextmanager
+def text(bench: Bench, lie: Lie | None) -> Iterator[ForceTorqueSettings]:
+    """A load cell for Fz."""
+    assert lie is not None
+    talker = TextLineSensor(bench, rate_hz=200.0)
+    with PtySensor(TextLiar(talker, lie), bench.clock, bench.folder / 'text') as device:
+        yield ForceTorqueSettings(f'text:{device.path}', text=TextLineSettings(units_per_count=(1e-5,)))
+
+
+def down(bench: Bench) -> Procedure[None]:
+    tare = tare_of((yield Look(0.3)).samples)
+    yield SetTare(tare)
+    bench.descending = True
+    yield Go(z=SURFACE_MM - COMMANDED_MM, feed_mm_min=60.0)
+
+
+def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SILENCE_MS) -> tuple[Trip | None, float]:
+    """What stopped the tip, and how deep it was in the end."""
+    limits = LimitSettings(force_silence_ms=silence_ms)
+
+    def nothing(_: object) -> None:
+        """Nobody is told."""
+
+    station = Station(
+        CollectionSettings(limits=limits), CncSettings(safe_z_mm=-1.5), settings, WORLD, bench.clock,
+        nothing, nothing, nothing,
+    )  # fmt: skip
+    bench.world = station.world
+    with contextlib.closing(station):
+        hands = station.hands
+        hands.safety.watch(bench.clock.now_ns(), camera=False)
+        hands.home()
+        try:
+            hands.run(approached())
+            hands.run(down(bench))
+        except TrippedError as tripped:
+            station.guard.stopped.wait(10.0)
+            return tripped.trip, bench.depth_mm
+        return None, bench.depth_mm
+
+
+def approached() -> Procedure[None]:
+    yield Go(WORLD.gel_x_mm, WORLD.gel_y_mm, feed_mm_min=1200.0)
+    yield Go(z=SURFACE_MM + 0.2, feed_mm_min=300.0)
+
+
+def one_axis_is_no_number(last: Values) -> Values:
+    return (*last[:-1], math.nan)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
+    """The same rig and liars as in the others, which say nothing untrue."""
+    with net_ft(bench, None) as settings:
+        trip, depth_mm = pressed(bench, settings, silence_ms=5000.0)
+    assert trip is None
+    assert depth_mm == pytest.approx(COMMANDED_MM, abs=0.01)
+
+
+@pytest.mark.parametrize('told', [frozen, zeros])
+@pytest.mark.parametrize('sensor', [net_ft, bota, text])
+def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar, told: Callable) -> None:
+    """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds."""
+    with sensor(bench, Lie(bench.begins, told)) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'stalled' in trip.reason) == (SENSOR, True), trip
+    assert depth_mm < 1.0
+
+
+@pytest.mark.parametrize('sensor', [bota, text])
+def test_an_axis_that_becomes_no_number_stops_the_tip(bench: Bench, sensor: Liar) -> None:
+    with sensor(bench, Lie(bench.begins, one_axis_is_no_number)) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'not a number' in trip.reason) == (SENSOR, True), trip
+    assert depth_mm < 1.0
+
+
+def test_samples_that_arrive_a_second_and_a_half_late_stop_the_tip(bench: Bench) -> None:
+    """They come as often as ever after the first pause, which is shorter than the silence that is granted here."""
+    since_s: list[float] = []
+
+    def delay_s() -> float:
+        if not bench.begins():
+            return 0.0
+        since_s[:] = since_s or [monotonic_s()]
+        return min(1.5, 0.8 * (monotonic_s() - since_s[0]))
+
+    with net_ft(bench, None, delay_s=delay_s) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'were measured' in trip.reason) == (SENSOR, True), trip
+    assert depth_mm < 1.2
+
+
+def test_a_sensor_that_slows_down_step_by_step_stops_the_tip(bench: Bench) -> None:
+    """From 500 samples a second to 2, half as many from 0.1 mm to 0.1 mm."""
+
+    def every() -> int:
+        return 1 << max(0, min(8, math.ceil((bench.depth_mm - BEGINS_MM) / 0.1))) if bench.descending else 1
+
+    with net_ft(bench, None, every=every) as settings:
+        trip, depth_mm = pressed(bench, settings, silence_ms=100.0)
+    assert trip is not None
+    assert trip.kind == SENSOR
+    assert depth_mm < 1.6
