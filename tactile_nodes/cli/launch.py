@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from tactile_nodes.errors import TactileError
+from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.launching import description, files, packages
 from tactile_nodes.launching.document import suggestion
 from tactile_nodes.launching.output import Screen, print_line
@@ -95,7 +95,7 @@ def make_service(
     arguments: argparse.Namespace, file: Path, given: dict[str, str], screen: Screen = print_line
 ) -> LaunchService:
     """The service for the flags of the command line."""
-    warn_of_unknown(file, given)
+    refuse_unknown(file, given)
     return LaunchService(
         file,
         given,
@@ -107,11 +107,18 @@ def make_service(
     )
 
 
-def warn_of_unknown(file: Path, given: dict[str, str]) -> None:
-    """Say so when an argument is given that nothing declares: ROS 2 ignores it without a word."""
+def refuse_unknown(file: Path, given: dict[str, str]) -> None:
+    """An argument that nothing declares is a slip of the keys: ROS 2 ignores it without a word.
+
+    Raises:
+        ConfigurationError: with the nearest name.
+    """
     declared = {each.argument.name for each in description.declared_arguments(file)}
-    for name in given.keys() - declared - _BUILT_IN:
-        print(f"[WARNING] [launch]: nothing declares the argument '{name}'{suggestion(name, declared)}", flush=True)
+    if unknown := sorted(given.keys() - declared - _BUILT_IN):
+        name = unknown[0]
+        raise ConfigurationError(
+            f"{file.name} has no argument '{name}'{suggestion(name, declared)} (--show-args lists all)"
+        )
 
 
 @contextmanager

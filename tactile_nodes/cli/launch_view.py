@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from tactile_nodes.launching.output import Line
     from tactile_nodes.launching.service import LaunchService
 
-_COMMAND = re.compile(r", cmd '.*'\]", re.DOTALL)  # of a process that died; launch.log has it
 _LOG_LINE = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[')
 
 
@@ -36,7 +35,7 @@ class Notes:
         """Takes a line, from any thread."""
         if not is_worth_seeing(line):
             return
-        text = _COMMAND.sub(']', str(line))
+        text = str(line)
         self.lines.append(text)
         if self.tell is not None:
             self.tell(text)

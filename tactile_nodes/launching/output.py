@@ -7,6 +7,7 @@ for the lines of a process; in ``launch.log`` with the time in front.
 from __future__ import annotations
 
 import os
+import re
 import socket
 import sys
 import threading
@@ -19,6 +20,7 @@ from typing import TextIO
 from tactile_nodes import clock
 from tactile_nodes.errors import ConfigurationError
 
+_LOGGED = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[[\d.]+\] (?=\[)')
 # output option -> (where stdout goes, where stderr goes)
 _ROUTES: dict[str, tuple[set[str], set[str]]] = {
     'log': ({'log'}, {'log', 'screen'}),
@@ -44,6 +46,12 @@ class Line:
     text: str
     level: str = ''
     stream: str = ''
+
+    @property
+    def complains(self) -> bool:
+        """Whether a process says what went wrong: an error of a node, or what ends a program, as tracebacks do."""
+        logged = _LOGGED.match(self.text)
+        return self.stream == 'stderr' and bool(self.text.strip()) and (not logged or logged[1] in {'ERROR', 'FATAL'})
 
     def __str__(self) -> str:
         return f'[{self.level}] [{self.source}]: {self.text}' if self.level else f'[{self.source}] {self.text}'
@@ -93,20 +101,22 @@ class LaunchLog:
         self._debug = debug
         self._closed = False
         self._files: dict[str, TextIO | None] = {}
+        self._complaints: dict[str, str] = {}
         self._lock = threading.RLock()
 
     def say(self, level: str, source: str, text: str) -> None:
-        """A line of the launcher: to the screen and to launch.log."""
-        if level == 'DEBUG' and not self._debug:
-            return
+        """A line of the launcher: to launch.log, and but for what only helps to find bugs to the screen."""
         line = Line(source, text, level=level)
         with self._lock:
-            self._show(line)
+            if level != 'DEBUG' or self._debug:
+                self._show(line)
             self._write('launch.log', f'{_seconds()} {line}')
 
     def take(self, line: Line, output: str) -> None:
         """A line of a process, to where its output option sends it."""
         with self._lock:
+            if line.complains:
+                self._complaints[line.source] = _LOGGED.sub('', line.text)
             routes = set() if self._closed else _ROUTES[output][line.stream == 'stderr']
             if 'screen' in routes:
                 self._show(line)
@@ -115,6 +125,11 @@ class LaunchLog:
             if 'own' in routes:
                 self._write(f'{line.source}-{line.stream}.log', str(line))
                 self._write(f'{line.source}.log', str(line))
+
+    def last_complaint(self, source: str) -> str:
+        """The last thing that a process said of what went wrong; empty if it said nothing."""
+        with self._lock:
+            return self._complaints.get(source, '')
 
     def close(self) -> None:
         """Close the files; what a process that is being given up still writes is lost."""

@@ -8,6 +8,7 @@ that is killed; the exit status is 1 when a required process failed or a process
 from __future__ import annotations
 
 import os
+import signal
 import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -65,6 +66,7 @@ class LaunchService:
         self._deferred: list[Callable[[], None]] | None = []
         self._shutting_down = False
         self._status = 0
+        self._cause = ''
         self._log = LaunchLog(make_log_folder(log_base or paths.log_directory()), screen, debug=debug)
         context = Context(environment or os.environ, self.log_folder, file=self._file, allow_commands=allow_commands)
         self._interpreter = Interpreter(context, self, output_override=self._output)
@@ -136,6 +138,8 @@ class LaunchService:
         finally:
             orphans.end(lambda: orphans.marked(self._mark))
             guardian.dismiss()
+            if self._cause:
+                self._log.say('ERROR', 'launch', self._cause)
             self._log.close()
         return self._status
 
@@ -155,11 +159,13 @@ class LaunchService:
 
     def _over(self, supervisor: Supervisor, code: int | None) -> None:
         self._supervisors.remove(supervisor)
+        name = supervisor.plan.name
         if code is None:
             self._status = 1
         if supervisor.plan.required and not self._shutting_down:
             self._status = self._status or int(code != 0)
-            name = supervisor.plan.name
+            if code:
+                self._cause = f'{name} failed: {self._log.last_complaint(name) or _ended(code)}'
             self._log.say('INFO', 'launch', f'process[{name}] was required: shutting down launched system')
             self._stop_all(told=True)
 
@@ -202,3 +208,7 @@ class LaunchService:
             del self._timers[appointment]
         for supervisor in reversed(self._supervisors.copy()):
             supervisor.stop(told=told)
+
+
+def _ended(code: int) -> str:
+    return f'exit code {code}' if code > 0 else f'it was ended by {signal.Signals(-code).name}'

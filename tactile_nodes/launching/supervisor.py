@@ -98,7 +98,7 @@ class Supervisor:
         if code == 0:
             self._say('INFO', f'process has finished cleanly [pid {pid}]')
         else:
-            self._say('ERROR', f"process has died [pid {pid}, exit code {code}, cmd '{self.plan.command_line}'].")
+            self._say('ERROR', f'process has died [pid {pid}, exit code {code}].')
         quick = clock.monotonic_s() - self._started_s < SETTLED_S
         if self._may_respawn(code, quick):
             self._respawns += 1

@@ -182,6 +182,25 @@ class StillnessCheck:
         assert seen is not None
         return seen
 
+    def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether something presses that did not in the image given, from which motion goes away more than towards.
+
+        Motion of the camera, which is alike in blocks side by side, is no touch, nor is one that has ended.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self._reference, image)
+        if not self._able:
+            return False
+        change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))
+        part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
+        left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
+        noise = math.sqrt(_middle((left / (change.shape[1] - part.shape[1])).astype(np.float32)))
+        motion = part[:, 2:].astype(np.float32)
+        away = self._places.away(motion)
+        return float(away.max()) > max(STEADY_MOTION * noise, float(-away.min()), self._alike(motion))
+
     def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
         """How still a frame is; None where blocks changed by so much, as under most presses, that no look need tell.
 
@@ -212,8 +231,11 @@ class StillnessCheck:
 
     def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
         """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
-        alike = math.sqrt(np.square(self._average @ motion).sum(axis=1).max())
-        return max(self._places.most(motion), alike / FREEDOM)
+        return max(self._places.most(motion), self._alike(motion))
+
+    def _alike(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+        """The largest motion that is alike in neighbours, on the same scale."""
+        return math.sqrt(np.square(self._average @ motion).sum(axis=1).max()) / FREEDOM
 
     def _model(self, full: Float32[np.ndarray, 'h w']) -> np.ndarray:
         """Brightness, contrast and motion along x and y: (blocks, pixels, 4), the third and fourth per pixel moved."""

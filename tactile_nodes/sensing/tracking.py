@@ -13,17 +13,15 @@ from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, require_li
 from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.prepared_rest import Measuring, PreparedRest
-from tactile_nodes.sensing.quality import require_picture, require_rest_image
-from tactile_nodes.sensing.reference import RestAccumulator, content_id
+from tactile_nodes.sensing.quality import require_rest_image
+from tactile_nodes.sensing.reference import content_id
 from tactile_nodes.sensing.registered import Registered
 from tactile_nodes.sensing.registration import Registration
+from tactile_nodes.sensing.rest_capture import RestCapture
 from tactile_nodes.sensing.rolling_bands import RollingBands
-from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, steady
+from tactile_nodes.sensing.stillness import Stillness, StillnessCheck
 from tactile_nodes.sensing.texture_gains import TextureGains
 from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
-
-PATIENCE = 4
-"""A capture waits so many times as long as it takes for frames that show the same."""
 
 LEAST_CONFIDENT = 0.93
 """Share of the rest image's confidence in itself below which a frame is looked at for bands: presses leave 0.96."""
@@ -77,9 +75,7 @@ class FeatureTracker:
         self._flow, self._encoding = flow, encoding
         self._rest_frames = rest_frames
         self._marked_share = marked_share
-        self._rest: RestAccumulator | None = None
-        self._first_offered: StillnessCheck
-        self._left_to_skip = self._offered = 0
+        self._capture: RestCapture | None = None
         self.unsteady = self.still = False
 
     @property
@@ -95,49 +91,35 @@ class FeatureTracker:
     @property
     def capturing(self) -> bool:
         """Whether the next images go into a rest image."""
-        return self._rest is not None
+        return self._capture is not None
 
     def begin_capture(self, skip: int = 0) -> None:
         """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
-        self._rest = RestAccumulator()
-        self._left_to_skip, self._offered, self.unsteady = skip, 0, False
+        self._capture = RestCapture(self._rest_frames, skip)
+        self.unsteady = False
+
+    @property
+    def waiting(self) -> str:
+        """Why the capture under way has not ended yet; empty while it is not late."""
+        return self._capture.waiting if self._capture else ''
 
     def offer_rest(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Give an image to the capture under way; true when it completed the rest image.
 
-        The frames follow one another and show the same: with one that does not, as when a touch ends or an exposure is
-        being set, the capture begins anew. `unsteady`: none came for too long, and any were taken.
+        `unsteady`: no frames that show the same came for too long, and any were taken.
 
         Raises:
             ImageError: the image is black or overexposed, and was left out; or the finished rest image cannot be
                 measured against, and the capture starts anew.
         """
-        assert self._rest is not None
-        if self._left_to_skip > 0:
-            self._left_to_skip -= 1
+        assert self._capture is not None
+        finished = self._capture.offer(image)
+        self.unsteady = self._capture.unsteady
+        if finished is None:
             return False
-        require_picture(image)
-        if not self._steady(image):
-            self._rest = RestAccumulator()
-        self._rest.add(image)
-        if self._rest.count < self._rest_frames:
-            return False
-        finished, self._rest = self._rest.image(), RestAccumulator()
         self.use_captured(finished)
-        self._rest = None
+        self._capture = None
         return True
-
-    def _steady(self, image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether a frame shows what those before it show; of a picture that never rests all frames do."""
-        assert self._rest is not None
-        self._offered += 1
-        if self._rest.count and (not self._first_offered.able or steady(self._first_offered.look(image))):
-            return True
-        self.unsteady = self._offered > PATIENCE * self._rest_frames
-        if not self.unsteady:
-            self._first_offered = StillnessCheck()
-            self._first_offered.set_reference(image)
-        return self.unsteady
 
     def use_captured(self, image: UInt8[np.ndarray, 'h w']) -> None:
         """As `use_reference`, of frames as the camera delivered them, with its dead pixels."""

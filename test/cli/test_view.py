@@ -134,8 +134,8 @@ def test_notes_reach_the_view_and_are_kept_for_the_end() -> None:
     told: list[str] = []
     notes = Notes()
     notes.tell = told.append
-    notes(Line('a-1', "process has died [pid 7, exit code 1, cmd 'a --b']", 'ERROR'))
-    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1]']
+    notes(Line('a-1', 'process has died [pid 7, exit code 1].', 'ERROR'))
+    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1].']
 
 
 def launch(run_folder: Path, tmp_path: Path, *commands: str) -> subprocess.Popen[str]:

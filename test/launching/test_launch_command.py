@@ -161,11 +161,11 @@ def test_a_wrong_file_is_one_line_and_status_one(start, launch_file, tmp_path):
     assert output == f"{tmp_path}/test.launch.yaml:2: node: the key 'exec' is missing\n"
 
 
-def test_an_argument_that_nothing_declares_is_warned_of(start, launch_file):
+def test_an_argument_that_nothing_declares_is_refused_with_the_nearest_name(start, launch_file):
     process = start(launch_file('- arg: {name: source, default: a}\n'), 'sorce:=b')
     output = process.stdout.read()
-    assert process.wait(5) == 0
-    assert "[WARNING] [launch]: nothing declares the argument 'sorce'; did you mean 'source'?" in output
+    assert process.wait(5) == 1
+    assert output == ("test.launch.yaml has no argument 'sorce'; did you mean 'source'? (--show-args lists all)\n")
 
 
 def test_a_launch_within_a_launch_leaves_nothing_either(start, launch_file, program):

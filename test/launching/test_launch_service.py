@@ -63,13 +63,35 @@ def test_the_lines_of_a_launch_are_those_of_ros(launch, program):
     ]
 
 
-def test_a_process_that_died_is_named_with_code_and_command(launch, program):
+def test_a_process_that_died_is_named_with_its_code_and_its_command_is_in_the_log(launch, program):
     path = program('raise SystemExit(3)')
-    status, shown, _ = launch(f'- executable: {{cmd: {path} a b}}\n')
+    status, shown, service = launch(f'- executable: {{cmd: {path} a b}}\n')
     assert status == 0
-    assert without_numbers(shown)[-1] == (
-        f"[ERROR] [program-1]: process has died [pid N, exit code 3, cmd '{path} a b']."
+    assert without_numbers(shown)[-1] == '[ERROR] [program-1]: process has died [pid N, exit code 3].'
+    assert f"cmd='{path} a b'" in (service.log_folder / 'launch.log').read_text()
+
+
+@pytest.mark.parametrize(
+    ('code', 'cause'),
+    [
+        ('import sys; print("camera: there is none", file=sys.stderr); sys.exit(1)', 'camera: there is none'),
+        (
+            'import sys; sys.stderr.write("[ERROR] [12.5] [camera]: gone\\n[INFO] [12.6] [camera]: bye\\n"); sys.exit(1)',
+            '[camera]: gone',
+        ),
+        ('raise ValueError("a bug")', 'ValueError: a bug'),
+        ('raise SystemExit(3)', 'exit code 3'),
+        ('import os; os.kill(os.getpid(), 9)', 'it was ended by SIGKILL'),
+    ],
+)
+def test_a_launch_that_fails_ends_with_the_cause(launch, program, code, cause):
+    path, other = program(code), program('import time; time.sleep(60)', name='other')
+    status, shown, _ = launch(
+        f'- executable: {{cmd: {other}, output: screen}}\n'
+        f'- executable: {{cmd: {path}, output: screen, on_exit: shutdown}}\n'
     )
+    assert status == 1
+    assert shown[-1] == f'[ERROR] [launch]: program-2 failed: {cause}'
 
 
 def test_a_node_gets_its_words_and_its_parameter_file(launch, program):
@@ -175,7 +197,7 @@ def test_a_process_that_ignores_sigint_gets_sigterm_after_its_timeout(launch, pr
         "[ERROR] [program-1]: process[program-1] failed to terminate '0.2' seconds after receiving 'SIGINT', "
         "escalating to 'SIGTERM'",
         "[INFO] [program-1]: sending signal 'SIGTERM' to process[program-1]",
-        f"[ERROR] [program-1]: process has died [pid N, exit code -15, cmd '{path}'].",
+        '[ERROR] [program-1]: process has died [pid N, exit code -15].',
     ]
 
 

@@ -1,0 +1,68 @@
+"""Which frames become a rest image: a run of the untouched gel, and never one that shows a touch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.rest_capture import RestCapture
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+
+class Pictures:
+    """Frames of the simulated gel, each with noise of its own."""
+
+    def __init__(self) -> None:
+        self._optics, self._seed = Optics(Gel(), contact_table(Gel())), 0
+
+    def of(self, *presses: Press) -> np.ndarray:
+        self._seed += 1
+        return centre_crop(self._optics.render(presses, self._seed), 440, 440)
+
+
+@pytest.fixture(scope='module')
+def pictures() -> Pictures:
+    return Pictures()
+
+
+def offered(capture: RestCapture, frames: list[np.ndarray]) -> list[bool]:
+    return [capture.offer(frame) is not None for frame in frames]
+
+
+def test_a_held_press_after_too_few_frames_of_the_untouched_gel_is_no_rest_image(pictures: Pictures) -> None:
+    capture = RestCapture(wanted=8)
+    assert not any(offered(capture, [pictures.of() for _ in range(6)]))
+    assert not any(offered(capture, [pictures.of(Press(3.0, -4.0, 0.5)) for _ in range(12)]))
+    assert 'it takes 8 frames in a row of the untouched gel, and 6 came; something touches the gel' in capture.waiting
+    assert offered(capture, [pictures.of() for _ in range(8)]).count(True) == 1
+    assert not capture.unsteady
+
+
+def test_no_patience_makes_presses_a_rest_image(pictures: Pictures) -> None:
+    presses = [pictures.of(Press(number % 7 - 3.0, number % 5 - 2.0, 0.4)) for number in range(40)]
+    capture = RestCapture(wanted=5)
+    assert not any(offered(capture, [pictures.of() for _ in range(4)] + presses))
+    assert not capture.unsteady
+
+
+def test_a_touch_that_ends_leaves_the_untouched_gel_to_be_taken(pictures: Pictures) -> None:
+    capture = RestCapture(wanted=8)
+    assert not any(offered(capture, [pictures.of(Press(0.0, 2.0, 0.8)) for _ in range(6)]))
+    assert offered(capture, [pictures.of() for _ in range(8)])[-1]
+
+
+def test_a_camera_that_moved_meanwhile_is_no_touch(pictures: Pictures) -> None:
+    capture = RestCapture(wanted=8)
+    moved = [np.roll(pictures.of(), 2, axis=1) for _ in range(8)]
+    assert not any(offered(capture, [pictures.of() for _ in range(6)]))
+    assert offered(capture, moved)[-1]
+
+
+def test_nothing_is_said_while_the_frames_may_still_suffice(pictures: Pictures) -> None:
+    capture = RestCapture(wanted=8)
+    for _ in range(7):
+        capture.offer(pictures.of())
+        assert capture.waiting == ''
