@@ -3,12 +3,15 @@
 Tried versions stand in constraints.txt; here are the ranges that they lie in.
 """
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 ROOT = Path(__file__).parent
 SHARE = Path('share/tactile_nodes')
+VERSION = '0.1.0'
+HOME = 'https://github.com/tactile-nodes/tactile_nodes'
 
 NODES = [
     'camera',
@@ -42,16 +45,50 @@ def shared_files() -> list[tuple[str, list[str]]]:
     return found
 
 
+def description() -> str:
+    """The README, with links that also work where the files beside it are not: on the page of a package index."""
+    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    text = re.sub(r'(!\[[^]]*]\()(?!https?:)', rf'\1{HOME}/raw/v{VERSION}/', text)
+    return re.sub(r'(?<!!)(\[[^]]*]\()(?!https?:|#)', rf'\1{HOME}/blob/v{VERSION}/', text)
+
+
 setup(
     name='tactile_nodes',
-    version='0.1.0',
+    version=VERSION,
     description='Vision-based touch sensing: normal force on each bin of a soft gel [N], from a camera under it',
-    long_description=(ROOT / 'README.md').read_text(encoding='utf-8'),
+    long_description=description(),
     long_description_content_type='text/markdown',
+    author='tactile_nodes maintainers',
+    author_email='maintainers@tactile-nodes.org',
+    url=HOME,
+    project_urls={
+        'Documentation': f'{HOME}/blob/v{VERSION}/docs/README.md',
+        'Changes': f'{HOME}/blob/v{VERSION}/CHANGELOG.md',
+        'Source': HOME,
+        'Issues': f'{HOME}/issues',
+    },
+    keywords=['tactile sensing', 'force distribution', 'robotics', 'ROS 2', 'optical flow', 'soft gel', 'calibration'],
     license='Apache-2.0',
+    license_files=['LICENSE', 'tactile_nodes/web/static/uplot/LICENSE'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Environment :: Console',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3 :: Only',
+        'Programming Language :: Python :: 3.10',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Topic :: Scientific/Engineering :: Image Processing',
+        'Topic :: System :: Hardware :: Hardware Drivers',
+        'Typing :: Typed',
+    ],
     python_requires='>=3.10',
     packages=find_packages(include=['tactile_nodes', 'tactile_nodes.*']),
     package_data={
+        'tactile_nodes': ['py.typed'],
         'tactile_nodes.messages': ['types.pyi'],
         'tactile_nodes.web': ['static/*', 'static/js/*', 'static/uplot/*'],
     },
@@ -106,7 +143,7 @@ setup(
     entry_points={
         'console_scripts': [
             'tactile = tactile_nodes.cli.main:main',
-            *(f'{name}_node = tactile_nodes.nodes.{name}:main' for name in NODES),
+            *(f'tactile_{name}_node = tactile_nodes.nodes.{name}:main' for name in NODES),
         ],
     },
 )

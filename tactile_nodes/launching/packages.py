@@ -101,7 +101,7 @@ def source_environment(command: list[str]) -> dict[str, str]:
 
 
 def _own_command(executable: str) -> list[str]:
-    script = Path(sys.executable).parent / executable
+    script = Path(sys.executable).parent / f'tactile_{executable}'  # bin/ is shared by all that pip installs
     if script.is_file() and os.access(script, os.X_OK):
         return [str(script)]
     return [sys.executable, '-m', own_executables()[executable]]

@@ -189,7 +189,7 @@ def test_a_colcon_build_of_this_package_comes_first(prefix):
 
 
 def test_a_console_script_beside_the_interpreter_comes_next(program, monkeypatch, tmp_path):
-    script = program('', name='camera_node')
+    script = program('', name='tactile_camera_node')
     monkeypatch.setattr(sys, 'executable', str(tmp_path / 'python'))
     monkeypatch.setattr(packages, 'own_executables', lambda: {'camera_node': 'tactile_nodes.nodes.camera'})
     assert packages.command_of('tactile_nodes', 'camera_node', {}) == [str(script)]

@@ -76,7 +76,7 @@ def test_a_process_that_died_is_named_with_its_code_and_its_command_is_in_the_lo
     [
         ('import sys; print("camera: there is none", file=sys.stderr); sys.exit(1)', 'camera: there is none'),
         (
-            'import sys; sys.stderr.write("[ERROR] [12.5] [camera]: gone\\n[INFO] [12.6] [camera]: bye\\n"); sys.exit(1)',
+            'import sys; sys.stderr.write("[ERROR] [1.5] [camera]: gone\\n[INFO] [1.6] [a]: b\\n"); sys.exit(1)',
             '[camera]: gone',
         ),
         ('raise ValueError("a bug")', 'ValueError: a bug'),

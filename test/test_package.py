@@ -1,0 +1,77 @@
+"""What a package index and pip get: names, links and files."""
+
+from __future__ import annotations
+
+import email
+import re
+import subprocess
+import sys
+import tarfile
+from email.message import Message
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LINK = re.compile(r'\[[^]]*]\(([^)\s]+)\)')
+
+
+@pytest.fixture(scope='module')
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A source distribution, unpacked."""
+    folder = tmp_path_factory.mktemp('sdist')
+    made = ['egg_info', '-e', str(folder), 'sdist', '-q', '-d', str(folder)]
+    subprocess.run([sys.executable, 'setup.py', '-q', *made], cwd=ROOT, check=True, capture_output=True)
+    (archive,) = folder.glob('*.tar.gz')
+    with tarfile.open(archive) as opened:
+        opened.extractall(folder, filter='data')
+    return folder / archive.name.removesuffix('.tar.gz')
+
+
+@pytest.fixture(scope='module')
+def metadata(source: Path) -> Message:
+    return email.message_from_string((source / 'PKG-INFO').read_text(encoding='utf-8'))
+
+
+def kept_files() -> set[Path]:
+    """The files of the checkout, or of the source distribution that this test runs in."""
+    listed = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode == 0:
+        return {Path(name) for name in listed.stdout.split('\0') if name and (ROOT / name).exists()}
+    return {path.relative_to(ROOT) for path in (ROOT / 'test').rglob('*.py')}
+
+
+def test_a_source_distribution_holds_every_file_of_the_checkout(source: Path) -> None:
+    missing = {str(path) for path in kept_files() if not (source / path).exists()}
+    assert missing == set()
+
+
+def test_links_of_the_description_lead_to_files_that_exist_and_work_elsewhere(metadata: Message) -> None:
+    links = LINK.findall(str(metadata.get_payload()))
+    home = metadata['Home-page'] or next(
+        each.split(', ')[1] for each in metadata.get_all('Project-URL', []) if each.startswith('Source')
+    )
+    assert len(links) > 30
+    for link in links:
+        assert re.match(r'https?://|#', link), link
+        if link.startswith(home):
+            path = re.sub(r'^/(blob|raw)/v[\d.]+/', '', link.removeprefix(home)).split('#')[0]
+            assert (ROOT / path).exists(), link
+
+
+def test_programs_claim_no_name_that_others_use(source: Path) -> None:
+    (entries,) = source.parent.glob('*.egg-info/entry_points.txt')
+    names = re.findall(r'^(\w+) = ', entries.read_text(), re.MULTILINE)
+    assert len(names) == 18
+    assert [name for name in names if not name.startswith('tactile')] == []
+
+
+def test_the_index_is_told_who_where_and_what(metadata: Message) -> None:
+    assert metadata['Author'] == 'tactile_nodes maintainers'
+    assert {each.split(',')[0] for each in metadata.get_all('Project-URL', [])} >= {
+        'Documentation',
+        'Changes',
+        'Issues',
+    }
+    assert 'Operating System :: POSIX :: Linux' in metadata.get_all('Classifier', [])
+    assert 'ROS 2' in metadata['Keywords']
