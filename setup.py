@@ -115,11 +115,9 @@ setup(
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
         'compiled': ['numba>=0.61,<0.69'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
-        'foxglove': ['foxglove-sdk>=0.30.3,<0.31'],
         'dev': [
             'beartype>=0.20,<1',
             'cyclonedds==11.0.1',
-            'foxglove-sdk>=0.30.3,<0.31',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',

@@ -1,1 +1,1 @@
-"""Everything on this bus for Foxglove and Lichtblick to look at, live (the optional extra `foxglove`)."""
+"""Everything on this bus for Foxglove and Lichtblick to look at, live."""

@@ -1,107 +1,227 @@
-"""Foxglove's WebSocket server: channels with ROS 2's definitions, fed with the bytes that travelled.
+"""A server that Foxglove and Lichtblick look at: channels with ROS 2's definitions, fed with the bytes that travelled.
 
-It offers no capability: who connects can look, and change nothing. Each viewer has a queue of its own, out of which the
+Foxglove's own server asks nobody where they come from, and an open port behind a door is a second door: so this speaks
+their protocol itself. Who connects can look, and change nothing. Each viewer has a queue of its own, out of which the
 oldest message falls when it is full.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import asyncio
+import itertools
+import secrets
+import socket
+from collections import Counter, deque
+from collections.abc import Callable, Collection
 
-import foxglove
+from aiohttp import WSMsgType, web
 
-from tactile_nodes import messages
-from tactile_nodes.errors import AddressInUseError, BusError
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import MessageError
+from tactile_nodes.foxglove_view import protocol
+from tactile_nodes.foxglove_view.protocol import Channel, Order
 from tactile_nodes.paths import PACKAGE
+from tactile_nodes.web.complaints import Complaints
+from tactile_nodes.web.door import Door
+from tactile_nodes.web.serving import Serving
 
 QUEUE = 32
 """Messages that wait for one viewer: 6 MB of images, of which a viewer that keeps up never sees more than a few."""
-TRIES = 20
+MOST_VIEWERS = 16
+HEARTBEAT_S = 10.0
+LONGEST_ORDER = 1 << 20
 
 
 class FoxgloveServer:
-    """Serves at `address`; `on_interest` is called, from any thread, with a topic that is watched from or until now.
+    """Serves on `listening`; `on_interest` is called, from any thread, with a topic that is watched from or until now.
 
-    Raises:
-        AddressInUseError: twenty ports in a row are taken.
-        BusError: the address is not this machine's, or the port may not be used.
+    Args:
+        origins: where pages in a browser may have been loaded from.
+        names: hosts to be known by besides addresses.
     """
 
-    def __init__(self, address: str, port: int, on_interest: Callable[[str], None]) -> None:
-        self._context = foxglove.Context()
-        self._channels: dict[str, foxglove.Channel] = {}
-        self._server = self._opened(address, port, _Listener(on_interest))
+    def __init__(
+        self,
+        listening: socket.socket,
+        on_interest: Callable[[str], None],
+        complain: Callable[[str], None],
+        origins: Collection[str],
+        names: Collection[str] = (),
+        *,
+        guests: bool = False,
+    ) -> None:
+        self.door = Door(guests=guests)
+        self.complaints = Complaints(complain, monotonic_s)
+        self.port = int(listening.getsockname()[1])
+        self._serving = Serving(listening, self.door, self.complaints, self._add_routes, names)
+        self._on_interest = on_interest
+        self._origins = frozenset(origins)
+        self._session = secrets.token_hex(8)
+        self._numbers = itertools.count(1)
+        self._channels: dict[str, Channel] = {}
+        self._viewers: set[_Viewer] = set()
+        self._watched: Counter[str] = Counter()
+        self._serving.start()
+
+    # --- from other threads -------------------------------------------------------------------------------------
 
     @property
-    def port(self) -> int:
-        return int(self._server.port)
+    def address(self) -> str:
+        """What Foxglove connects to."""
+        return self._serving.url.replace('http', 'ws', 1).rstrip('/')
 
     @property
     def link(self) -> str:
         """What opens Foxglove on this data."""
-        return str(self._server.app_url())
+        return protocol.link(self.address)
 
     def offer(self, topic: str, type_name: str) -> None:
-        """Show a topic; showing it twice is harmless.
+        """Show a topic.
 
         Raises:
             MessageError: no such type.
         """
-        if topic not in self._channels:
-            definition = messages.definition(type_name).encode()
-            schema = foxglove.Schema(name=type_name, encoding='ros2msg', data=definition)
-            self._channels[topic] = foxglove.Channel(
-                topic, schema=schema, message_encoding='cdr', context=self._context
-            )
+        self._serving.post(self._add, Channel.of(next(self._numbers), topic, type_name))
 
     def withdraw(self, topic: str) -> None:
         """Show it no more."""
-        self._channels.pop(topic).close()
+        self._serving.post(self._remove, topic)
 
     def is_watched(self, topic: str) -> bool:
-        return bool(self._channels[topic].has_sinks())
+        return self._watched[topic] > 0
 
-    def show(self, topic: str, data: bytes, at_ns: int) -> None:
+    def show(self, topic: str, data: bytes | memoryview, at_ns: int) -> None:
         """Give one message to all who watch; waits for nobody."""
-        self._channels[topic].log(data, log_time=at_ns)
+        self._serving.post(self._deliver, topic, data, at_ns)
 
     def close(self) -> None:
         """End, and disconnect those who watch."""
-        for channel in self._channels.values():
-            channel.close()
-        self._channels.clear()
-        self._server.stop()
+        self._serving.close()
 
-    def _opened(self, address: str, port: int, listener: _Listener) -> Any:
-        for wanted in range(port, min(port + TRIES, 65536)) if port else (0,):
-            try:
-                return foxglove.start_server(
-                    name=PACKAGE,
-                    host=address,
-                    port=wanted,
-                    context=self._context,
-                    server_listener=listener,
-                    message_backlog_size=QUEUE,
-                )
-            except RuntimeError as error:
-                if 'in use' not in str(error):
-                    raise BusError(f'cannot serve Foxglove at {address} port {wanted}: {error}') from error
-        raise AddressInUseError(
-            f'the ports {port} to {port + TRIES - 1} of {address} are all taken; choose another with port:='
+    # --- in the server's thread ---------------------------------------------------------------------------------
+
+    def _add_routes(self, application: web.Application) -> None:
+        application.router.add_get('/', self._welcome)
+
+    def _add(self, channel: Channel) -> None:
+        self._channels[channel.topic] = channel
+        self._tell(protocol.advertisement([channel]))
+
+    def _remove(self, topic: str) -> None:
+        channel = self._channels.pop(topic)
+        self._watched.pop(topic, None)
+        for viewer in self._viewers:
+            viewer.subscriptions.pop(channel, None)
+        self._tell(protocol.withdrawal(channel))
+
+    def _tell(self, text: str) -> None:
+        for viewer in self._viewers:
+            viewer.tell(text)
+
+    def _deliver(self, topic: str, data: bytes | memoryview, at_ns: int) -> None:
+        channel = self._channels.get(topic)
+        for viewer in self._viewers:
+            if channel is not None and (subscription := viewer.subscriptions.get(channel)) is not None:
+                viewer.show(protocol.message(subscription, at_ns, data))
+
+    async def _welcome(self, request: web.Request) -> web.StreamResponse:
+        self._check(request)
+        channel = web.WebSocketResponse(
+            protocols=protocol.SUBPROTOCOLS, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_ORDER
         )
+        viewer = _Viewer()
+        self._viewers.add(viewer)  # before anybody waits: there is room for one now
+        try:
+            await self._serving.open_channel(request, channel)
+            viewer.tell(protocol.greeting(PACKAGE, self._session))
+            viewer.tell(protocol.advertisement(self._channels.values()))
+            await self._attend(channel, viewer)
+        finally:
+            self._serving.forget_channel(channel)
+            self._viewers.remove(viewer)
+            self._forget(viewer, list(viewer.subscriptions))
+        return channel
 
+    def _check(self, request: web.Request) -> None:
+        """Raises what aiohttp answers with where somebody may not look, or speaks another language."""
+        origin = request.headers.get('Origin')
+        if origin is not None and origin not in self._origins:  # only a browser says one
+            self.complaints.count(f'a page of {origin!a}, which the parameter "origins" does not name')
+            raise web.HTTPForbidden(text='Pages from there may not look; the parameter "origins" names those that may.')
+        offered = {each.strip() for each in request.headers.get('Sec-WebSocket-Protocol', '').split(',')}
+        if not offered & set(protocol.SUBPROTOCOLS):
+            known = ' or '.join(protocol.SUBPROTOCOLS)
+            raise web.HTTPBadRequest(text=f'This is for Foxglove and Lichtblick, by WebSocket: {known}.')
+        if len(self._viewers) >= MOST_VIEWERS:
+            raise web.HTTPServiceUnavailable(text='Too many look already; close one.')
 
-class _Listener:
-    """Who watches what (`foxglove.websocket.ServerListener`; what else it could be told needs capabilities)."""
+    async def _attend(self, channel: web.WebSocketResponse, viewer: _Viewer) -> None:
+        sending = asyncio.create_task(viewer.send_through(channel))
+        try:
+            async for said in channel:
+                if said.type is WSMsgType.TEXT:
+                    self._obey(viewer, said.data)
+        finally:
+            sending.cancel()
 
-    def __init__(self, on_interest: Callable[[str], None]) -> None:
-        self._on_interest = on_interest
+    def _obey(self, viewer: _Viewer, text: str) -> None:
+        try:
+            for order in protocol.orders(text):
+                self._follow(viewer, order)
+        except MessageError as error:
+            self.complaints.count(str(error))
+            viewer.complain(str(error))
 
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        del client
+    def _follow(self, viewer: _Viewer, order: Order) -> None:
+        """Count who watches what; what is watched already, or was withdrawn meanwhile, cannot be ordered."""
+        if order.channel is None:
+            self._forget(viewer, [each for each, given in viewer.subscriptions.items() if given == order.subscription])
+        for channel in [each for each in self._channels.values() if each.number == order.channel]:
+            if channel not in viewer.subscriptions:
+                viewer.subscriptions[channel] = order.subscription
+                self._change(channel, 1)
+
+    def _forget(self, viewer: _Viewer, channels: Collection[Channel]) -> None:
+        for channel in channels:
+            del viewer.subscriptions[channel]
+            self._change(channel, -1)
+
+    def _change(self, channel: Channel, viewers: int) -> None:
+        self._watched[channel.topic] += viewers
         self._on_interest(channel.topic)
 
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        del client
-        self._on_interest(channel.topic)
+
+class _Viewer:
+    """What waits for one viewer: all words in their order, of the messages the newest."""
+
+    def __init__(self) -> None:
+        self.subscriptions: dict[Channel, int] = {}
+        self._words: deque[str] = deque()
+        self._messages: deque[bytes] = deque(maxlen=QUEUE)
+        self._news = asyncio.Event()
+
+    def tell(self, text: str) -> None:
+        self._words.append(text)
+        self._news.set()
+
+    def complain(self, text: str) -> None:
+        """Say it, unless it reads nothing of what is said."""
+        if len(self._words) < QUEUE:
+            self.tell(protocol.complaint(text))
+
+    def show(self, data: bytes) -> None:
+        self._messages.append(data)
+        self._news.set()
+
+    async def send_through(self, channel: web.WebSocketResponse) -> None:
+        try:
+            while True:
+                await self._news.wait()
+                self._news.clear()
+                while self._words or self._messages:
+                    if self._words:
+                        await channel.send_str(self._words.popleft())
+                    else:
+                        await channel.send_bytes(self._messages.popleft())
+        except ConnectionError:  # it has gone; whoever hears it ends this
+            return

@@ -1,6 +1,6 @@
 """Shows every topic in Foxglove or Lichtblick on this machine; nothing can be changed from there.
 
-A topic is received only while a panel draws it. Needs the extra `foxglove`.
+A topic is received only while a panel draws it.
 """
 
 from __future__ import annotations
@@ -18,19 +18,33 @@ from tactile_nodes.foxglove_view.opening import open_server
 from tactile_nodes.foxglove_view.showing import Showing
 from tactile_nodes.params import parameter
 from tactile_nodes.paths import share_directory
-from tactile_nodes.web.guard import is_loopback
+from tactile_nodes.web.guard import Guests, is_loopback
 
 LOOK_EVERY_S = 0.2
 _REPORT_PERIOD_S = 1.0
+ORIGINS = ('https://app.foxglove.dev', 'file://', 'http://localhost:8080', 'http://127.0.0.1:8080')
+"""Foxglove in a browser, applications of the desktop, and Lichtblick as it is served to a browser of this machine."""
 
 
 @dataclass(frozen=True)
 class FoxgloveBridgeParams(NodeParams):
     """Parameters of the Foxglove bridge."""
 
-    address: str = parameter('127.0.0.1', 'address to serve at; any but 127.0.0.1 lets others watch', read_only=True)
+    address: str = parameter(
+        '127.0.0.1', 'address to serve at; from other machines only guests come, see there', read_only=True
+    )
     port: int = parameter(
         8765, 'port to serve at, or the next one that is free; 0: any', minimum=0, maximum=65535, read_only=True
+    )
+    origins: tuple[str, ...] = parameter(
+        ORIGINS, 'where pages in a browser may come from that look (docs/foxglove.md)', read_only=True
+    )
+    host_names: tuple[str, ...] = parameter((), 'names, besides addresses, to be reached by', read_only=True)
+    guests: str = parameter(
+        Guests.NONE.value,
+        'what other accounts of this machine, and other machines, may: nothing, or watch',
+        choices=[Guests.NONE.value, Guests.WATCH.value],
+        read_only=True,
     )
     topics: tuple[str, ...] = parameter(('/**',), 'topics to show (* one level, ** any)', read_only=True)
 
@@ -44,7 +58,10 @@ class FoxgloveBridgeNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: FoxgloveBridgeParams = self.params
-        self.server = open_server(chosen.address, chosen.port, self._on_interest)
+        self.server = open_server(
+            chosen.address, chosen.port, self._on_interest, self.log.warn, chosen.origins, chosen.host_names,
+            guests=chosen.guests == Guests.WATCH.value,
+        )  # fmt: skip
         warn = lambda text: self.log.warn(text, once=text)  # noqa: E731
         self._showing = Showing(self.server, bus, self.full_name, chosen.topics, self.post, warn)
         self._showing.look()
@@ -57,11 +74,16 @@ class FoxgloveBridgeNode(Node):
         self.server.close()
 
     def _announce(self) -> None:
-        place = f'ws://{self.params.address}:{self.server.port}'
         layout = share_directory() / 'config' / 'foxglove' / 'tactile.json'
-        self.log.info(f'serving {place}; open {self.server.link} or connect Lichtblick; a layout to import: {layout}')
-        if not is_loopback(self.params.address):
-            self.log.warn(f'anyone who reaches {self.params.address} can watch')
+        server, address = self.server, self.params.address
+        self.log.info(
+            f'serving {server.address}; open {server.link} or connect Lichtblick; a layout to import: {layout}'
+        )
+        if self.params.guests == Guests.WATCH.value:
+            who = 'every account of this machine' if is_loopback(address) else f'anyone who reaches {address}'
+            self.log.warn(f'{who} can watch')
+        elif not is_loopback(address):
+            self.log.warn(f'{address} is open to other machines, but only guests come from there: set guests')
 
     def _on_interest(self, topic: str) -> None:
         """In a thread of the server's."""
@@ -71,7 +93,7 @@ class FoxgloveBridgeNode(Node):
         shown = self._showing
         self.report(
             'foxglove', Level.OK, '', topics=shown.offered, watched=shown.watched, shown=shown.shown,
-            dropped=shown.dropped,
+            dropped=shown.dropped, turned_away=self.server.door.refused, refused=self.server.complaints.refused,
         )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ class LiveViewNode(Node):
         server, watching = self.server, self.server.watching
         self.report(
             'page', Level.OK, f'{server.url}, {watching or "nobody"} watching', viewers=watching,
-            refused=server.door.refused, malformed=server.complaints.malformed,
+            turned_away=server.door.refused, refused=server.complaints.refused,
         )  # fmt: skip
         self._health.drain()
         if watching:

@@ -1,4 +1,4 @@
-"""What a server complains of: of requests that are none a line a minute with their number, of a bug once."""
+"""What a server complains of: of requests that it refused a line a minute with their number, of a bug once."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from aiohttp.http_exceptions import HttpProcessingError
 
 SAY_EVERY_S = 60.0
+LONGEST = 160  # characters of a reason
 
 
 class Complaints(logging.Handler):
@@ -17,7 +18,7 @@ class Complaints(logging.Handler):
 
     def __init__(self, say: Callable[[str], None], now_s: Callable[[], float]) -> None:
         super().__init__()
-        self.malformed = 0
+        self.refused = 0
         self.logger = logging.Logger('tactile_nodes.web')
         self.logger.addHandler(self)
         self._say = say
@@ -29,7 +30,7 @@ class Complaints(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         error = record.exc_info[1] if record.exc_info else None
         if isinstance(error, HttpProcessingError):
-            self._count(error)
+            self.count(f'malformed, {error.message.partition(":")[0]!a}')
         elif record.levelno >= logging.WARNING:
             self._report(error, record.getMessage())
 
@@ -37,15 +38,15 @@ class Complaints(logging.Handler):
         """What asyncio's loop says of an exception that nobody caught (``loop.set_exception_handler``)."""
         self._report(context.get('exception'), context['message'])
 
-    def _count(self, error: HttpProcessingError) -> None:
-        self.malformed += 1
+    def count(self, reason: str) -> None:
+        """A request was refused that no honest program makes."""
+        self.refused += 1
         now_s = self._now_s()
         if now_s < self._next_s:
             return
-        more = self.malformed - self._told
-        self._told, self._next_s = self.malformed, now_s + SAY_EVERY_S
-        reason = ' '.join(ascii(str(error.message).partition('\n')[0]).strip('\'":').split())[:120]
-        self._say(f'malformed requests refused: {more}, {self.malformed} in all; the last: {reason}')
+        more = self.refused - self._told
+        self._told, self._next_s = self.refused, now_s + SAY_EVERY_S
+        self._say(f'requests refused: {more}, {self.refused} in all; the last: {" ".join(reason.split())[:LONGEST]}')
 
     def _report(self, error: BaseException | None, text: str) -> None:
         if error is not None:

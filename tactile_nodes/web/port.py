@@ -1,4 +1,4 @@
-"""The socket that the page is served on."""
+"""The socket that a server listens on."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from tactile_nodes.errors import AddressInUseError, BusError
 TRIES = 20
 
 
-def listen(address: str, port: int) -> socket.socket:
-    """A listening socket at `port`, or at the next one that is free; 0: at any.
+def listen(address: str, port: int, what: str = 'the page', argument: str = 'page_port:=') -> socket.socket:
+    """A listening socket at `port`, or at the next one that is free; 0: at any. `what` it serves is told if it cannot.
 
     Raises:
         AddressInUseError: twenty in a row are taken.
@@ -23,9 +23,9 @@ def listen(address: str, port: int) -> socket.socket:
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 reason = error.strerror or error
-                raise BusError(f'cannot serve the page at {address} port {wanted}: {reason}') from error
+                raise BusError(f'cannot serve {what} at {address} port {wanted}: {reason}') from error
     raise AddressInUseError(
-        f'the ports {port} to {port + TRIES - 1} of {address} are all taken; choose another with page_port:='
+        f'the ports {port} to {port + TRIES - 1} of {address} are all taken; choose another with {argument}'
     )
 
 

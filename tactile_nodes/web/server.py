@@ -110,6 +110,12 @@ class PageServer:
         application.router.add_get('/live', self._live)
         application.router.add_post('/control/{action}', self._control)
 
+    def _check_page(self, request: web.Request) -> None:
+        origin = request.headers.get('Origin')
+        if not guard.is_own_page(origin, request.host):
+            self.complaints.count(f'from {"no page" if origin is None else "a page of " + ascii(origin)}')
+            raise web.HTTPForbidden(text='Only the page itself may watch or act here.')
+
     def _may_act(self, request: web.Request) -> bool:
         return self._guests_act or self.door.is_owner(request.transport)
 
@@ -121,8 +127,7 @@ class PageServer:
             event.set()
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        if not guard.is_own_page(request.headers.get('Origin'), request.host):
-            raise web.HTTPForbidden(text='Only the page itself may watch here.')
+        self._check_page(request)
         if self._audience.is_full:
             raise web.HTTPServiceUnavailable(text='Too many pages watch already; close one.')
         channel = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_WORD)
@@ -163,8 +168,7 @@ class PageServer:
     # --- acting -------------------------------------------------------------------------------------------------
 
     async def _control(self, request: web.Request) -> web.StreamResponse:
-        if not guard.is_own_page(request.headers.get('Origin'), request.host):
-            raise web.HTTPForbidden(text='Only the page itself may act here.')
+        self._check_page(request)
         if not self._may_act(request):
             raise web.HTTPForbidden(text='You may watch, but only the account that started this may act.')
         insist = request.query.get('insist') == 'yes'

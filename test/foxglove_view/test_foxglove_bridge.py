@@ -1,9 +1,10 @@
-"""What Foxglove sees of this bus: a client that speaks its protocol (foxglove.sdk.v1)."""
+"""What Foxglove sees of this bus, and who else: a client that speaks its protocol (foxglove.sdk.v1)."""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 import struct
 import subprocess
@@ -15,6 +16,7 @@ from typing import Any
 
 import aiohttp
 import numpy as np
+import psutil
 import pytest
 
 from tactile_nodes import messages
@@ -23,7 +25,8 @@ from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.errors import AddressInUseError, BusError
 from tactile_nodes.messages import types
-from tactile_nodes.nodes.foxglove_bridge import FoxgloveBridgeNode
+from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode
+from tactile_nodes.web import accounts
 
 Start = Callable[..., FoxgloveBridgeNode]
 WAIT_S = 20.0
@@ -39,7 +42,6 @@ def bus() -> Iterator[InProcessBus]:
 @pytest.fixture
 def bridge(bus: InProcessBus) -> Iterator[Start]:
     """Start a bridge in a thread."""
-    pytest.importorskip('foxglove', reason="foxglove-sdk is not installed: pip install 'tactile_nodes[foxglove]'")
     running: list[tuple[FoxgloveBridgeNode, threading.Thread]] = []
 
     def start(*parameters: str) -> FoxgloveBridgeNode:
@@ -63,6 +65,7 @@ class Viewer:
     def __init__(self, connection: aiohttp.ClientWebSocketResponse) -> None:
         self._connection = connection
         self.server: dict[str, Any] = {}
+        self.statuses: list[dict[str, Any]] = []
         self.channels: dict[str, dict[str, Any]] = {}
 
     async def hear(self) -> tuple[int, int, bytes] | None:
@@ -75,9 +78,19 @@ class Viewer:
         said = json.loads(came.data)
         if said['op'] == 'serverInfo':
             self.server = said
+        elif said['op'] == 'status':
+            self.statuses.append(said)
         elif said['op'] == 'advertise':
             self.channels |= {channel['topic']: channel for channel in said['channels']}
         return None
+
+    async def say(self, text: str) -> None:
+        await self._connection.send_str(text)
+
+    async def status(self) -> dict[str, Any]:
+        while not self.statuses:
+            await self.hear()
+        return self.statuses[0]
 
     async def see(self, *wanted: str) -> None:
         while not set(wanted) <= self.channels.keys():
@@ -95,11 +108,27 @@ class Viewer:
 
 
 @asynccontextmanager
-async def viewer(node: FoxgloveBridgeNode) -> AsyncIterator[Viewer]:
-    async with aiohttp.ClientSession() as session:
+async def viewer(
+    node: FoxgloveBridgeNode, origin: str | None = None, protocol: str = 'foxglove.sdk.v1', **headers: str
+) -> AsyncIterator[Viewer]:
+    async with aiohttp.ClientSession(headers=headers) as session:
         address = f'http://127.0.0.1:{node.server.port}'
-        async with session.ws_connect(address, protocols=['foxglove.sdk.v1'], max_msg_size=0) as connection:
+        async with session.ws_connect(address, protocols=[protocol], max_msg_size=0, origin=origin) as connection:
             yield Viewer(connection)
+
+
+def status_for(node: FoxgloveBridgeNode, **asking: Any) -> int:
+    """What the server says to somebody who would like to look; 101 where they may."""
+
+    async def look() -> int:
+        try:
+            async with viewer(node, **asking) as found:
+                await found.hear()
+                return 101
+        except aiohttp.WSServerHandshakeError as refused:
+            return refused.status
+
+    return asyncio.run(look())
 
 
 def wrench(z: float) -> types.WrenchStamped:
@@ -249,10 +278,129 @@ def test_an_address_of_another_machine_is_refused(bridge: Start) -> None:
 
 def test_without_the_library_the_program_says_what_to_install() -> None:
     code = (
-        "import sys; sys.modules['foxglove'] = None; sys.argv = ['foxglove_bridge_node']; "
+        "import sys; sys.modules['aiohttp'] = None; sys.argv = ['foxglove_bridge_node']; "
         'from tactile_nodes.nodes.foxglove_bridge import main; sys.exit(main())'
     )
     ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
     assert ended.returncode == 1
-    assert "install it with: pip install 'tactile_nodes[foxglove]'" in ended.stderr
+    assert 'install it with: pip install aiohttp' in ended.stderr
     assert 'Traceback' not in ended.stderr
+
+
+@pytest.mark.parametrize('origin', [None, *ORIGINS])
+def test_programs_and_pages_of_foxglove_and_lichtblick_may_look(bridge: Start, origin: str | None) -> None:
+    assert status_for(bridge(), origin=origin) == 101
+
+
+@pytest.mark.parametrize(
+    'origin',
+    [
+        'null',  # of any page that puts itself into a sandbox
+        'https://evil.example',
+        'http://app.foxglove.dev',
+        'https://app.foxglove.dev.evil.example',
+        'http://localhost:8081',
+        'http://localhost',
+        'file',
+        '',
+        'http://ev\x80il',
+    ],
+)
+def test_another_page_in_the_browser_may_not_look(
+    bridge: Start, capfd: pytest.CaptureFixture[str], origin: str
+) -> None:
+    node = bridge()
+    assert status_for(node, origin=origin) == 403
+    assert f'requests refused: 1, 1 in all; the last: a page of {origin!a}' in capfd.readouterr().err
+
+
+def test_origins_are_those_that_the_parameter_names(bridge: Start) -> None:
+    node = bridge('origins:=["https://lab.example"]')
+    assert status_for(node, origin='https://lab.example') == 101
+    assert status_for(node, origin='https://app.foxglove.dev') == 403
+
+
+def test_a_name_that_was_pointed_here_is_refused(bridge: Start) -> None:
+    assert status_for(bridge(), Host='evil.example') == 421
+
+
+@pytest.mark.parametrize(('guests', 'status'), [('none', 403), ('watch', 101)])
+def test_another_account_may_look_only_as_a_guest(
+    bridge: Start, monkeypatch: pytest.MonkeyPatch, guests: str, status: int
+) -> None:
+    monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
+    assert status_for(bridge(f'guests:={guests}')) == status
+
+
+def test_there_is_no_port_but_the_one_with_the_door(bridge: Start) -> None:
+    before = listening_ports()
+    port = bridge().server.port
+    assert listening_ports() - before == {port}
+
+
+def listening_ports() -> set[int]:
+    return {each.laddr.port for each in psutil.Process().net_connections('tcp') if each.status == psutil.CONN_LISTEN}
+
+
+def test_the_older_protocol_of_lichtblick_and_the_studio_is_spoken_too(bridge: Start, bus: InProcessBus) -> None:
+    offer(bus, topics.WRENCH).publish(wrench(-0.5))
+    assert status_for(bridge(), protocol='foxglove.websocket.v1') == 101
+
+
+def test_another_protocol_is_refused(bridge: Start) -> None:
+    assert status_for(bridge(), protocol='rosbridge_v2') == 400
+
+
+@pytest.mark.parametrize(
+    'order',
+    [
+        'no JSON',
+        '[' * 100_000,
+        '[]',
+        '{"op": "advertise", "channels": []}',
+        '{"op": "subscribe"}',
+        '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
+        '{"op": "subscribe", "subscriptions": [{"id": 4294967296, "channelId": 1}]}',
+        '{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": "1"}]}',
+        '{"op": "unsubscribe", "subscriptionIds": [true]}',
+        '{"op": "setParameters", "parameters": []}',
+    ],
+    ids=lambda order: order[:60],
+)
+def test_what_is_no_order_is_answered_with_a_sentence_and_ends_nothing(
+    bridge: Start, bus: InProcessBus, order: str
+) -> None:
+    force = offer(bus, topics.WRENCH)
+    node = bridge()
+
+    async def look() -> tuple[dict[str, Any], bytes]:
+        async with viewer(node) as found:
+            await found.see('/skin/wrench')
+            await found.say(order)
+            answer = await found.status()
+            await found.watch('/skin/wrench')
+            await until(lambda: force.listeners)
+            force.publish(wrench(-0.5))
+            return answer, (await found.message())[1]
+
+    answer, data = asyncio.run(look())
+    assert answer['level'] == 2  # an error
+    assert data == messages.encode(wrench(-0.5))
+
+
+def test_an_order_twice_and_one_of_a_channel_that_is_not_there_are_passed_over(
+    bridge: Start, bus: InProcessBus
+) -> None:
+    force = offer(bus, topics.WRENCH)
+    node = bridge()
+
+    async def look() -> None:
+        async with viewer(node) as found:
+            await found.say('{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 4000000000}]}')
+            await found.watch('/skin/wrench')
+            await found.watch('/skin/wrench')
+            await until(lambda: force.listeners)
+            await found.say('{"op": "unsubscribe", "subscriptionIds": [7, 7, 99]}')
+            await until(lambda: not force.listeners)
+
+    asyncio.run(look())

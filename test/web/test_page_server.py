@@ -53,7 +53,7 @@ def served(request: pytest.FixtureRequest) -> Iterator[Served]:
     made = Served(getattr(request, 'param', Guests.NONE))
     yield made
     made.server.close()
-    assert made.complaints == []
+    assert not any('bug' in line for line in made.complaints)
 
 
 @pytest.fixture
@@ -211,7 +211,7 @@ class TestAnotherAccount:
         made = Served(request.param)
         yield made
         made.server.close()
-        assert made.complaints == []
+        assert not any('bug' in line for line in made.complaints)
 
     @pytest.mark.parametrize('served', [Guests.NONE], indirect=True)
     def test_neither_sees_nor_does_anything_and_is_told_why(self, served: Served) -> None:

@@ -100,7 +100,7 @@ def test_what_is_no_request_is_refused_counted_and_told_in_one_line(
 ) -> None:
     serving = serve()
     assert answer_to(serving, sent).startswith(b'HTTP/1.0 400')
-    assert serving.complaints.malformed == 1
+    assert serving.complaints.refused == 1
     (line,) = said
     assert '\n' not in line
     assert len(line) < 250
@@ -113,11 +113,11 @@ def test_of_many_malformed_requests_a_line_a_minute_tells_how_many(serve: Serve,
     for _ in range(20):
         answer_to(serving, MALFORMED[1])
     assert len(said) == 1
-    assert said[0].startswith('malformed requests refused: 1, 1 in all; the last: Invalid header')
+    assert said[0].startswith("requests refused: 1, 1 in all; the last: malformed, 'Invalid header")
     clock.now_s += SAY_EVERY_S
     answer_to(serving, MALFORMED[1])
     assert len(said) == 2
-    assert said[1].startswith('malformed requests refused: 20, 21 in all')
+    assert said[1].startswith('requests refused: 20, 21 in all')
 
 
 def test_a_bug_is_told_once_with_its_traceback(

@@ -1,0 +1,105 @@
+"""What travels between Foxglove and a server that it looks at: JSON both ways, and messages in binary.
+
+Of `foxglove.sdk.v1` and of the older `foxglove.websocket.v1` only what a viewer needs, in which they are alike
+(github.com/foxglove/foxglove-sdk, ``rust/foxglove/src/protocol``).
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote
+
+from tactile_nodes import messages
+from tactile_nodes.errors import MessageError
+
+SUBPROTOCOLS = ('foxglove.sdk.v1', 'foxglove.websocket.v1')
+_MESSAGE = struct.Struct('<BIQ')  # kind, subscription, stamp [ns]; then the bytes of the message
+_MESSAGE_KIND = 1
+_ERROR = 2
+_NUMBERS = range(1 << 32)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic, with the definition of its messages; a topic that is offered again has another number."""
+
+    number: int
+    topic: str
+    type_name: str
+    definition: str
+
+    @classmethod
+    def of(cls, number: int, topic: str, type_name: str) -> Channel:
+        """Raises MessageError where there is no such type."""
+        return cls(number, topic, type_name, messages.definition(type_name))
+
+    def told(self) -> dict[str, object]:
+        return {
+            'id': self.number,
+            'topic': self.topic,
+            'encoding': 'cdr',
+            'schemaName': self.type_name,
+            'schemaEncoding': 'ros2msg',
+            'schema': self.definition,
+        }
+
+
+@dataclass(frozen=True)
+class Order:
+    """A channel that a viewer wants from now on, under a number of its own; or no longer, without a channel."""
+
+    subscription: int
+    channel: int | None = None
+
+
+def greeting(name: str, session: str) -> str:
+    """Who serves; with no capability, so that nothing can be changed from there."""
+    return json.dumps({'op': 'serverInfo', 'name': name, 'capabilities': [], 'sessionId': session})
+
+
+def advertisement(channels: Iterable[Channel]) -> str:
+    return json.dumps({'op': 'advertise', 'channels': [each.told() for each in channels]})
+
+
+def withdrawal(channel: Channel) -> str:
+    return json.dumps({'op': 'unadvertise', 'channelIds': [channel.number]})
+
+
+def complaint(text: str) -> str:
+    return json.dumps({'op': 'status', 'level': _ERROR, 'message': text})
+
+
+def message(subscription: int, at_ns: int, data: bytes | memoryview) -> bytes:
+    return _MESSAGE.pack(_MESSAGE_KIND, subscription, at_ns) + data
+
+
+def orders(text: str) -> list[Order]:
+    """What a viewer asks for.
+
+    Raises:
+        MessageError: it is nothing that this server does.
+    """
+    try:
+        said = json.loads(text)
+        if said['op'] == 'subscribe':
+            return [Order(_number(each['id']), _number(each['channelId'])) for each in said['subscriptions']]
+        if said['op'] == 'unsubscribe':
+            return [Order(_number(each)) for each in said['subscriptionIds']]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise MessageError(f'no order of a viewer: {type(error).__name__}') from error
+    raise MessageError('this server shows topics, and does nothing else')
+
+
+def link(address: str) -> str:
+    """What opens Foxglove in a browser on the server at `address`."""
+    return f'https://app.foxglove.dev?ds=foxglove-websocket&ds.url={quote(address, safe="")}'
+
+
+def _number(value: Any) -> int:
+    if type(value) is not int or value not in _NUMBERS:
+        raise ValueError(value)
+    return int(value)
