@@ -6,7 +6,7 @@ device, thread or clock, and a test feeds it times and values by hand.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -18,12 +18,17 @@ from tactile_nodes.drivers.force_torque import Sample
 
 @dataclass(frozen=True)
 class Go:
-    """Go to a place in machine coordinates (None: stay as it is), and come to rest there."""
+    """Go to a place in machine coordinates (None: stay as it is), and come to rest there.
+
+    `expect` is asked on the way, whenever the machine has said where it is: with the place that it told the time before
+    and what was felt since. What it answers is why to stop at once; empty: go on.
+    """
 
     x: float | None = None
     y: float | None = None
     z: float | None = None
     feed_mm_min: float = 60.0
+    expect: Callable[[Place, Sequence[Sample]], str] | None = None
 
 
 @dataclass(frozen=True)

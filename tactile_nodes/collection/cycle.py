@@ -11,6 +11,7 @@ import numpy as np
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare, Switch
 from tactile_nodes.collection.plan import Point
 from tactile_nodes.collection.readings import Frame, pattern_change
+from tactile_nodes.collection.rising import rising
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.steady import Settling
 from tactile_nodes.collection.surface import Surface
@@ -142,7 +143,9 @@ def _down(record: Record, ground: Ground, settings: CollectionSettings) -> Proce
         raise RejectedError(f'{point.depth_mm:g} mm is deeper than the limit of {settings.limits.depth_mm:g} mm')
     standoff = ground.surface.tip_mm(point.x_mm, point.y_mm, -motion.standoff_mm)
     yield Go(z=min(ground.safe_z_mm, standoff), feed_mm_min=motion.approach_mm_min)
-    yield Go(z=ground.surface.tip_mm(*point[1:]), feed_mm_min=motion.press_mm_min)
+    assert record.tare is not None
+    expect = rising(ground.surface, record.tare, settings, point.x_mm, point.y_mm)
+    yield Go(z=ground.surface.tip_mm(*point[1:]), feed_mm_min=motion.press_mm_min, expect=expect)
 
 
 def _settle(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:

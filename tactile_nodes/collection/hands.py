@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -18,6 +18,7 @@ from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.safety import MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
 from tactile_nodes.drivers.cnc import Cnc, CncStatus, Place, Switched
+from tactile_nodes.drivers.force_torque import Sample
 from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 BREATH_S = 0.01
@@ -50,7 +51,7 @@ class Hands:
         motion: how long a jog may be.
         on_status: told where the machine is, about ten times a second.
         on_switch: told each switching of the digital line.
-        stopped: set while nobody is in the midst of stopping the machine.
+        stopped: waits so many seconds until nobody is in the midst of stopping the machine; whether that is so.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class Hands:
         motion: MotionSettings,
         on_status: Callable[[CncStatus], None] | None = None,
         on_switch: Callable[[Switched], None] | None = None,
-        stopped: threading.Event | None = None,
+        stopped: Callable[[float], bool] | None = None,
     ) -> None:
         self.cnc = cnc
         self.clock = clock
@@ -75,6 +76,8 @@ class Hands:
         self._state_ns = 0
         self._place: Place = (math.nan, math.nan, math.nan)
         self._line = False
+        self._expect: Callable[[Place, Sequence[Sample]], str] | None = None
+        self._passed: tuple[int, Place] | None = None
         self.asked_to_stop = False
 
     def run(self, procedure: Procedure[Result]) -> Result:
@@ -101,7 +104,7 @@ class Hands:
         since_ns, switched = self.clock.now_ns(), None
         try:
             if isinstance(action, Go):
-                self._go(action)
+                self._go_watched(action)
             elif isinstance(action, Look):
                 self.wait(action.seconds)
             elif isinstance(action, SetTare):
@@ -173,8 +176,34 @@ class Hands:
         self._status()
 
     def _await_stopped(self) -> None:
-        if self._stopped is not None and not self._stopped.wait(STOP_WAIT_S):
+        if self._stopped is not None and not self._stopped(STOP_WAIT_S):
             raise DeviceFaultError('the machine does not come to rest when told to stop; use the emergency stop')
+
+    def _go_watched(self, go: Go) -> None:
+        """Go, and see on the way that the force is what is expected."""
+        self._expect, self._passed = go.expect, None
+        try:
+            self._go(go)
+            if go.expect is not None:
+                self._status()
+        finally:
+            self._expect = None
+
+    def _compare(self, now_ns: int, place: Place) -> None:
+        """What was felt since the machine was last at a known place, with what is expected there.
+
+        A sensor that averages shows a force fully after some periods: only then it is looked at.
+        """
+        if self._expect is None:
+            return
+        if self._passed is None:
+            self._passed = now_ns, place
+        passed_ns, passed = self._passed
+        if not (felt := self.readings.samples(passed_ns + self.safety.settling_ns)):
+            return
+        self._passed = now_ns, place
+        if why := self._expect(passed, felt):
+            self.safety.fail(MACHINE, why, now_ns)
 
     def _go(self, go: Go) -> None:
         start = self._status()
@@ -192,6 +221,7 @@ class Hands:
             ahead_s = (busy_until_ns - self.clock.now_ns()) / NS_PER_S
             if self.cnc.blind_step_mm is not None:
                 self.cnc.wait_idle()
+                self._status()
             else:
                 self.wait(max(0.0, ahead_s - self._motion.jog_s / 2))
         self.wait((busy_until_ns - self.clock.now_ns()) / NS_PER_S)
@@ -215,6 +245,7 @@ class Hands:
         status = self.cnc.status()
         self._state_ns = self.clock.now_ns()
         self._place = status.position_mm
+        self._compare(self._state_ns, self._place)
         if self._on_status is not None:
             self._on_status(status)
         return status

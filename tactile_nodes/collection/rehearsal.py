@@ -97,7 +97,9 @@ class Rehearsal:
         self.sensor.listen(self.readings.put_sample)
         self.sensor.open()
         motion = settings.motion
-        self.hands = Hands(self.cnc, self.clock, self.safety, self.readings, motion, on_status, on_switch)
+        self.hands = Hands(
+            self.cnc, self.clock, self.safety, self.readings, motion, on_status, on_switch, self._stopped
+        )
         self.clock.every(1 / rate_hz, self._feel)
         self.clock.every(1 / fps, self._take_picture)
         self.clock.every(TICK_S, self._look_around)
@@ -119,6 +121,10 @@ class Rehearsal:
 
     def _stop(self, trip: Trip) -> None:
         self._tripped = trip
+
+    def _stopped(self, _: float) -> bool:
+        self._obey()
+        return True
 
     def _look_around(self) -> None:
         self.safety.tick(self.clock.now_ns(), self.cnc.health)

@@ -21,6 +21,7 @@ FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'mach
 UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so nobody knows how old its samples are'
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
+SETTLING_PERIODS = 4  # until a converter that averages shows a step fully (HX711)
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Safety:
         self._newest: Sample | None = None
         self._frame_ns = 0
         self.silence_ms = permitted_ms(limits.force_silence_ms, rate_hz)
+        self.settling_ns = round(SETTLING_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
         self._since_ns = 0
         self.trip: Trip | None = None
         self.greatest_n = 0.0

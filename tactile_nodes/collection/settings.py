@@ -16,6 +16,12 @@ class LimitSettings:
     stiffness_n_mm: float = parameter(2.0, 'steepest rise of the force with depth [N/mm]', minimum=0.01)
     stop_ms: float = parameter(75.0, 'from a force at the sensor to the machine braking, at worst', minimum=1.0)
     brake_mm_s2: float = parameter(200.0, 'slowest deceleration of z (Grbl: $122) [mm/s²]', minimum=1.0)
+    least_share: float = parameter(
+        0.5,
+        'of the force that the surface gave at a depth: less on the way down is a fault; 0.0: any',
+        minimum=0.0,
+        maximum=1.0,
+    )
     torque_nm: float = parameter(0.0, 'greatest change of the torque since the last tare [N m]; 0.0: any', minimum=0.0)
     force_rate_n_s: float = parameter(40.0, 'fastest rise of the force over rate_ms [N/s]', minimum=0.1)
     rate_ms: float = parameter(40.0, 'over which the rise of the force is taken', minimum=1.0)

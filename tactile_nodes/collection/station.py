@@ -74,7 +74,7 @@ class Station:
         self.safety = Safety(settings.limits, self.guard.trip, self.sensor.expected_hz)
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
-        stopped = self.guard.stopped
+        stopped = self.guard.stopped.wait
         self.hands = Hands(self.cnc, clock, self.safety, self.readings, settings.motion, on_status, on_switch, stopped)
         self.guard.start(self.safety)
         self._pump = threading.Thread(target=self._pass_on, name='force samples', daemon=True)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,14 +26,30 @@ FEWEST = 3
 CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
 
+class Loading(NamedTuple):
+    """F^power is `slope` times the depth below `touch_mm`: 0.5 with a power of 2/3 gives 0.35 N at 1 mm."""
+
+    touch_mm: float
+    slope: float
+    power: float
+
+    def force_n(self, depth_mm: float) -> float:
+        """At a depth below the touch."""
+        return float((self.slope * max(depth_mm, 0.0)) ** (1 / self.power))
+
+
 @dataclass(frozen=True)
 class Surface:
-    """A plane: height of the untouched surface in machine coordinates over the gel's own x and y, all in mm."""
+    """A plane: height of the untouched surface in machine coordinates over the gel's own x and y, all in mm.
+
+    `softest` is the loading line of the corner that gave the least force; None: no corner was felt.
+    """
 
     z_mm: float
     slope_x: float = 0.0
     slope_y: float = 0.0
     error_mm: float = 0.0
+    softest: Loading | None = None
 
     def height_mm(self, x_mm: float, y_mm: float) -> float:
         """Of the surface at a place; 0.01 mm/mm along x is 0.1 mm at x = 10 mm."""
@@ -46,6 +63,10 @@ class Surface:
         """The reverse of `tip_mm`."""
         return (self.height_mm(x_mm, y_mm) - z_mm) / self._steepness
 
+    def force_n(self, depth_mm: float) -> float:
+        """What the softest corner gave at a depth, by its loading line; 0 where none is known."""
+        return 0.0 if self.softest is None else self.softest.force_n(depth_mm)
+
     @property
     def _steepness(self) -> float:
         return math.sqrt(1 + self.slope_x**2 + self.slope_y**2)
@@ -57,12 +78,13 @@ def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Su
     Raises:
         DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
     """
-    places = []
+    places, lines = [], []
     reach = settings.surface.reach_mm
     for x, y in CORNERS[: settings.surface.corners]:
-        height = yield from _corner(settings, safe_z_mm, (x, y))
-        places.append((x * reach, y * reach, height))
-    return plane(places, settings)
+        found = yield from _corner(settings, safe_z_mm, (x, y))
+        places.append((x * reach, y * reach, float(np.median([line.touch_mm for line in found]))))
+        lines += found
+    return replace(plane(places, settings), softest=min(lines, key=lambda line: line.slope))
 
 
 def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSettings) -> Surface:
@@ -83,7 +105,7 @@ def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSett
     return Surface(float(z), float(slope_x), float(slope_y), error)
 
 
-def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[float]:
+def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[list[Loading]]:
     surface, motion = settings.surface, settings.motion
     x = surface.gel_x_mm + corner[0] * surface.reach_mm
     y = surface.gel_y_mm + corner[1] * surface.reach_mm
@@ -91,23 +113,24 @@ def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float,
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
-    touched = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
+    touched = (yield from _search(settings, tare, surface.top_mm, surface.step_mm)).touch_mm
     found = []
     for _ in range(surface.repeats):
         start = min(surface.top_mm, touched + BACK_OFF_STEPS * surface.fine_step_mm)
         yield Go(z=start, feed_mm_min=motion.press_mm_min)
         found.append((yield from _search(settings, tare, start, surface.fine_step_mm)))
     yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
-    if max(found) - min(found) > surface.spread_mm:
+    low, high = min(line.touch_mm for line in found), max(line.touch_mm for line in found)
+    if high - low > surface.spread_mm:
         raise DeviceFaultError(
-            f'the surface was found between {min(found):.3f} and {max(found):.3f} mm at x {x:g}, y {y:g}; '
+            f'the surface was found between {low:.3f} and {high:.3f} mm at x {x:g}, y {y:g}; '
             'is the tip loose, or the force/torque sensor too noisy?'
         )
-    return float(np.median(found))
+    return found
 
 
-def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float) -> Procedure[float]:
-    """From `start_mm` down to the touch and some steps on; where the force would begin."""
+def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float) -> Procedure[Loading]:
+    """From `start_mm` down to the touch and some steps on; how the force grew, and where it would begin."""
     surface = settings.surface
     loading: list[tuple[float, float]] = []
     for step in range(1, 100_000):
@@ -123,7 +146,7 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         if loading or force > 5 * noise + surface.least_n:
             loading.append((seen.place_mm[2], force))
         if len(loading) > surface.beyond:
-            return touch_mm(loading, FLAT if 'flat' in settings.press.indenter.lower() else HERTZ)
+            return loading_line(loading, FLAT if 'flat' in settings.press.indenter.lower() else HERTZ)
     raise DeviceFaultError(
         f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
         'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
@@ -139,10 +162,10 @@ def _felt(dwell_s: float) -> Procedure[Seen]:
     return seen
 
 
-def touch_mm(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> float:
-    """The height at which the line through F^power over height meets 0.
+def loading_line(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> Loading:
+    """The line through F^power over height, and the height at which it meets 0.
 
-    A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0.
+    A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0 and 1.
 
     Raises:
         DeviceFaultError: the force does not grow with depth.
@@ -152,4 +175,4 @@ def touch_mm(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> fl
     slope, offset = np.polyfit(heights, roots, 1)
     if slope >= 0:
         raise DeviceFaultError('the force does not grow where the tip goes down; does it move at all?')
-    return float(-offset / slope)
+    return Loading(float(-offset / slope), float(-slope), power)

@@ -12,7 +12,7 @@ from tactile_nodes.collection.readings import change, frame_of
 from tactile_nodes.collection.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
 from tactile_nodes.collection.steady import Settling
-from tactile_nodes.collection.surface import Surface, plane, touch_mm
+from tactile_nodes.collection.surface import Surface, loading_line, plane
 from tactile_nodes.collection.wrench import Tare, on_gel, pressing_n, slope, tare_of
 from tactile_nodes.drivers.force_torque import Sample
 from tactile_nodes.errors import DeviceFaultError
@@ -28,7 +28,8 @@ def sample(at_ms: int, fz: float) -> Sample:
 
 
 def test_flat_punch_is_drawn_back_along_a_straight_line() -> None:
-    assert touch_mm([(-0.1, 0.2), (-0.2, 0.4)], power=1.0) == pytest.approx(0.0)
+    line = loading_line([(-0.1, 0.2), (-0.2, 0.4)], power=1.0)
+    assert (line.touch_mm, line.slope, line.force_n(0.3)) == pytest.approx((0.0, 2.0, 0.6))
 
 
 def test_force_on_the_gel_is_the_reverse_of_what_the_sensor_feels_about_the_middle_of_the_surface() -> None:
@@ -89,12 +90,15 @@ def test_image_that_still_moves_is_not_steady() -> None:
 
 def test_touch_of_a_hertzian_sphere_is_where_its_force_begins() -> None:
     loading = [(-30.0 - depth, 2.0 * depth**1.5) for depth in (0.1, 0.2, 0.3, 0.4)]
-    assert touch_mm(loading) == pytest.approx(-30.0)
+    line = loading_line(loading)
+    assert line.touch_mm == pytest.approx(-30.0)
+    assert line.force_n(1.0) == pytest.approx(2.0)
+    assert line.force_n(-0.1) == 0.0
 
 
 def test_force_that_does_not_grow_is_no_touch() -> None:
     with pytest.raises(DeviceFaultError, match='does not grow'):
-        touch_mm([(-30.0, 0.2), (-30.1, 0.1), (-30.2, 0.05)])
+        loading_line([(-30.0, 0.2), (-30.1, 0.1), (-30.2, 0.05)])
 
 
 def test_plane_through_three_corners() -> None:

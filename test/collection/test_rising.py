@@ -1,0 +1,91 @@
+"""The force on the way down, against what the gel gave when its surface was felt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rehearsing import SAFE_Z_MM, Run, changed
+
+from tactile_nodes.collection.rising import rising
+from tactile_nodes.collection.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.wrench import Tare
+from tactile_nodes.drivers.force_torque import Sample, Wrench
+from tactile_nodes.emulators.world import World
+from tactile_nodes.errors import DeviceFaultError
+
+GEL = Surface(-30.0, softest=Loading(-30.0, 0.5, HERTZ))  # 0.354 N at 1 mm
+ZERO = Tare((0.0,) * 6, (0.0,) * 6, 100, 0)
+SETTINGS = changed(surface={'flat_mm': 0.05, 'least_n': 0.02}, limits={'least_share': 0.5})
+
+
+def told(depth_mm: float, force_n: float, surface: Surface = GEL, tare: Tare = ZERO) -> str:
+    sample = Sample((0.0, 0.0, force_n, 0.0, 0.0, 0.0), 0, 0, 0, 0, 0, 0, 0, ())
+    return rising(surface, tare, SETTINGS, 0.0, 0.0)((0.0, 0.0, -30.0 - depth_mm), [sample] * 4)
+
+
+def test_half_of_what_the_softest_corner_gave_is_enough_and_less_is_not() -> None:
+    """At 1.05 mm, of which 0.05 may be above the surface: half of 0.354 N, less 0.02 N for no touch, is 0.157 N."""
+    assert told(1.05, 0.160) == ''
+    assert 'the force is 0.15 N at 1.05 mm, where the gel gave 0.35 N' in told(1.05, 0.154)
+
+
+def test_more_force_than_ever_is_for_the_limits_of_the_force() -> None:
+    assert told(1.0, 3.0) == ''
+
+
+def test_noise_of_the_sensor_is_granted() -> None:
+    """Five sigma of the mean of four samples of 0.02 N are 0.05 N."""
+    noisy = Tare(ZERO.wrench, (0.0, 0.0, 0.02, 0.0, 0.0, 0.0), 100, 0)
+    assert told(1.05, 0.110, tare=noisy) == ''
+    assert told(1.05, 0.104, tare=noisy)
+
+
+def test_nothing_is_expected_above_the_surface_or_of_a_gel_that_was_not_felt() -> None:
+    assert told(-0.5, 0.0) == told(0.04, 0.0) == ''
+    assert told(2.0, 0.0, Surface(-30.0)) == ''
+
+
+class Liar(World):
+    """A world whose sensor is told something else from a depth of 0.3 mm on, with all the noise of a sound one."""
+
+    tells: Callable[[float], float] | None = None
+
+    def wrench_at(self, time_ns: int) -> Wrench:
+        depth_mm = self.press_at(time_ns).depth_mm
+        true = super().wrench_at(time_ns)
+        if self.tells is None or depth_mm < 0.3:
+            return true
+        return (0.0, 0.0, self.tells(true[2]), 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    'tells', [lambda _: 0.074, lambda _: 0.0, lambda true: 0.3 * true], ids=['force of 0.3 mm', 'none', 'a third']
+)
+def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: Path, tells: Callable) -> None:
+    """The third press is 1.5 mm deep. Half of what is expected at 0.6 mm is more than the force of 0.3 mm."""
+    run = Run(tmp_path)
+    run.world.__class__ = Liar
+    deepest = [0.0]
+
+    def begin() -> None:
+        run.world.tells = tells  # type: ignore[attr-defined]
+        run.rig.clock.every(
+            0.01, lambda: deepest.append(max(deepest.pop(), run.world.press_at(run.rig.clock.now_ns()).depth_mm))
+        )
+
+    run.at(1, begin)
+    with pytest.raises(DeviceFaultError, match='does the sensor tell the truth'):
+        run.campaign.run()
+    assert deepest[0] < 0.95
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_z_that_does_not_follow_its_motor_ends_the_run_on_the_way_down(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.at(1, run.in_the_gel(lambda: run.world.stick(2, run.rig.clock.now_ns())))
+    with pytest.raises(DeviceFaultError, match='does z move'):
+        run.campaign.run()
+    assert math.isclose(run.height_mm, -30.31, abs_tol=0.02)
