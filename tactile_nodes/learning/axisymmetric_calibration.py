@@ -99,7 +99,7 @@ def calibrated(judged: Judged, dataset: Dataset, untouched: np.ndarray) -> Calib
     """Uncertainties and limits such that what judges and untouched images fall within them as often as it should."""
     readout = judged.readout
     errors, sigmas = judged.errors, judged.sigmas
-    heights = judged.truth[:, 2] / readout.response.highest_n
+    heights = judged.truth[:, 2] / readout.highest_n
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
     force_floor, force_factors = spread_of(errors[:, 2], sigmas[:, 1], heights)
     return Calibration(

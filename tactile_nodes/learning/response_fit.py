@@ -7,6 +7,7 @@ presses give the same readout.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,7 @@ CALIBRATION_SHARE = 0.15
 LEAST_VARIANCE = 1e-6
 """Of noise, in units of that of a feature."""
 LEAST_REACH_MM = 0.1
+SAMPLES_AT_ONCE = 1000
 
 
 def fit_response(
@@ -120,7 +122,7 @@ class Subspace:
         _require_enough(len(untouched), int(touched[used].sum()), config.components)
         scaling = noise_scaling(dataset, untouched, config)
         inputs, _ = scaled(dataset, scaling)
-        square = inputs[used].T @ inputs[used]
+        square = gram(inputs, used)
         first = square.shape[0] - config.components
         _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
         directions = np.ascontiguousarray(vectors[:, ::-1].T, np.float32)
@@ -242,6 +244,15 @@ def scores_of(
     """All samples along some directions."""
     found = [project(directions, *each).scores for each in zip(*scaled(dataset, scaling), strict=True)]
     return np.stack(found).astype(float)
+
+
+def gram(inputs: Float32[np.ndarray, 'samples inputs'], used: np.ndarray) -> Float[np.ndarray, 'inputs inputs']:
+    """Sums of products over some samples, with double precision.
+
+    With single precision rounding decides directions of nearly the same variance, so that processors disagree on them.
+    """
+    parts = np.array_split(used, max(1, math.ceil(len(used) / SAMPLES_AT_ONCE)))
+    return sum((part.T @ part for part in (inputs[each].astype(float) for each in parts)), np.zeros(()))
 
 
 def _places(dataset: Dataset, power: float) -> Float[np.ndarray, 'samples 3']:

@@ -179,6 +179,11 @@ class OtherGel:
         """
         return replace(self.scaling, mean=np.zeros_like(self.scaling.mean))
 
+    @property
+    def pressed_n(self) -> float:
+        """The hardest press whose force is known; 0 if none is."""
+        return float(np.nanmax(self.presses.contacts[:, 2], initial=0.0))
+
     def whole(self, form: str) -> WholeFit:
         """What differs as a whole, of those numbers that a form leaves open, by all presses."""
         return fit_whole(self.start, self.presses, FORMS[form])
@@ -267,8 +272,9 @@ class OtherGel:
             terms, local = source.carried.after(presses), source.carried.local_after(presses)
         correction = replace(source.correction, terms=terms, local=local)
         return replace(
-            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None
-        )
+            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None,
+            pressed_n=self.pressed_n,
+        )  # fmt: skip
 
     def locally(self, readout: AxisymmetricReadout, chosen: np.ndarray | slice = slice(None)) -> AxisymmetricReadout:
         """The readout without what it gets wrong at some of the presses, or all, which it was fitted to."""

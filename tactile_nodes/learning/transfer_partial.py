@@ -213,7 +213,7 @@ class _Gel:
         source = self.other.source
         return replace(
             source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT, carried=None,
-            correction=replace(source.correction, local=None),
+            correction=replace(source.correction, local=None), pressed_n=self.other.pressed_n,
         )  # fmt: skip
 
     @staticmethod

@@ -97,6 +97,8 @@ class AxisymmetricReadout:
     `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
     response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
     distances `DOUBT_MM` from the press. `carried` has no say in a reading; calibrations for other gels begin with it.
+    `pressed_n` is the hardest press that a calibration was fitted to: a softer gel's can be beyond what is known of the
+    profiles, and what was fitted is read.
     """
 
     scaling: InputScaling
@@ -107,8 +109,14 @@ class AxisymmetricReadout:
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
     carried: Carried | None = None
+    pressed_n: float = 0.0
 
     kind = 'axisymmetric'
+
+    @property
+    def highest_n(self) -> float:
+        """The force (N) up to which this gel is known."""
+        return max(self.response.highest_n, self.pressed_n)
 
     @property
     def parameter_count(self) -> int:
@@ -147,7 +155,7 @@ class AxisymmetricReadout:
         """Contacts to begin with, the motion that they cause, and its square."""
         reach = self.correction.reach_mm * self.response.width
         along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
-        forces = START_FORCES * self.response.highest_n
+        forces = START_FORCES * self.highest_n
         starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
         fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
         return starts, fields, np.square(fields).sum(axis=1)
@@ -192,9 +200,9 @@ class AxisymmetricReadout:
     def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3']) -> Fit:
         """Gauss-Newton from `begin` to the most probable contacts."""
         half = self.bins.width_mm / 2, self.bins.height_mm / 2
-        high = np.array([*half, MARGIN * self.response.highest_n])
+        high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
-        largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.response.highest_n / 4])
+        largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
         granted = damping(len(begin))
         here, found = begin.copy(), []
         for _ in range(MOST_STEPS):
@@ -252,7 +260,7 @@ class AxisymmetricReadout:
     def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
         """Whether a contact is harder, or further from the middle, than any that was measured."""
         reach_mm = self.correction.reach_mm * self.response.width
-        return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.response.highest_n).any())
+        return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.highest_n).any())
 
     def gain(self, seen: Seen, fit: Fit) -> float:
         """How much more probable the fitted contacts are than none: half the fall of the squared misfit, in noise."""
@@ -277,7 +285,7 @@ class AxisymmetricReadout:
 
     def _contact(self, place: list[float], variance: list[float]) -> Contact:
         (x, y, force_n), c = place, self.calibration
-        height = force_n / self.response.highest_n
+        height = force_n / self.highest_n
         fitted_mm, fitted_n = math.sqrt((variance[0] + variance[1]) / 2), math.sqrt(variance[2])
         sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
         sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)

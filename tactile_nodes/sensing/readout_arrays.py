@@ -29,6 +29,7 @@ WITNESS = 'witness.'
 BLUR_ARRAYS = 'change', 'turning', 'growth'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
+RANGES['pressed_n'] = RANGES['hardest_n']
 """No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
 
 
@@ -212,6 +213,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
+        **({'pressed_n': readout.pressed_n} if readout.pressed_n else {}),
         **carried,
     }
 
@@ -234,6 +236,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
         _calibration(said['calibration']),
         said['most_contacts'],
         carried,
+        said.get('pressed_n', 0.0),
     )
 
 

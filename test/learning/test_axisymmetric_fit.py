@@ -10,7 +10,7 @@ import pytest
 from responding_gel import AXISYMMETRIC, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_fit import STREAKS, fit_axisymmetric
+from tactile_nodes.learning.axisymmetric_fit import STREAKS, fit_axisymmetric, weighted_choice
 from tactile_nodes.learning.axisymmetric_regions import (
     FIRST_DOUBT,
     Expected,
@@ -116,3 +116,18 @@ def test_a_run_file_that_asks_for_it_gets_an_axisymmetric_model(tmp_path: Path) 
     assert loaded.card['training']['settings']['turns'] == 4
     # Nothing but presses of 0 to 1.2 N was seen, so an error of the total far below their spread of 0.35 N is learned.
     assert loaded.card['validation']['total_rmse_n'] < 0.2
+
+
+def test_rounding_of_the_weights_does_not_change_which_pairs_are_taken() -> None:
+    likely = np.random.default_rng(3).uniform(size=20_000) ** 2
+    rounded = likely * (1 + 1e-12 * np.random.default_rng(4).normal(size=20_000))
+    taken = [weighted_choice(np.random.default_rng(5), each, 10_000) for each in (likely, rounded)]
+    np.testing.assert_array_equal(*taken)
+
+
+def test_pairs_are_taken_as_often_as_their_weights_say_and_those_without_one_never() -> None:
+    random, likely = np.random.default_rng(6), np.array([0.0, 1.0, 3.0, 0.0])
+    taken = [weighted_choice(random, likely, 1)[0] for _ in range(4000)]
+    # Of 4000 draws 3000 are expected to be the heavier one, with a standard deviation of 27.
+    assert np.bincount(taken, minlength=4)[[0, 3]].sum() == 0
+    assert abs(taken.count(2) - 3000) < 110

@@ -21,7 +21,7 @@ from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds
 from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.readout_arrays import AnyReadout
+from tactile_nodes.sensing.readout_arrays import AnyReadout, readout_arrays, readout_from
 
 SOFTER = 1.25
 AWAY_MM = np.array([0.8, -0.5])
@@ -69,6 +69,22 @@ def test_the_whole_fit_finds_softness_and_shift(source: AxisymmetricReadout) -> 
     there = np.array([[*AWAY_MM, 0.4]])
     size = np.linalg.norm(found.motion(press)) / np.linalg.norm(source.response.motion(there))
     assert size == pytest.approx(SOFTER, rel=0.05)
+
+
+def test_a_gel_so_soft_that_presses_are_beyond_the_known_profiles_is_read_as_hard_as_it_was_pressed(
+    source: AxisymmetricReadout,
+) -> None:
+    softer = 2.0  # what is known ends at 1 N, which is 0.5 N here
+    dataset = other_gel(40, seed=5)
+    forces = dataset.presses[:, 3].astype(float)
+    field = motion(dataset.presses[:, :2].astype(float), softer * np.maximum(forces, 0.0))
+    noise = NOISE_PX * np.random.default_rng(6).normal(size=field.shape)
+    made = transfer(source, dataclasses.replace(dataset, features=(field + noise).astype(np.float16)))
+    kept = readout_from(*readout_arrays(made.readout), BinGrid())
+    assert isinstance(kept, AxisymmetricReadout)
+    for force in (0.3, 0.6, 0.74):
+        shown = motion(np.array([[1.0, -2.0]]), np.array([softer * force]))[0].astype(np.float32)
+        assert kept.read(shown, np.ones((6, 6), np.float32)).contacts[0].force_n == pytest.approx(force, rel=0.04)
 
 
 def test_an_equal_gel_is_left_as_it_is(source: AxisymmetricReadout) -> None:

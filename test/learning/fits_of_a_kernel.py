@@ -1,0 +1,77 @@
+"""Small fits of every kind and what they read, in a process of its own: `OPENBLAS_CORETYPE` is read when it starts.
+
+Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the kernels in use, and the errors of readings.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg  # brings an OpenBLAS of its own
+from responding_gel import AXISYMMETRIC, CONFIG, presses
+
+from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.response_fit import fit_response
+from tactile_nodes.learning.transfer_fit import live_errors, transfer
+from tactile_nodes.learning.transfer_partial import replace_presses, transfer_partial
+from tactile_nodes.sensing.geometry import BinGrid
+
+NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]
+SOFTER, ASIDE_MM = 1.2, 0.7
+
+
+def kernels() -> list[str]:
+    """What each OpenBLAS of this process has chosen."""
+    scipy.linalg.eigvalsh(np.eye(2))
+    maps = Path('/proc/self/maps').read_text().splitlines()
+    files = sorted({line.split()[-1] for line in maps if 'openblas' in line.split()[-1].lower()})
+    return [core_of(ctypes.CDLL(file)) for file in files]
+
+
+def core_of(library: ctypes.CDLL) -> str:
+    asked = [getattr(library, name) for name in NAMES if hasattr(library, name)]
+    if not asked:
+        return 'untold'
+    asked[0].restype = ctypes.c_char_p
+    return str(asked[0]().decode())
+
+
+def other_gel(count: int, seed: int) -> Dataset:
+    """Presses on a gel that is softer, with its camera aside."""
+    dataset = presses(count, seed)
+    moved = dataset.presses - np.array([ASIDE_MM, 0.0, 0.0, 0.0], np.float32)
+    moved[:, 3] /= SOFTER
+    return replace_presses(dataset, moved)
+
+
+def readings() -> dict[str, np.ndarray]:
+    """The errors of what each kind of fit reads of presses that it has not seen."""
+    dataset, few, bins = presses(500, 1), other_gel(42, 2), BinGrid()
+    out, quiet = np.arange(len(dataset.presses)) % 5 == 1, Progress()
+    response = fit_response(dataset, out, CONFIG, bins, quiet)
+    axisymmetric = fit_axisymmetric(dataset, out, AXISYMMETRIC, bins, quiet)
+    half = few.presses.copy()
+    half[::2, :2] = np.nan
+    made = {
+        'response': (response, dataset),
+        'axisymmetric': (axisymmetric, dataset),
+        'calibrated response': (transfer(response, few).readout, other_gel(60, 3)),
+        'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
+        'calibrated by hand': (transfer_partial(axisymmetric, replace_presses(few, half)).readout, other_gel(60, 3)),
+    }
+    return {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
+
+
+def judges(dataset: Dataset) -> np.ndarray:
+    """Presses that no fit saw, fewer than 60."""
+    touched = np.flatnonzero(dataset.presses[:, 2] > 0)
+    return touched[touched % 5 == 1] if len(dataset.presses) > 60 else touched
+
+
+if __name__ == '__main__':
+    np.savez(sys.argv[1], kernels=kernels(), **readings())
