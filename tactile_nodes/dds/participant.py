@@ -17,6 +17,7 @@ from tactile_nodes.dds.confining import confine, open_sockets
 from tactile_nodes.dds.endpoints import CdrReader, CdrWriter, listener, reader_qos, writer_qos
 from tactile_nodes.dds.idl_types import idl_type
 from tactile_nodes.dds.names import DISCOVERY, PARTICIPANT_DATA, NodeEnds, dds_topic, split_name
+from tactile_nodes.dds.sayings import Sayings, cyclone_log
 from tactile_nodes.dds.settings import Discovery
 from tactile_nodes.errors import BusError
 from tactile_nodes.messages import encode, message_class
@@ -36,14 +37,18 @@ class Participant:
 
     def __init__(self, domain_id: int, discovery: Discovery) -> None:
         before = open_sockets()
+        self.sayings = Sayings()
+        self._log = cyclone_log()
+        self._log.lines()  # of a participant before this one
         try:
-            config = discovery.config()
-            self._domain = Domain(domain_id, config) if config else None
-            self._participant = DomainParticipant(domain_id, Qos(Policy.Userdata(PARTICIPANT_DATA)))
+            with self._log.taken():
+                config = discovery.config()
+                self._domain = Domain(domain_id, config) if config else None
+                self._participant = DomainParticipant(domain_id, Qos(Policy.Userdata(PARTICIPANT_DATA)))
         except DDSException as error:
             raise BusError(
-                f'cannot join DDS domain {domain_id} ({error}); '
-                'what Cyclone says stands above. Do 33 participants run on this machine, or another in this process?'
+                f'cannot join DDS domain {domain_id} ({"; ".join([str(error), *self._log.lines()])}). '
+                'Do 33 participants run on this machine, or another in this process?'
             ) from error
         self.confined = confine(before) if discovery.is_local else 0
         self._topics: dict[tuple[str, str], Topic[Any]] = {}
@@ -81,6 +86,12 @@ class Participant:
         if nodes != self._told:
             self._told = dict(nodes)
             self._discovery.write(encode(entities_info(self.gid, nodes)))
+
+    def heard(self, now_s: float) -> list[str]:
+        """What Cyclone has to say that is to be told now."""
+        for line in self._log.lines():
+            self.sayings.take(line)
+        return self.sayings.due(now_s)
 
     def close(self) -> None:
         """Leave; the others are told. Writers and readers that are still held elsewhere end with it."""

@@ -16,7 +16,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import run_node
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.dds.inward import Inward, Wish
 from tactile_nodes.dds.opening import open_participant
 from tactile_nodes.dds.outward import BRIDGE, Outward, other_bridges
@@ -83,14 +83,16 @@ class DdsBridgeNode(Node):
         nodes = self._out.look()
         nodes[self.full_name] = nodes[self.full_name].with_readers(self._in.gids)
         self._participant.tell(nodes)
+        for line in self._participant.heard(self.bus.clock.now_ns() / NS_PER_S):
+            self.log.warn(line)
 
     def _report(self) -> None:
-        out, came = self._out, self._in
+        out, came, said = self._out, self._in, self._participant.sayings
         trouble = f'{out.failed} messages could not be sent' if out.failed else came.complaint
         self.report(
             'graph', Level.WARN if trouble else Level.OK, trouble, readers=out.readers, sent=out.forwarded,
             dropped=out.dropped, failed=out.failed, taken=came.taken, malformed=came.malformed,
-            taken_age_s=came.apart_s,
+            malformed_packets=said.malformed, taken_age_s=came.apart_s,
         )  # fmt: skip
 
 

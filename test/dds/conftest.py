@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 from dds_sides import Other
+from older_side import LIBRARY
 
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -34,6 +36,24 @@ def other(cyclone: None, domain: int) -> Iterator[Other]:
     made = Other()
     yield made
     made.end()
+
+
+@pytest.fixture
+def older(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
+    """Start a process with the Cyclone DDS of ROS 2 Jazzy (0.10), at a time of the test's choice."""
+    try:
+        ctypes.CDLL(LIBRARY)
+    except OSError:
+        pytest.skip('Cyclone DDS 0.10, as ROS 2 has it, is not installed: apt-get install libddsc0debian')
+    started: list[Other] = []
+
+    def start() -> Other:
+        started.append(Other('older_side.py'))
+        return started[-1]
+
+    yield start
+    for made in started:
+        made.end()
 
 
 @pytest.fixture

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import doctest
+import socket
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
 import pytest
 
 from tactile_nodes.bus.topics import TOPICS
-from tactile_nodes.dds import names
+from tactile_nodes.dds import names, settings
 from tactile_nodes.dds.inward import Wish
 from tactile_nodes.dds.settings import Discovery
 from tactile_nodes.errors import ConfigurationError
@@ -25,6 +27,44 @@ def test_nobody_listens_on_a_network_unasked() -> None:
     config = ET.fromstring(chosen.config() or '')
     assert [peer.attrib['address'] for peer in config.iter('Peer')] == ['localhost']
     assert [entry.text for entry in config.iter('AllowMulticast')] == ['false']
+
+
+def test_what_comes_by_loopback_is_heard_beside_the_interface_that_cyclone_chooses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(settings, '_has_network', lambda: True)
+    config = ET.fromstring(Discovery().config() or '')
+    chosen, loopback = config.iter('NetworkInterface')
+    assert chosen.attrib == {'autodetermine': 'true'}
+    assert loopback.attrib == {'name': 'lo', 'multicast': 'false', 'priority': '-1'}
+
+
+@pytest.mark.parametrize(
+    ('states', 'has'),
+    [
+        ({'lo': 'up,loopback,running'}, False),
+        ({'lo': 'up,loopback,running', 'eth0': 'broadcast'}, False),  # down
+        ({'lo': 'up,loopback,running', 'tun0': 'up,pointopoint'}, False),  # no address
+        ({'lo': 'up,loopback,running', 'docker0': 'up,broadcast'}, True),  # no cable, yet Cyclone prefers it
+    ],
+)
+def test_a_machine_without_a_network_has_no_interface_twice(
+    states: dict[str, str], has: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cyclone refuses: 'lo: the same interface may not be selected twice'."""
+    stats = {name: SimpleNamespace(flags=flags) for name, flags in states.items()}
+    address = SimpleNamespace(family=socket.AF_INET)
+    monkeypatch.setattr(settings.psutil, 'net_if_stats', lambda: stats)
+    monkeypatch.setattr(
+        settings.psutil, 'net_if_addrs', lambda: {'lo': [address], 'eth0': [address], 'docker0': [address]}
+    )
+    assert ('NetworkInterface' in (Discovery().config() or '')) is has
+
+
+def test_a_robot_that_is_switched_on_later_is_still_asked() -> None:
+    """Cyclone asks for 30 s by itself."""
+    config = ET.fromstring(Discovery.chosen('SUBNET', ('192.0.2.9',), {}).config() or '')
+    assert [entry.text for entry in config.iter('InitialLocatorPruneDelay')] == ['inf']
 
 
 @pytest.mark.parametrize(
