@@ -202,6 +202,15 @@ FORCE_TORQUE = Topic(
     frame=_SENSOR,
     holds='N and N·m in the axes of the sensor, untared, by its own sign; NaN: not measured',
 )
+FORCE_TORQUE_COUNTS = Topic(
+    'force_torque_counts',
+    'tactile_nodes/msg/ForceTorqueCounts',
+    'what the force/torque sensor itself said: counts, status and sequence of every sample',
+    Qos('queue', 1000),
+    10.0,
+    frame=_SENSOR,
+    holds="the sensor's own units, before any tare; samples of 0.1 s in a message",
+)
 PRESS_IMAGE = Topic(
     'press_image',
     'sensor_msgs/msg/Image',
@@ -240,8 +249,8 @@ TOPICS = {
     topic.name: topic
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
-        CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, PRESS_IMAGE, PRESS, RIG_STATE,
-        SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
+        CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, FORCE_TORQUE_COUNTS,
+        PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
     )
 }  # fmt: skip
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tactile_nodes import conversions
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import (
     FORCE_TORQUE,
+    FORCE_TORQUE_COUNTS,
     PRESS,
     PRESS_IMAGE,
     REFERENCE_IMAGE,
@@ -17,6 +19,7 @@ from tactile_nodes.bus.topics import (
 )
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection import telling
+from tactile_nodes.collection.counts import Batch, counts_message
 from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Entry
 from tactile_nodes.collection.plan import Point
@@ -25,14 +28,14 @@ from tactile_nodes.collection.surface import Surface
 from tactile_nodes.drivers.cnc import CncStatus, Switched
 from tactile_nodes.drivers.force_torque import Sample
 
-TOPICS = (FORCE_TORQUE, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
+TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
 LINE = 'press'
 BETWEEN = 0  # what the rig's state calls the press while there is none
 
 
 @dataclass(frozen=True)
 class Names:
-    """What messages say about themselves: frames, plan and indenter."""
+    """What messages say about themselves: frames, plan, indenter and the source of the force samples."""
 
     sensor_frame: str
     machine_frame: str
@@ -40,6 +43,7 @@ class Names:
     camera_frame: str
     plan_id: str
     indenter: str
+    source: str
 
 
 class Voice:
@@ -60,6 +64,7 @@ class Voice:
         self._clock = clock
         self._gel_mm = gel_mm
         self._edges = 0
+        self._batch = Batch()
         self.unheard_ns = 0
         """Stamp of the last force sample to which nobody listened."""
 
@@ -74,6 +79,11 @@ class Voice:
         if not publisher.listeners:
             self.unheard_ns = sample.stamp_ns
         publisher.publish(telling.sample_message(sample, self._names.sensor_frame))
+        self._count(self._batch.add(sample))
+
+    def last_samples(self) -> None:
+        """There are no more samples: tell what was gathered of them."""
+        self._count(self._batch.rest())
 
     def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
         """Where the machine is, and which press is under way."""
@@ -106,6 +116,11 @@ class Voice:
     def rest_image(self, image: Picture, at_ns: int) -> None:
         """A new rest image."""
         self._image(REFERENCE_IMAGE, image, at_ns)
+
+    def _count(self, samples: Sequence[Sample]) -> None:
+        if samples:
+            told = counts_message(samples, self._names.sensor_frame, self._names.source)
+            self._publishers[FORCE_TORQUE_COUNTS].publish(told)
 
     def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:
         head = conversions.header(stamp_ns, self._names.camera_frame)

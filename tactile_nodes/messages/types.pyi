@@ -907,6 +907,27 @@ class ForceDistribution(Message):
     stages: StageTimes
     def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., averaged: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
 
+class ForceTorqueCounts(Message):
+    FLAG_FAULT: ClassVar[int]
+    FLAG_SATURATED: ClassVar[int]
+    FLAG_STALLED: ClassVar[int]
+    FLAG_THRESHOLD: ClassVar[int]
+    FLAG_WARNING: ClassVar[int]
+    FLAG_RESTARTED: ClassVar[int]
+    FLAG_NOT_A_NUMBER: ClassVar[int]
+    FLAG_UNTIMED: ClassVar[int]
+    header: Header
+    source: str
+    measured: NDArray[Any]
+    arrived: NDArray[Any]
+    sequence: NDArray[Any]
+    ticks: NDArray[Any]
+    status: NDArray[Any]
+    flags: NDArray[Any]
+    channels: int
+    counts: NDArray[Any]
+    def __init__(self, header: Header = ..., source: str = ..., measured: NDArray[Any] = ..., arrived: NDArray[Any] = ..., sequence: NDArray[Any] = ..., ticks: NDArray[Any] = ..., status: NDArray[Any] = ..., flags: NDArray[Any] = ..., channels: int = ..., counts: NDArray[Any] = ...) -> None: ...
+
 class Press(Message):
     STATUS_RECORDED: ClassVar[int]
     STATUS_REJECTED: ClassVar[int]

@@ -1,7 +1,8 @@
 """Presses the gel by a plan and tells what it measures: machine, force/torque sensor, and the images of a camera node.
 
-Publishes ``force_torque``, ``rig_state``, ``sync_edge``, ``press``, ``press_image`` and ``reference_image``; takes
-``image_raw``; offers ``~/pause``, ``~/resume`` and ``~/stop`` (std_srvs/Trigger). It ends by itself with the plan.
+Publishes ``force_torque``, ``force_torque_counts``, ``rig_state``, ``sync_edge``, ``press``, ``press_image`` and
+``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume`` and ``~/stop`` (std_srvs/Trigger). It ends by
+itself with the plan.
 Killed, it may be started again at once, and goes on with the next press; where a run failed, a person has to look.
 """
 

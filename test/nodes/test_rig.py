@@ -148,7 +148,7 @@ def wait_until(done: Callable[[], bool]) -> None:
 def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Callable[[], Rig]) -> None:
     names = (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE, topics.SYNC_EDGE, topics.RIG_STATE)
     presses, images, samples, edges, states = (listen(bus, topic) for topic in names)
-    rest = listen(bus, topics.REFERENCE_IMAGE)
+    rest, raw = listen(bus, topics.REFERENCE_IMAGE), listen(bus, topics.FORCE_TORQUE_COUNTS)
     rig = start()
     wait_until(lambda: not rig.node.spinning)
     assert rig.node.failure is None
@@ -165,6 +165,13 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
         # The label is what the samples say, less the tare, pressing negative: whoever has the bag can compute it anew.
         assert len(within) == press.samples
         assert press.wrench.force.z == pytest.approx(-(np.mean(within) - press.tare.force.z), abs=1e-9)
+    counted = {
+        messages.stamp_ns(each.header.stamp) + int(after_ns): values[2]
+        for each in drained(raw)
+        for after_ns, values in zip(each.measured, each.counts.reshape(-1, each.channels), strict=True)
+    }
+    assert counted == {stamp: force for stamp, force in forces.items() if stamp <= max(counted)}  # a twin counts in N
+    assert max(forces) - max(counted) <= 100_000_000
     assert [edge.level for edge in drained(edges)] == [True, False, True, False]
     assert any(state.press == 2 and state.depth > 0.4e-3 for state in drained(states))
     assert len(drained(rest)) == 1
