@@ -11,6 +11,7 @@ from tactile_nodes.bag.timeline import Timeline
 from tactile_nodes.clock import NS_PER_S, Clock
 
 _SLICE_NS = 20_000_000  # how long a pause, a stop or another rate may go unnoticed
+_HEARD_WITHIN_NS = 5 * NS_PER_S  # so late a recorder may hear what a latched topic said before it began
 
 
 class Playback:
@@ -49,6 +50,7 @@ class Playback:
         self._next_tick_ns = 0
         self._steps = threading.Semaphore(0)
         self._running = True
+        self._announced: set[tuple[str, int, int]] | None = None
 
     def pause(self) -> None:
         """Stand still."""
@@ -76,28 +78,47 @@ class Playback:
         while self._running and (now_ns := self._clock.now_ns()) < end_ns:
             self._clock.sleep_until(min(end_ns, now_ns + _SLICE_NS))
 
+    def announce(self, start_offset_s: float = 0.0) -> None:
+        """Publish what latched topics had said by then, so that listeners have it before the first picture.
+
+        A recorder may have heard of it only after the first pictures; then its stamp says that it is older than they.
+        """
+        start_ns = self._start_ns(start_offset_s)
+        latched = [name for name in self._topics if self._reader.topics[name].latched]
+        before = {message.topic: message for message in self._reader.messages(latched, end_ns=start_ns)}
+        oldest_ns = self._oldest_stamp_ns(start_ns, set(self._topics) - set(latched))
+        heard_late = self._reader.messages(latched, start_ns, start_ns + _HEARD_WITHIN_NS)
+        said = [message for message in heard_late if message.publish_ns < oldest_ns]
+        for message in (*before.values(), *said):
+            self._publish(message)
+        self._announced = {_key(message) for message in said}
+
     def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
         """Play from there to the end; with `loop` again and again."""
         self._run_once(start_offset_s)
         while loop and self._running and self.published:
+            self._announced = None
             self._run_once(start_offset_s)
 
     def _run_once(self, start_offset_s: float) -> None:
-        start_ns = self._reader.extent.start_ns + round(start_offset_s * NS_PER_S)
-        self._publish_latched_before(start_ns)
+        start_ns = self._start_ns(start_offset_s)
+        if self._announced is None:
+            self.announce(start_offset_s)
         self.timeline.start(self._clock.now_ns(), start_ns)
         for message in self._reader.messages(self._topics, start_ns):
+            if self._announced and _key(message) in self._announced:
+                continue
             if not self._wait_until_due(message.log_ns):
                 return
             self._publish(message)
 
-    def _publish_latched_before(self, start_ns: int) -> None:
-        """Whoever joins late hears what a latched topic said last, and so does whoever begins in the middle."""
-        if start_ns > self._reader.extent.start_ns:
-            latched = [name for name in self._topics if self._reader.topics[name].latched]
-            last = {message.topic: message for message in self._reader.messages(latched, end_ns=start_ns)}
-            for message in last.values():
-                self._publish(message)
+    def _start_ns(self, offset_s: float) -> int:
+        return self._reader.extent.start_ns + round(offset_s * NS_PER_S)
+
+    def _oldest_stamp_ns(self, start_ns: int, topics: Collection[str]) -> int:
+        """Of what is played first: the clock of the stamps may be another than that of the times of receipt."""
+        first = self._reader.messages(topics, start_ns, start_ns + NS_PER_S)
+        return min((message.publish_ns for message in first), default=start_ns)
 
     def _publish(self, message: BagMessage) -> None:
         self._hand_on(message)
@@ -127,3 +148,7 @@ class Playback:
             in_step_ns = self._next_tick_ns + period_ns
             self._next_tick_ns = in_step_ns if in_step_ns > now_ns else now_ns + period_ns
         return min(self._next_tick_ns, now_ns + _SLICE_NS)
+
+
+def _key(message: BagMessage) -> tuple[str, int, int]:
+    return message.topic, message.log_ns, message.publish_ns

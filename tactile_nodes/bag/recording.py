@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -50,44 +51,84 @@ class TopicFilter:
         return not (self.names or self.regex) and self.is_default(topic)
 
 
+@dataclass
+class _Stream:
+    """What came of one publisher: the first and the newest message."""
+
+    first: int
+    first_ns: int
+    newest: int
+    newest_ns: int
+
+    def missed_since(self, begin_ns: int) -> int:
+        """About how many it published from `begin_ns` on before the first that came in, by its own pace."""
+        if self.newest <= self.first or self.newest_ns <= self.first_ns:
+            return 0
+        period_ns = (self.newest_ns - self.first_ns) / (self.newest - self.first)
+        return min(self.first - 1, int((self.first_ns - begin_ns) / period_ns))
+
+
 class GapCounter:
     """Finds messages that never came in, from the numbers that publishers give to theirs.
 
     >>> gaps = GapCounter()
-    >>> [gaps.note('/force', 'a', number) for number in (7, 8, 11)]
+    >>> [gaps.note('/force', 'a', number, 0) for number in (7, 8, 11)]
     [0, 0, 2]
     """
 
     def __init__(self) -> None:
-        self._newest: dict[tuple[str, str], int] = {}
+        self._streams: dict[tuple[str, str], _Stream] = {}
 
-    def note(self, topic: str, publisher: str, sequence: int) -> int:
+    def note(self, topic: str, publisher: str, sequence: int, received_ns: int) -> int:
         """How many messages of this publisher are missing between this one and the one before."""
-        before = self._newest.get((topic, publisher), sequence - 1)
-        self._newest[topic, publisher] = max(before, sequence)
-        return max(0, sequence - before - 1)
+        stream = self._streams.get((topic, publisher))
+        if stream is None:
+            self._streams[topic, publisher] = _Stream(sequence, received_ns, sequence, received_ns)
+            return 0
+        missing = max(0, sequence - stream.newest - 1)
+        if sequence > stream.newest:
+            stream.newest, stream.newest_ns = sequence, received_ns
+        return missing
+
+    def late(self, begin_ns: int) -> dict[str, tuple[int, float]]:
+        """Topics of which messages passed unheard after `begin_ns`: about how many, and for how many seconds."""
+        found: dict[str, tuple[int, float]] = {}
+        for (topic, _), stream in self._streams.items():
+            count = stream.missed_since(begin_ns)
+            if count > 1:  # one may be the distance to the first
+                before, seconds = found.get(topic, (0, 0.0))
+                found[topic] = (before + count, max(seconds, (stream.first_ns - begin_ns) / NS_PER_S))
+        return found
 
 
 class Tally:
-    """What came in to a recording and what did not, in words.
+    """What came in to a recording and what did not, by topics and in words.
 
     `malformed` counts what could not be encoded, `foreign` what came under a topic's name and was of another type or
-    version of it, or of a publisher that nobody announced.
+    version of it, or of a publisher that nobody announced. `begin_ns` is when the recording began.
     """
 
     def __init__(self) -> None:
-        self.missed = self.malformed = self.foreign = 0
+        self.missed_of: Counter[str] = Counter()
+        self.malformed: Counter[str] = Counter()
+        self.foreign: Counter[str] = Counter()
+        self.begin_ns = 0
         self._gaps = GapCounter()
         self._bytes_before = 0
 
-    def note(self, topic: str, publisher: str, sequence: int) -> None:
+    def note(self, topic: str, publisher: str, sequence: int, received_ns: int) -> None:
         """A message came in; those that are missing before it are counted."""
-        self.missed += self._gaps.note(topic, publisher, sequence)
+        self.missed_of[topic] += self._gaps.note(topic, publisher, sequence, received_ns)
+
+    @property
+    def missed(self) -> int:
+        """Messages that were lost on their way to the recorder."""
+        return self.missed_of.total()
 
     @property
     def unfit(self) -> int:
         """Messages that came in and cannot be recorded."""
-        return self.malformed + self.foreign
+        return self.malformed.total() + self.foreign.total()
 
     def rate_mb_s(self, totals: BagTotals, period_s: float) -> float:
         """Payload since the last call, a period ago."""
@@ -95,19 +136,49 @@ class Tally:
         self._bytes_before = totals.bytes
         return rate
 
+    def lost_of(self, dropped_of: Counter[str]) -> Counter[str]:
+        """The messages of each topic that the bag should hold and does not; `dropped_of` those that the disk cost."""
+        late = {topic: count for topic, (count, _) in self._gaps.late(self.begin_ns).items()}
+        return +(dropped_of + self.missed_of + self.malformed + self.foreign + Counter(late))
+
     def complaint(self, totals: BagTotals) -> str:
         """What is wrong with the recording; empty when nothing is."""
         if totals.dropped:
             return 'the disk is too slow: messages are dropped'
-        if self.foreign:
+        if self.foreign.total():
             return 'foreign messages are left out: of another type, or version of it, or of an unknown publisher'
-        return 'messages were lost on their way to the recorder' if self.missed else ''
+        return f'lost on the way to the recorder: {_listed(self.missed_of)}' if self.missed else ''
 
-    def losses(self, totals: BagTotals) -> str:
-        """'; 3 lost on the way, 1 malformed', or nothing."""
-        lost = {'dropped by the slow disk': totals.dropped, 'lost on the way': self.missed, 'malformed': self.unfit}
-        told = ', '.join(f'{count} {why}' for why, count in lost.items() if count)
-        return f'; {told}' if told else ''
+    def losses(self, dropped_of: Counter[str], meaning: Callable[[str], str]) -> str:
+        """'; lost on the way: 3 of /image_raw. Forces of those …', or nothing.
+
+        Args:
+            dropped_of: the messages of each topic that the disk was too slow for.
+            meaning: what a bag is good for in which messages of a topic are missing, a clause.
+        """
+        kinds = {
+            'dropped by the slow disk': dropped_of,
+            'lost on the way': self.missed_of,
+            'malformed': self.malformed + self.foreign,
+        }
+        told = [f'{why}: {_listed(counts)}' for why, counts in kinds.items() if counts.total()]
+        late = [
+            f'{topic} {seconds:.1f} s (about {count} messages)'
+            for topic, (count, seconds) in sorted(self._gaps.late(self.begin_ns).items())
+        ]
+        told += [f'heard late: {", ".join(late)}'] if late else []
+        return '; ' + '; '.join(told) + _meanings(self.lost_of(dropped_of), meaning) if told else ''
+
+
+def _listed(counts: Counter[str]) -> str:
+    return ', '.join(f'{count} of {topic}' for topic, count in counts.most_common() if count)
+
+
+def _meanings(lost: Counter[str], meaning: Callable[[str], str]) -> str:
+    topics_of: dict[str, list[str]] = {}
+    for topic, _ in lost.most_common():
+        topics_of.setdefault(meaning(topic), []).append(topic)
+    return ''.join(f'; {", ".join(topics)}: {what}' for what, topics in topics_of.items())
 
 
 def describe(totals: BagTotals) -> str:

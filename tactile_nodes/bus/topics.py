@@ -15,7 +15,8 @@ from tactile_nodes.bus.protocol import Qos
 class Topic:
     """A topic's name, type and quality of service, its usual rate, and whether bags record it unless told otherwise.
 
-    `frame` is what headers name unless a parameter says otherwise; `holds` are units, signs and content.
+    `frame` is what headers name unless a parameter says otherwise; `holds` are units, signs and content; `lost` says
+    what a bag is good for in which some of its messages are missing.
     """
 
     name: str
@@ -26,8 +27,11 @@ class Topic:
     recorded: bool = True
     frame: str = ''
     holds: str = ''
+    lost: str = 'the rest can be used as it is'
 
 
+_REPLAYED = 'tactile launch replay computes them again from the images'
+_PRESSED = 'presses that fall into the gap are left out of data sets'
 _CAMERA = 'gel_camera_optical_frame'
 _SURFACE = 'gel_surface'
 _SENSOR = 'force_torque_sensor'
@@ -49,6 +53,7 @@ IMAGE = Topic(
     60.0,
     frame=_CAMERA,
     holds='grey levels 0 to 255, mono8',
+    lost='the forces of those pictures cannot be computed again',
 )
 CAMERA_INFO = Topic(
     'camera_info',
@@ -66,6 +71,7 @@ REFERENCE_IMAGE = Topic(
     _LATCHED,
     frame=_CAMERA,
     holds='grey levels 0 to 255, mono8',
+    lost='forces cannot be computed again from this bag: record another one',
 )
 FLOW_FEATURES = Topic(
     'flow_features',
@@ -75,6 +81,7 @@ FLOW_FEATURES = Topic(
     60.0,
     frame=_CAMERA,
     holds='px: mean motion of the markers in each region, x right and y down; what the model reads',
+    lost=_REPLAYED,
 )
 FORCE_DISTRIBUTION = Topic(
     'force_distribution',
@@ -84,6 +91,7 @@ FORCE_DISTRIBUTION = Topic(
     60.0,
     frame=_SURFACE,
     holds='N on each bin, positive into the gel; contacts, sums, status, what it was computed with',
+    lost=_REPLAYED,
 )
 WRENCH = Topic(
     'wrench',
@@ -93,6 +101,7 @@ WRENCH = Topic(
     60.0,
     frame=_SURFACE,
     holds='N and N·m, force on the sensor, so pressing is −z; torque about the origin of the frame; no status',
+    lost=_REPLAYED,
 )
 # What other tools draw; made by the node force_views, each only while somebody listens to it.
 FORCE_MAP = Topic(
@@ -201,6 +210,7 @@ FORCE_TORQUE = Topic(
     1000.0,
     frame=_SENSOR,
     holds='N and N·m in the axes of the sensor, untared, by its own sign; NaN: not measured',
+    lost=_PRESSED,
 )
 FORCE_TORQUE_COUNTS = Topic(
     'force_torque_counts',
@@ -218,6 +228,7 @@ PRESS_IMAGE = Topic(
     Qos('queue', 100),
     frame=_CAMERA,
     holds='grey levels 0 to 255, mono8',
+    lost=_PRESSED,
 )
 PRESS = Topic(
     'press',
@@ -226,6 +237,7 @@ PRESS = Topic(
     Qos('queue', 100),
     frame=_SURFACE,
     holds='m, N and N·m: where and how deep was pressed; force on the gel, so pressing is −z',
+    lost=_PRESSED,
 )
 RIG_STATE = Topic(
     'rig_state',
@@ -243,6 +255,7 @@ SYNC_EDGE = Topic(
     Qos('queue', 1000),
     frame=_RECORDER,
     holds='s: time and level of an edge, by the clock of whoever saw it',
+    lost='clocks are matched by the edges that are left; see tactile bag sync',
 )
 
 TOPICS = {
@@ -255,8 +268,12 @@ TOPICS = {
 }  # fmt: skip
 
 
+def in_table(topic: str) -> Topic | None:
+    """What the table says of a full topic name; None for a topic that is not in it."""
+    return TOPICS.get(topic) or TOPICS.get(topic.rpartition('/')[2])
+
+
 def default_qos(topic: str) -> Qos:
     """The quality of service of a full topic name by the table; a queue of 100 for a topic that is not in it."""
-    short = topic.rpartition('/')[2]
-    found = TOPICS.get(topic) or TOPICS.get(short)
+    found = in_table(topic)
     return found.qos if found else Qos('queue', 100)

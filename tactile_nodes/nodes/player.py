@@ -142,6 +142,7 @@ class PlayerNode(Node):
 
     def _play(self) -> None:
         try:
+            self.playback.announce(self.params.start_offset)  # a rest image shall be there before the first picture
             self._meet()
             self.playback.wait(self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.opening import Arrival, Opening
 from tactile_nodes.bag.recording import MB, Tally, TopicFilter, describe, folder_of, free_folder
 from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.bus import topics
@@ -31,6 +33,8 @@ PATIENCE_S = 0.5
 """A disk that needs longer than this for what waits at the end is worth a word."""
 ABSENT_AFTER_S = 5.0
 """So long a topic that was named may take to be published."""
+AWAITED_HZ = 5.0
+"""Recording begins when something came of every topic of this rate or more, and of each latched one."""
 _RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
@@ -62,6 +66,10 @@ class RecorderNode(Node):
         super().__init__(bus, arguments, clock)
         self.writer: BagWriter | None = None
         self.tally = Tally()
+        self.last = 'nothing is being recorded'
+        self._ended: dict[str, object] = {}
+        self._own: set[str] = set()
+        self._opening: Opening | None = None
         self._subscriptions: dict[str, Subscription] = {}
         self._since_ns: dict[str, int] = {}
         self._woken = False
@@ -87,16 +95,35 @@ class RecorderNode(Node):
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
-        self.failure, self.tally, self._begun_ns = None, Tally(), self.clock.now_ns()
+        self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
+        self.tally.begin_ns = self._begun_ns
         self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
+        self._opening = Opening(self._begun_ns)
         self._look()
         return folder
+
+    def _begin_when_connected(self) -> None:
+        opening, writer = self._opening, self.writer
+        if opening is None or writer is None or not opening.is_over(self.clock.now_ns()):
+            return
+        if opening.silent:
+            self.log.info(f'recording begins; nothing has come yet on {", ".join(opening.silent)}')
+        self._write_what_was_held(opening, writer)
+
+    def _write_what_was_held(self, opening: Opening, writer: BagWriter) -> None:
+        self._opening = None
+        self.tally.begin_ns = opening.begin_ns
+        for arrival, log_ns in opening.release():
+            if self.writer is not None:
+                self._write(arrival, log_ns, writer)
 
     def stop_recording(self) -> str:
         """End the bag. Raises BagError when there is none, or not all of it could be written."""
         if self.writer is None:
             raise BagError('nothing is being recorded')
         self._drain()
+        if self._opening is not None:
+            self._write_what_was_held(self._opening, self.writer)
         if self.writer is None:  # the last messages did not fit any more
             raise self.failure or BagError('nothing was recorded')
         writer = self._let_go()
@@ -105,7 +132,10 @@ class RecorderNode(Node):
         totals = writer.close()
         silent = sorted(name for name in self._filter.names if not writer.counts[name])
         nothing = f'; nothing came on {", ".join(silent)}' if silent else ''
-        return f'wrote {describe(totals)} into {writer.folder}' + self.tally.losses(totals) + nothing
+        losses = self.tally.losses(writer.dropped_of, _lost)
+        self.last = f'wrote {describe(totals)} into {writer.folder.absolute()}{nothing}{losses}'
+        self._ended = self._figures(writer)
+        return self.last
 
     def on_close(self) -> None:
         if self.writer is not None:
@@ -128,7 +158,7 @@ class RecorderNode(Node):
         self._subscriptions.clear()
 
     def _count_foreign(self) -> None:
-        self.tally.foreign = sum(subscription.malformed for subscription in self._subscriptions.values())
+        self.tally.foreign = Counter({name: each.malformed for name, each in self._subscriptions.items()})
 
     def _look(self) -> None:
         if self.writer is None:
@@ -136,9 +166,12 @@ class RecorderNode(Node):
         if self.writer.failure is not None:
             self._fail(self.writer.failure)
             return
-        for end in self.bus.graph().publishers():
+        ends = self.bus.graph().publishers()
+        self._own = {end.gid for end in ends if end.node == self.full_name}
+        for end in sorted(ends, key=lambda end: not end.latched):
             if end.name not in self._subscriptions and self._filter.takes(end.name):
                 self._subscribe(end, self.writer)
+        self._begin_when_connected()
 
     def _subscribe(self, end: Endpoint, writer: BagWriter) -> None:
         try:
@@ -149,6 +182,8 @@ class RecorderNode(Node):
             return
         # What a latched topic said before we came, we receive now; else a bag would begin before its recording.
         self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
+        if self._opening is not None:
+            self._opening.expect(end.name, latched=end.latched, awaited=end.latched or _comes_often(end.name))
         made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
         self._subscriptions[end.name] = made
         self.log.info(f"subscribed to topic '{end.name}'")
@@ -166,19 +201,27 @@ class RecorderNode(Node):
                 self._take_in(name, received, self.writer)
 
     def _take_in(self, name: str, received: Received, writer: BagWriter) -> None:
-        self.tally.note(name, received.publisher, received.sequence)
+        log_ns = max(received.received_ns, self._since_ns[name])
+        arrival = Arrival(name, received.publisher, received.sequence, received.source_ns, log_ns, received)
+        if self._opening is None:
+            self._write(arrival, log_ns, writer)
+        elif received.publisher not in self._own:  # what this node says of connecting is no part of the recording
+            self._opening.hold(arrival)
+            self._begin_when_connected()
+
+    def _write(self, arrival: Arrival, log_ns: int, writer: BagWriter) -> None:
+        self.tally.note(arrival.topic, arrival.publisher, arrival.sequence, arrival.received_ns)
         try:
-            log_ns = max(received.received_ns, self._since_ns[name])
-            writer.write(name, received.data, log_ns, received.source_ns, received.sequence)
+            writer.write(arrival.topic, arrival.content.data, log_ns, arrival.source_ns, arrival.sequence)
         except MessageError:
-            self.tally.malformed += 1
+            self.tally.malformed[arrival.topic] += 1
         except BagError as error:
             self._fail(error)
 
     def _fail(self, error: BagError) -> None:
         self.failure = error
         self._unsubscribe()
-        self.writer = None
+        self.writer = self._opening = None
         self.kept.drop(_RECORDING)
         self.report('bag', Level.ERROR, str(error))
 
@@ -191,21 +234,44 @@ class RecorderNode(Node):
     def _report_health(self) -> None:
         if self.writer is None:
             if self.failure is None:
-                self.report('bag', Level.OK, 'nothing is being recorded')
+                level = Level.WARN if self._ended.get('lost') else Level.OK
+                self.report('bag', level, self.last, **self._ended)
             return
         self._count_foreign()
         totals, tally = self.writer.totals, self.tally
         complaint = tally.complaint(totals) or self._absent()
         level, text = Level.WARN if complaint else Level.OK, complaint or f'recording into {self.writer.folder}'
         self.report(
-            'bag', level, text, messages=totals.messages, seconds=totals.seconds, missed=tally.missed,
+            'bag', level, text, seconds=totals.seconds, missed=tally.missed,
             mb_per_s=tally.rate_mb_s(totals, HEALTH_PERIOD_S), dropped=totals.dropped, malformed=tally.unfit,
+            **self._figures(self.writer),
         )  # fmt: skip
+
+    def _figures(self, writer: BagWriter) -> dict[str, object]:
+        lost = self.tally.lost_of(writer.dropped_of)
+        each = ', '.join(f'{topic} {count}' for topic, count in lost.most_common())
+        return {
+            'bag': writer.folder.absolute(),
+            'messages': writer.totals.messages,
+            'lost': lost.total(),
+            'lost_of': each,
+        }
+
+
+def _lost(topic: str) -> str:
+    """What a bag is good for in which messages of `topic` are missing."""
+    known = topics.in_table(topic)
+    return known.lost if known is not None else topics.Topic.lost
 
 
 def _in_table(topic: str) -> bool:
-    known = topics.TOPICS.get(topic) or topics.TOPICS.get(topic.rpartition('/')[2])
+    known = topics.in_table(topic)
     return known is not None and known.recorded
+
+
+def _comes_often(topic: str) -> bool:
+    known = topics.in_table(topic)
+    return known is not None and (known.rate_hz or 0.0) >= AWAITED_HZ
 
 
 def main() -> int:

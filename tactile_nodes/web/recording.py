@@ -26,7 +26,10 @@ class Recording:
                 self._heard_ns = received.received_ns
 
     def told(self) -> dict[str, Any] | None:
-        """On or off, how much, and in the recorder's own words; None when no recorder was heard."""
+        """On or off, how much, and in the recorder's own words; None when no recorder was heard.
+
+        After a recording `text` says where the bag is, what was lost of which topics, and what that means for its use.
+        """
         if self._status is None:
             return None
         values = {each.key: each.value for each in self._status.values}
@@ -34,7 +37,9 @@ class Recording:
             'on': 'seconds' in values,
             'seconds': float(values.get('seconds', 0.0)),
             'messages': int(values.get('messages', 0)),
-            'lost': int(values.get('missed', 0)) + int(values.get('dropped', 0)),
+            'lost': int(values.get('lost', 0)),
+            'bag': values.get('bag', ''),
+            'lost_of': values.get('lost_of', ''),
             'well': _is_ok(self._status.level),
             'text': self._status.message,
         }

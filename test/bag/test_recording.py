@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
-from tactile_nodes.bag.recording import GapCounter, TopicFilter
+from tactile_nodes.bag.recording import GapCounter, Tally, TopicFilter
 from tactile_nodes.errors import ConfigurationError
 
 TOPICS = ['/image_raw', '/left/image_raw', '/force', '/rosout', '/chatter']
@@ -42,9 +44,52 @@ def test_expression_that_is_none_is_refused() -> None:
 
 def test_each_publisher_counts_for_itself() -> None:
     gaps = GapCounter()
-    assert [gaps.note('/force', 'a', 1), gaps.note('/force', 'b', 9), gaps.note('/force', 'a', 4)] == [0, 0, 2]
+    assert [gaps.note('/force', who, number, 0) for who, number in (('a', 1), ('b', 9), ('a', 4))] == [0, 0, 2]
 
 
 def test_old_number_is_no_gap() -> None:
     gaps = GapCounter()
-    assert [gaps.note('/force', 'a', number) for number in (5, 5, 3, 6)] == [0, 0, 0, 0]
+    assert [gaps.note('/force', 'a', number, 0) for number in (5, 5, 3, 6)] == [0, 0, 0, 0]
+
+
+MS = 1_000_000
+
+
+def heard(topic: str, numbers: range, first_ns: int, period_ns: int) -> Tally:
+    """A recording that began at 0."""
+    tally = Tally()
+    for step, number in enumerate(numbers):
+        tally.note(topic, 'a', number, first_ns + step * period_ns)
+    return tally
+
+
+def test_messages_before_the_first_that_was_heard_are_reckoned_from_its_pace() -> None:
+    # Every 20 ms, the first after 1 s: 50 passed unheard, though its number, 900, tells of more before the recording.
+    tally = heard('/info', range(900, 930), 1000 * MS, 20 * MS)
+    assert tally.lost_of(Counter()) == {'/info': 50}
+    said = tally.losses(Counter(), lambda topic: 'the rest can be used')
+    assert said == '; heard late: /info 1.0 s (about 50 messages); /info: the rest can be used'
+
+
+def test_a_slow_topic_heard_within_its_pace_is_not_late() -> None:
+    assert not heard('/diagnostics', range(50, 60), 900 * MS, 1000 * MS).lost_of(Counter())
+
+
+def test_a_topic_heard_from_its_first_message_on_is_not_late() -> None:
+    assert not heard('/image', range(1, 30), 5000 * MS, 20 * MS).lost_of(Counter())
+
+
+def test_losses_are_told_by_topics_with_what_they_mean() -> None:
+    tally = Tally()
+    for number in (1, 2, 5):
+        tally.note('/image', 'a', number, number)
+    tally.malformed['/odd'] += 1
+    meaning = {'/image': 'no forces', '/force': 'no forces', '/odd': 'nothing'}
+    assert tally.losses(Counter({'/force': 3}), meaning.__getitem__) == (
+        '; dropped by the slow disk: 3 of /force; lost on the way: 2 of /image; malformed: 1 of /odd'
+        '; /force, /image: no forces; /odd: nothing'
+    )
+
+
+def test_a_recording_without_losses_says_nothing_of_them() -> None:
+    assert heard('/image', range(1, 30), 0, 20 * MS).losses(Counter(), str) == ''

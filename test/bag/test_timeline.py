@@ -6,13 +6,15 @@ import threading
 from pathlib import Path
 
 import pytest
-from bagging import START_NS, STEP_NS, Sample, samples, write
+from bagging import FORCE, START_NS, STEP_NS, STRING, Sample, force, samples, text, write
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.playback import Playback
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.timeline import Timeline
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.clock import SteppedClock
 
 NOW_NS = 5_000_000_000
@@ -159,3 +161,38 @@ def test_paused_playback_plays_one_message_a_step(bag: Path) -> None:
             clock.advance(0.02)
             thread.join(0.001)
     assert found == [sample.data for sample in samples(3)]
+
+
+def latched_bag(folder: Path, heard_ns: int, said_ns: int) -> Path:
+    """Ten pictures 10 ms apart, each captured 3 ms before; a latched text that was heard and said at these times."""
+    writer = BagWriter(folder)
+    writer.add_topic(BagTopic.of_type('/force', FORCE))
+    writer.add_topic(BagTopic.of_type('/rest', STRING, latched=True))
+    for number in range(10):
+        at_ns = START_NS + number * STEP_NS
+        writer.write('/force', force(number, at_ns - 3_000_000), at_ns, at_ns)
+    writer.write('/rest', text(0), START_NS + heard_ns, START_NS + said_ns)
+    writer.close()
+    return folder
+
+
+def test_what_a_latched_topic_said_before_the_recording_is_played_before_the_first_picture(tmp_path, clock) -> None:
+    found = played(latched_bag(tmp_path / 'bag', heard_ns=55_000_000, said_ns=-60_000_000_000), clock)
+    assert [topic for _, topic, _ in found] == ['/rest'] + ['/force'] * 10
+    assert [at_ns for at_ns, _, _ in found] == [0] + [number * STEP_NS for number in range(10)]
+
+
+def test_what_a_latched_topic_said_meanwhile_is_played_when_it_was_said(tmp_path, clock) -> None:
+    found = played(latched_bag(tmp_path / 'bag', heard_ns=55_000_000, said_ns=54_000_000), clock)
+    assert [topic for _, topic, _ in found] == ['/force'] * 6 + ['/rest'] + ['/force'] * 4
+
+
+def test_what_several_publishers_of_a_latched_topic_said_is_all_played_first(tmp_path: Path, clock) -> None:
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic(BagTopic.of_type('/tf_static', STRING, latched=True))
+    writer.add_topic(BagTopic.of_type('/force', FORCE))
+    writer.write('/force', force(0, START_NS), START_NS, START_NS)
+    for number in (1, 2):
+        writer.write('/tf_static', text(number), START_NS + number, START_NS - 1000)
+    writer.close()
+    assert [data for _, _, data in played(tmp_path / 'bag', clock)] == [text(1), text(2), force(0, START_NS)]

@@ -113,6 +113,62 @@ def test_latched_message_from_before_is_received_when_recording_begins(bus, cloc
     assert found.log_ns == START_NS + 60_000_000_000
 
 
+def picture(number: int) -> types.Image:
+    return types.Image(height=number)
+
+
+def test_recording_begins_when_every_topic_of_a_running_sensor_was_heard(bus, clock, start, tmp_path: Path) -> None:
+    image = advertise(bus, '/image_raw', topics.IMAGE.type_name)
+    info = advertise(bus, '/camera_info', topics.CAMERA_INFO.type_name)
+    rest = advertise(bus, '/reference_image', topics.REFERENCE_IMAGE.type_name, latched=True)
+    rest.publish(picture(99))
+    image.sequence = info.sequence = 1000  # they have been publishing for a while
+    node = start()
+    for number in range(10):
+        image.publish(picture(number))
+        if number >= 6:  # as if its connection had taken that long
+            info.publish(types.CameraInfo(height=number))
+        run(node)
+        clock.advance(0.02)
+    said = node.stop_recording()
+    with BagReader(tmp_path / 'bag') as reader:
+        found = [
+            (message.topic, reader.decode(message).height)
+            for message in reader.messages(['/image_raw', '/camera_info', '/reference_image'])
+        ]
+    pairs = [pair for number in range(7, 10) for pair in (('/image_raw', number), ('/camera_info', number))]
+    assert found == [('/reference_image', 99), ('/image_raw', 6), ('/camera_info', 6), *pairs]
+    assert f' into {tmp_path / "bag"}' in said
+    assert 'late' not in said
+
+
+def test_a_topic_that_is_heard_late_is_told_of_at_the_end(bus, clock, start: Start, tmp_path: Path) -> None:
+    image = advertise(bus, '/image_raw', topics.IMAGE.type_name)
+    info = advertise(bus, '/camera_info', topics.CAMERA_INFO.type_name)
+    image.sequence = info.sequence = 1000
+    node = start()
+    for number in range(250):  # 5 s
+        image.publish(picture(number))
+        info.sequence += number < 150
+        if number >= 150:
+            info.publish(types.CameraInfo(height=number))
+        run(node)
+        clock.advance(0.02)
+        node.spin_once(0.0)
+    said = node.stop_recording()
+    # The pictures of 3 s, one every 20 ms, stand without their 150 camera_info.
+    assert '; heard late: /camera_info 3.0 s (about 150 messages)' in said
+    status = {entry.name: entry for entry in diagnosed(node)}['recorder: bag']
+    values = {entry.key: entry.value for entry in status.values}
+    assert (status.level, status.message) == (Level.WARN, said)
+    assert (values['bag'], values['lost'], values['lost_of']) == (str(tmp_path / 'bag'), '150', '/camera_info 150')
+
+
+def diagnosed(node: RecorderNode) -> list[types.DiagnosticStatus]:
+    node._report_health()
+    return node.diagnostics.message(0).status
+
+
 def test_services_start_and_stop_a_recording(bus, start: Start, tmp_path: Path) -> None:
     talker = advertise(bus, '/chatter')
     with spinning(start(autostart=False, topics=['chatter'])) as node:
@@ -165,7 +221,7 @@ def test_messages_that_were_lost_on_the_way_are_counted_and_said(bus, clock, sta
     node.spin_once()
     status = {entry.name: entry for entry in node.diagnostics.message(0).status}['recorder: bag']
     assert node.tally.missed == 3
-    assert (status.level, status.message) == (Level.WARN, 'messages were lost on their way to the recorder')
+    assert (status.level, status.message) == (Level.WARN, 'lost on the way to the recorder: 3 of /chatter')
     assert {entry.key: entry.value for entry in status.values}['missed'] == '3'
 
 
@@ -216,7 +272,7 @@ def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> Non
             talker.publish(types.String(data=str(number)))
         until(lambda: said in [(entry.level, entry.message) for entry in node.diagnostics.message(0).status])
         answer = call(bus, node, 'stop')
-    assert '; 5 malformed' in answer.message
+    assert '; malformed: 5 of /chatter; /chatter: the rest can be used as it is' in answer.message
 
 
 def until(condition: Callable[[], object]) -> None:

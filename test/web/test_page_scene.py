@@ -176,11 +176,18 @@ def test_recording_is_what_the_recorder_says_of_itself() -> None:
     told = found.told()
     assert told is not None
     assert told['on'] is False
-    busy = recorder('left/recorder: bag', 'into x', seconds='2.5', messages='300', missed='1', dropped='2')
+    busy = recorder(
+        'left/recorder: bag', 'into x', seconds='2.5', messages='300', lost='3', lost_of='/image_raw 3', bag='/x'
+    )
     found.add_diagnostics(received(busy))
     found.add_diagnostics(received(recorder('right/recorder: bag', 'another')))
     told = found.told()
-    assert told == {'on': True, 'seconds': 2.5, 'messages': 300, 'lost': 3, 'well': True, 'text': 'into x'}
+    lost = {'lost': 3, 'lost_of': '/image_raw 3'}
+    assert told == {'on': True, 'seconds': 2.5, 'messages': 300, **lost, 'bag': '/x', 'well': True, 'text': 'into x'}
+    found.add_diagnostics(received(recorder('left/recorder: bag', 'wrote it into /x', messages='300', bag='/x')))
+    ended = found.told()
+    assert ended is not None
+    assert (ended['on'], ended['bag'], ended['text']) == (False, '/x', 'wrote it into /x')
 
 
 def test_the_words_of_nodes_reach_the_page() -> None:

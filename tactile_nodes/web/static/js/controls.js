@@ -25,7 +25,7 @@ export class Controls {
     $('record-word').textContent = on ? `Stop recording, ${recording.seconds.toFixed(0)} s` : 'Record a bag';
     $('recording-mark').hidden = !on;
     if (recording && !recording.well) this.answer(recording.text, 'refused');
-    else if (on && !this.answered) this.answer(recording.text, '', false);
+    else if (recording?.bag && !this.answered) this.answer(recording.text, '', false);
   }
 
   async act(action, insist = false) {
