@@ -46,7 +46,7 @@ def messages() -> str:
     """The definitions of our own types."""
     files = sorted((share_directory() / 'msg').glob('*.msg'))
     return '\n\n'.join(
-        f'### tactile_nodes/{file.stem}\n\n```\n{file.read_text(encoding="utf-8").strip()}\n```' for file in files
+        f'### tactile_nodes/{file.stem}\n\n```msg\n{file.read_text(encoding="utf-8").strip()}\n```' for file in files
     )
 
 

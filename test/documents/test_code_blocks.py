@@ -1,0 +1,83 @@
+"""Every code block of the documents names its language and is right in it."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+from blocks import Block, blocks, commands, script
+
+from tactile_nodes.cli import launch
+from tactile_nodes.cli.main import chosen_verb, make_parser, parse
+from tactile_nodes.launching import files
+
+BLOCKS = blocks()
+
+
+def check_shell(block: Block) -> None:
+    ended = subprocess.run(['bash', '-n'], input=script(block), capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+
+
+def check_python(block: Block) -> None:
+    ast.parse(block.text)
+
+
+def check_yaml(block: Block) -> None:
+    assert isinstance(yaml.safe_load(block.text), dict | list)
+
+
+def check_csv(block: Block) -> None:
+    rows = list(csv.reader(block.text.splitlines()))
+    assert len({len(row) for row in rows}) == 1
+
+
+def check_javascript(block: Block) -> None:
+    if (node := shutil.which('node')) is None:
+        pytest.skip('Node.js is not installed')
+    subprocess.run([node, '--check', '-'], input=block.text, text=True, check=True)
+
+
+LANGUAGES = {
+    'sh': check_shell,
+    'console': check_shell,
+    'python': check_python,
+    'yaml': check_yaml,
+    'csv': check_csv,
+    'js': check_javascript,
+    'cpp': lambda block: None,  # sketches for boards whose libraries are not here
+    'msg': lambda block: None,  # made from msg/, and compared with it in test/cli/test_reference_pages.py
+    'text': lambda block: None,
+}
+
+
+@pytest.mark.parametrize('block', BLOCKS, ids=str)
+def test_a_code_block_names_its_language_and_parses(block: Block) -> None:
+    assert block.language in LANGUAGES, 'a code block is fenced and names a language that the suite can parse'
+    LANGUAGES[block.language](block)
+
+
+def tactile_commands() -> list[str]:
+    shells = [block for block in BLOCKS if block.language in {'sh', 'console'}]
+    found = [command for block in shells for command in commands(block)]
+    return sorted({command.removesuffix(' &') for command in found if command.startswith('tactile ')})
+
+
+@pytest.mark.parametrize('command', tactile_commands())
+def test_a_command_of_the_documents_is_one_that_the_program_takes(command: str) -> None:
+    words = shlex.split(re.split(r' [>|] ', command, maxsplit=1)[0])[1:]
+    verb = chosen_verb(words)
+    arguments = parse(make_parser(verb), verb, words)
+    if verb == 'launch':
+        file, given = files.resolve(arguments.words, os.environ)
+        launch.refuse_unknown(file, files.parse_arguments(given))
+    if verb == 'train' and arguments.config:
+        assert Path(arguments.config).name == 'run.yaml' or Path(arguments.config).is_file()
