@@ -49,10 +49,20 @@ class DeadMan:
             start_new_session=True,
         )
 
+        self.on_watch = True
+
+    def say_farewell(self) -> None:
+        """From now on nothing is said to the controller; returns at once, from any thread."""
+        pipe, on_watch, self.on_watch = self._process.stdin, self.on_watch, False
+        if on_watch and pipe is not None:
+            with contextlib.suppress(BrokenPipeError):
+                pipe.write(_FAREWELL)
+                pipe.close()
+
     def dismiss(self) -> None:
-        """Say farewell: nothing is said to the controller."""
-        with contextlib.suppress(BrokenPipeError):
-            self._process.communicate(_FAREWELL)
+        """Say farewell, and see the program end."""
+        self.say_farewell()
+        self._process.wait()
 
 
 def main(words: Sequence[str]) -> int:

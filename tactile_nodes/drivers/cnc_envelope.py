@@ -99,3 +99,8 @@ def _each(choose: Callable[[float, float], float], a: Place, b: Place) -> Place:
 def distance_mm(a: Place, b: Place) -> float:
     """How far it is from one place to another."""
     return math.dist(a, b)
+
+
+def told(place: Place) -> str:
+    """A place for a sentence."""
+    return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

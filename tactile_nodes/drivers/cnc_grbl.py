@@ -24,8 +24,10 @@ from tactile_nodes.drivers.cnc_grbl_check import (
     travel,
     without_homing,
 )
-from tactile_nodes.drivers.cnc_grbl_dialogue import HOLD, JOG_CANCEL, RESUME, SILENT_S, GrblDialogue, inches, is_moving
-from tactile_nodes.drivers.cnc_grbl_words import NEEDS_RESET, Report, setting_of
+from tactile_nodes.drivers.cnc_grbl_dialogue import RESUME, GrblDialogue
+from tactile_nodes.drivers.cnc_grbl_hearing import HOLD, JOG_CANCEL
+from tactile_nodes.drivers.cnc_grbl_reports import SILENT_S
+from tactile_nodes.drivers.cnc_grbl_words import NEEDS_RESET, Report, inches, is_moving, setting_of
 from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
@@ -56,9 +58,16 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self.close()
         self._homed = False
         self._dialogue = dialogue = GrblDialogue(
-            self._open_port(), self._clock, self._settings, self._traffic, self._threaded
+            self._open_port(),
+            self._clock,
+            self._settings,
+            self._motion,
+            self._place_lost,
+            self._traffic,
+            self._threaded,
         )
         self._greet(dialogue)
+        dialogue.expect_no_restart()
         restarts = dialogue.restarts
         try:
             self._introduce(dialogue)
@@ -76,12 +85,13 @@ class GrblCnc(SerialCnc[GrblDialogue]):
             dialogue.reset(RESET_S)  # ends what only a reset ends, and what is answered from now on is the answer
         dialogue.forgive()
         self._at_rest()
+        self._motion.forget()
         if not without_homing(self._memory, self._settings):
             self._find_switches(dialogue)
         dialogue.ask(PREAMBLE, self._settings.answer_s)
         dialogue.place_lost, dialogue.polling = False, True
         self._homed = True
-        self._target = self.status().position_mm
+        self._rests_at(self.status().position_mm)
         up = f'$J=G21 G90 G53 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
         self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES])
 
@@ -89,7 +99,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """As `Cnc.stop`: jog cancel, or hold, rest and reset."""
         dialogue = self._talk()
         self._stops += 1
-        dialogue.link.send(JOG_CANCEL if self._jogging else HOLD)  # before anything else
+        dialogue.link.send(JOG_CANCEL if self._motion.jogging else HOLD)  # before anything else
         dialogue.abandon('was broken off by a stop')
         if dialogue.homing:
             dialogue.reset(RESET_S)
@@ -117,9 +127,10 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue, stops = self._talk(), self._stops
         self._require_ready()
         patience_s = self._patience_s() if timeout_s is None else timeout_s
-        if self._jogging:
-            if not dialogue.poll_until(lambda report: not is_moving(report), patience_s):
-                dialogue.require_sound()
+        if self._motion.jogging:
+            over = dialogue.poll_until(lambda report: not is_moving(report), patience_s)
+            dialogue.require_sound()
+            if not over and stops == self._stops:
                 raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
         else:
             dialogue.ask(BARRIER, patience_s)
@@ -132,14 +143,15 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """As `Cnc.status`."""
         dialogue = self._talk()
         report = dialogue.fresh_report(self._settings.answer_s)
-        if dialogue.position is None:  # work coordinates, whose offset comes with every tenth or thirtieth report
-            dialogue.poll_until(lambda _: dialogue.position is not None, self._settings.answer_s, OFFSET_S)
-            report = dialogue.report or report
-        position = dialogue.position
+        reports = dialogue.reports
+        if reports.position is None:  # work coordinates, whose offset comes with every tenth or thirtieth report
+            dialogue.poll_until(lambda _: reports.position is not None, self._settings.answer_s, OFFSET_S)
+            report = reports.last or report
+        position = reports.position
         if position is None:
             raise DeviceFaultError(f'{self._name} reports no place in machine coordinates; set $10=1')
         homed = self._homed and not dialogue.place_lost
-        return CncStatus(report.state, position, homed, dialogue.report_ns, dialogue.uncertainty_ns)
+        return CncStatus(report.state, position, homed, reports.stamp_ns, reports.uncertainty_ns)
 
     # Connecting.
 
@@ -171,7 +183,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
         self._guard = guard(self._settings, travel(self._identity, self._memory))
         self._acceleration = acceleration_of(self._memory, self._acceleration)
-        dialogue.factor = inches(self._memory.get(13, '0'))
+        dialogue.reports.factor = inches(self._memory.get(13, '0'))
         if self._settings.streaming == 'character-counting':
             dialogue.window = buffer_bytes(self._identity) - 1
 
@@ -188,16 +200,20 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
         self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
 
-    def _send_jog(self, way: Place, feed: float) -> None:
-        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, way, strict=True) if value)
-        self._talk().ask(f'$J=G91 G21 {words} F{feed:.1f}', self._patience_s())
+    def _send_jog(self, target: Place, feed: float) -> None:
+        """To a place, not by a distance: what a damaged line leads astray the next one leads back."""
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._talk().ask(f'$J=G21 G90 G53 {words} F{feed:.1f}', self._patience_s(), self._generation)
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        self._talk().ask(f'$J=G91 G21 Z{distance:.3f} F{feed:.1f}', self._patience_s(), self._generation)
 
     def _send(self, line: str) -> None:
         dialogue = self._talk()
         if dialogue.window:
-            dialogue.post(line, self._patience_s())
+            dialogue.post(line, self._patience_s(), generation=self._generation)
         else:
-            dialogue.ask(line, self._patience_s())
+            dialogue.ask(line, self._patience_s(), self._generation)
 
     def _switch(self, level: bool) -> Switched:
         on, off = self._settings.line_on or 'M8', self._settings.line_off or 'M9'
@@ -205,7 +221,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         return Switched(level, request.sent_ns, request.answered_ns)
 
     def _come_to_rest(self, dialogue: GrblDialogue) -> None:
-        if self._jogging:
+        if self._motion.jogging:
             if self._cancel_jog(dialogue):
                 return
             dialogue.link.send(HOLD)
@@ -234,16 +250,22 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """Where it is now, and the modal state again."""
         if dialogue.alarm in NEEDS_RESET:
             return
+        place = self.status().position_mm
+        if self._motion.doubted:  # a damaged report, or a lost place
+            place = self.status().position_mm
         dialogue.refusal = ''
-        self._target = self.status().position_mm
-        if dialogue.report is not None and dialogue.report.state is CncState.ALARM and not dialogue.fault:
-            dialogue.fault, dialogue.place_lost = 'is locked after a stop; look at it, then home it', True
+        if self._homed and not dialogue.place_lost:
+            self._rests_at(place)
+        report = dialogue.reports.last
+        if report is not None and report.state is CncState.ALARM and not dialogue.fault:
+            dialogue.lose_place('is locked after a stop; look at it, then home it')
         if not dialogue.fault:
             dialogue.ask(PREAMBLE, self._settings.answer_s)
             dialogue.polling = True
 
     def _health_of(self, dialogue: GrblDialogue) -> Health:
-        state = dialogue.report.word if dialogue.report is not None else 'connected'
+        report = dialogue.reports.last
+        state = report.word if report is not None else 'connected'
         where = state if self._homed else f'{state}, not homed'
         return Health(
             Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])

@@ -7,9 +7,12 @@ import re
 from dataclasses import dataclass
 
 from tactile_nodes.drivers.cnc import CncState, Place
+from tactile_nodes.errors import ConfigurationError
 
 BANNER = re.compile(r'(Grbl|GrblHAL) \d+\.\d+.*\[', re.IGNORECASE)
 MM_PER_INCH = 25.4
+LINE_LIMIT = 79
+REALTIME = frozenset('?!~')
 
 ERRORS = {
     1: 'a word without a letter', 2: 'a bad number', 3: 'an unknown $ command', 5: 'homing is switched off',
@@ -97,3 +100,25 @@ def setting_of(line: str) -> tuple[int, str] | None:
     """A line like ``$130=200.000``, as also old firmware with a comment behind it."""
     match = re.match(r'\$(\d+)=([^ (]*)', line)
     return (int(match.group(1)), match.group(2)) if match else None
+
+
+def inches(setting: str) -> float:
+    """The factor to mm by setting $13."""
+    return MM_PER_INCH if setting.strip() not in {'0', ''} else 1.0
+
+
+def check_line(line: str) -> None:
+    """Real-time characters act wherever they stand, so no line may hold one.
+
+    Raises:
+        ConfigurationError: the line cannot be sent.
+    """
+    if not line.isascii() or not line.isprintable() or set(line) & REALTIME or len(line) > LINE_LIMIT:
+        raise ConfigurationError(
+            f'cannot send {line!r} to Grbl: a line is at most {LINE_LIMIT} ASCII characters without ? ! ~'
+        )
+
+
+def is_moving(report: Report) -> bool:
+    """Whether a report tells of motion."""
+    return report.state in {CncState.RUN, CncState.JOG, CncState.HOME} or report.word == 'Hold:1'

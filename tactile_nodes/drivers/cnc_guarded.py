@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import CncSettings, CncStatus, Envelope, Place, Switched
-from tactile_nodes.drivers.cnc_envelope import AXES, Guard, distance_mm
+from tactile_nodes.drivers.cnc_envelope import Guard, distance_mm, told
+from tactile_nodes.drivers.cnc_motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
 ARRIVED_MM = 0.02
@@ -24,8 +27,7 @@ class GuardedCnc(ABC):
         self._guard: Guard | None = None
         self._homed = False
         self._target: Place | None = None
-        self._jogging = False
-        self._moving = False
+        self._motion = Motion()
         self._busy_until_ns = 0
         self._cruising_until_ns = 0
         self._acceleration = UNKNOWN_ACCELERATION
@@ -45,11 +47,12 @@ class GuardedCnc(ABC):
         rules, start = self._rules(), self._known_place()
         target = (start[0] if x is None else x, start[1] if y is None else y, start[2] if z is None else z)
         rules.check(start, target, feed)
-        if self._jogging:
+        if self._motion.jogging:
             self.wait_idle()
-        self._moving = True
+        self._motion.moving = True
         self._expect(distance_mm(start, target), feed)
-        self._send_move(target, feed)
+        with self._sent_on(start, target, feed):
+            self._send_move(target, feed)
         self._target = target
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
@@ -57,19 +60,20 @@ class GuardedCnc(ABC):
         rules, way = self._rules(), (dx, dy, dz)
         length = distance_mm((0.0, 0.0, 0.0), way)
         self._check_blind(length)
-        self._require_ready()
-        target = None
+        self._require_ready(up=not (dx or dy) and dz > 0)
         if not self._homed:
             rules.check_up(way, feed)
-        else:
-            start = self._known_place()
-            target = (start[0] + dx, start[1] + dy, start[2] + dz)
-            rules.check(start, target, feed)
-        if self._moving and not self._jogging:
+            self._expect_jog(length, feed)
+            self._send_up(dz, feed)
+            return
+        start = self._known_place()
+        target = (start[0] + dx, start[1] + dy, start[2] + dz)
+        rules.check(start, target, feed)
+        if self._motion.moving and not self._motion.jogging:
             self.wait_idle()
-        self._moving = self._jogging = True
-        self._expect(length, feed)
-        self._send_jog(way, feed)
+        self._expect_jog(length, feed)
+        with self._sent_on(start, target, feed):
+            self._send_jog(target, feed)
         self._target = target
 
     def retract(self) -> None:
@@ -84,7 +88,7 @@ class GuardedCnc(ABC):
 
     def set_line(self, level: bool) -> Switched:
         """As `Cnc.set_line`."""
-        if self._moving:
+        if self._motion.moving:
             self.wait_idle()
         self._require_ready()
         return self._switch(level)
@@ -102,14 +106,18 @@ class GuardedCnc(ABC):
         """As `Cnc.status`."""
 
     @abstractmethod
-    def _require_ready(self) -> None:
-        """Raise what keeps the machine from obeying."""
+    def _require_ready(self, up: bool = False) -> None:
+        """Raise what keeps the machine from obeying; for a jog straight `up`, what does besides an unknown place."""
 
     @abstractmethod
     def _send_move(self, target: Place, feed: float) -> None: ...
 
     @abstractmethod
-    def _send_jog(self, way: Place, feed: float) -> None: ...
+    def _send_jog(self, target: Place, feed: float) -> None: ...
+
+    @abstractmethod
+    def _send_up(self, distance: float, feed: float) -> None:
+        """A jog straight up from an unknown place."""
 
     @abstractmethod
     def _switch(self, level: bool) -> Switched: ...
@@ -137,6 +145,20 @@ class GuardedCnc(ABC):
                 'then wait and look at the force'
             )
 
+    @contextlib.contextmanager
+    def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
+        """The path is known before the line is sent, as motion may begin at once; what was not sent is not expected."""
+        self._motion.add(start, target, feed, self._clock.now_ns())
+        try:
+            yield
+        except BaseException:
+            self._motion.take_back()
+            raise
+
+    def _expect_jog(self, length: float, feed: float) -> None:
+        self._motion.moving = self._motion.jogging = True
+        self._expect(length, feed)
+
     def _expect(self, length: float, feed: float) -> None:
         speed = feed / 60
         duration_s = length / speed + speed / self._acceleration
@@ -162,19 +184,23 @@ class GuardedCnc(ABC):
         """
         status, target = self.status(), self._target
         self._at_rest()
-        if target is None or distance_mm(status.position_mm, target) <= ARRIVED_MM:
+        if target is None or not self._homed:
             return
-        self._target = status.position_mm
+        if distance_mm(status.position_mm, target) <= ARRIVED_MM:
+            self._motion.rest(target, self._clock.now_ns())
+            return
+        self._rests_at(status.position_mm)
         raise DeviceFaultError(
             f'{self._name} came to rest at {told(status.position_mm)} instead of {told(target)}; '
             'commands were lost or somebody else moves it: look at it, then home it'
         )
 
+    def _rests_at(self, place: Place) -> None:
+        """It is known where it is, and nothing is asked for any more."""
+        self._at_rest()
+        self._target = place
+        self._motion.rest(place, self._clock.now_ns())
+
     def _at_rest(self) -> None:
-        self._moving = self._jogging = False
+        self._motion.moving = self._motion.jogging = False
         self._busy_until_ns = self._cruising_until_ns = 0
-
-
-def told(place: Place) -> str:
-    """A place for a sentence."""
-    return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

@@ -24,8 +24,9 @@ from tactile_nodes.drivers.cnc import (
     Switched,
 )
 from tactile_nodes.drivers.cnc_dead_man import ALONE_S, ALONE_TIMES
-from tactile_nodes.drivers.cnc_envelope import AXES, guard
+from tactile_nodes.drivers.cnc_envelope import AXES, guard, told
 from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
+from tactile_nodes.drivers.cnc_motion import Motion, Verdict
 from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
@@ -55,6 +56,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
     def connect(self) -> None:
         """As `Cnc.connect`."""
         self.close()
+        self._motion = Motion(follows=False)  # most tell where they are sent
         self._homed = False
         self._guard = guard(self._settings, None)
         self._dialogue = dialogue = MarlinDialogue(
@@ -62,6 +64,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             self._clock,
             lambda: self._surely_moving,
             1 / self._settings.report_hz,
+            self._placed,
+            self._place_lost,
             self._traffic,
             self._threaded,
         )
@@ -92,8 +96,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             )
         dialogue.place_lost = False
         self._homed = True
-        self._target = self.status().position_mm
-        self._at_rest()
+        self._motion.forget()
+        self._rests_at(self.status().position_mm)
         up = f'G90\nG1 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
         self._keep_watch([(ALONE_S, up)] * ALONE_TIMES)
 
@@ -106,7 +110,17 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             dialogue.ask('M400', STOP_S, prompt=False)
             dialogue.ask('G90', STOP_S)
         self._at_rest()
-        self._target = self.status().position_mm if self._homed and not dialogue.fault else None
+        if self._homed and not dialogue.fault:
+            self._after_stop(dialogue)
+
+    def _after_stop(self, dialogue: MarlinDialogue) -> None:
+        """Where it is now; a leap may be a damaged answer, so it is asked once more."""
+        place = self.status().position_mm
+        if self._motion.doubted:
+            place = self.status().position_mm
+        dialogue.refusal = ''
+        if not dialogue.place_lost:
+            self._rests_at(place)
 
     def hold(self) -> None:
         """Marlin cannot pause.
@@ -144,31 +158,45 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         """As `Cnc.status`: M114."""
         dialogue = self._talk()
         request = dialogue.ask(PLACE, self._patience_s())
-        place = next((found for line in request.lines if (found := marlin_place(line)) is not None), None)
+        place = _place_in(request.lines)
         if place is None:
             raise DeviceFaultError(f'{self._name} did not tell its place when asked with M114; look at its firmware')
         stamp_ns = (request.sent_ns + request.answered_ns) // 2
         homed = self._homed and not dialogue.place_lost
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
+    def _placed(self, lines: list[str], stamp_ns: int) -> None:
+        """Compare what it tells with where it was sent; in the thread that listens."""
+        dialogue, place = self._dialogue, _place_in(lines)
+        if dialogue is None or place is None or dialogue.fault or not self._motion.is_known:
+            return
+        verdict = self._motion.judge(place, stamp_ns)
+        if verdict is Verdict.LOST:
+            dialogue.lose_place(
+                f'says that it is at {told(place)}, where it cannot have gone, so its place is not known; look at it, '
+                'then connect again'
+            )
+        if verdict in {Verdict.STRAYED, Verdict.LOST}:
+            dialogue.brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+
     def _state(self) -> CncState:
         if self._dialogue is not None and self._dialogue.killed:
             return CncState.ALARM
-        if not self._moving:
+        if not self._motion.moving:
             return CncState.IDLE
-        return CncState.JOG if self._jogging else CncState.RUN
+        return CncState.JOG if self._motion.jogging else CncState.RUN
 
     def _send_move(self, target: Place, feed: float) -> None:
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
         self._queued += 1
-        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), prompt=self._queued <= FEWEST_BLOCKS)
+        prompt = self._queued <= FEWEST_BLOCKS
+        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), prompt, self._generation)
 
-    def _send_jog(self, way: Place, feed: float) -> None:
-        if self._target is not None:  # absolute, so that whatever comes in between, G91 is not left behind
-            x, y, z = (here + by for here, by in zip(self._target, way, strict=True))
-            self._send_move((x, y, z), feed)
-            return
-        for line in ('G91', f'G1 Z{way[2]:.3f} F{feed:.1f}', 'G90'):  # only up is allowed from an unknown place
+    def _send_jog(self, target: Place, feed: float) -> None:
+        self._send_move(target, feed)  # absolute, so that whatever comes in between, G91 is not left behind
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        for line in ('G91', f'G1 Z{distance:.3f} F{feed:.1f}', 'G90'):
             self._talk().ask(line, self._patience_s())
 
     def _at_rest(self) -> None:
@@ -195,6 +223,10 @@ def marlin_identity(lines: list[str]) -> Identity:
     match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
     name, version = match.groups() if match else ('Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
+
+
+def _place_in(lines: list[str]) -> Place | None:
+    return next((found for line in lines if (found := marlin_place(line)) is not None), None)
 
 
 def marlin_place(line: str) -> Place | None:

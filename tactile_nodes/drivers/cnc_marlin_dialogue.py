@@ -23,7 +23,8 @@ BUSY_S = 5.0  # it says that it is busy every two seconds
 MOST_RESENDS = 5
 NO_OK_S = 0.3
 LONGEST_LINE = 90
-SILENT_S = 0.5
+SILENT_S = 0.35  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
+MOVING_S = 0.1  # between two questions while something moves
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
 
@@ -45,7 +46,9 @@ class MarlinDialogue:
         port: open.
         clock: the host's.
         moving: whether the machine surely moves now.
-        period_s: between questions for the place, once `polling` is set.
+        period_s: between questions for the place at rest, once `polling` is set.
+        placed: told each answer to such a question, line by line.
+        on_lost: told when the place is lost.
         traffic: told every byte.
         threaded: as of `Link`.
     """
@@ -56,17 +59,21 @@ class MarlinDialogue:
         clock: Clock,
         moving: Callable[[], bool],
         period_s: float,
+        placed: Callable[[list[str], int], None],
+        on_lost: Callable[[], None],
         traffic: Traffic | None = None,
         threaded: bool = True,
     ) -> None:
         self._clock = clock
         self._moving = moving
-        self._period_ns = round(period_s * NS_PER_S)
+        self._period_s = period_s
+        self._placed = placed
+        self._on_lost = on_lost
         self._said_ns = 0
         self._unanswered: deque[_Numbered] = deque()
         self._number = 0
-        self._busy_ns = 0
-        self._generation = 0
+        self._busy_ns = self._listened_ns = 0
+        self.generation = 0
         self.name = port.name
         self.starts = 0
         self.connected = False
@@ -74,6 +81,7 @@ class MarlinDialogue:
         self.answers_in_motion = False
         self.killed = False
         self.fault = ''
+        self.refusal = ''  # until it is stopped
         self.place_lost = False
         self.garbled = 0
         self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
@@ -94,15 +102,16 @@ class MarlinDialogue:
             oldest = self._unanswered[0]
             at_once = oldest.prompt and (self.answers_in_motion or not oldest.in_motion)
             heard_ns = max(oldest.sent_ns, self._busy_ns)
-            return self._clock.now_ns() - heard_ns > (SILENT_S if at_once else BUSY_S) * NS_PER_S
+            return self._listened_ns - heard_ns > (SILENT_S if at_once else BUSY_S) * NS_PER_S
 
-    def ask(self, line: str, timeout_s: float, prompt: bool = True) -> Request:
+    def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
         """Send a line and wait for its ``ok``; signs of life extend the time.
 
         Args:
             line: without number and checksum.
             timeout_s: for the answer.
             prompt: whether it is answered at once, whatever moves.
+            generation: when what the line says was decided; none is sent that was decided before a stop.
 
         Raises:
             DeviceFaultError: it is not known to this Marlin, or a stop or a restart came in between.
@@ -111,10 +120,11 @@ class MarlinDialogue:
         """
         assert line.isascii() and len(line) <= LONGEST_LINE
         with self.link.changed:
-            generation = self._generation
-            self._wait(lambda: not self._unanswered or generation != self._generation, line, timeout_s)
-            self.require_sound()
-            if generation != self._generation:
+            generation = self.generation if generation is None else generation
+            self._wait(lambda: not self._unanswered or generation != self.generation, line, timeout_s)
+            if self.fault:
+                self.require_sound()
+            if generation != self.generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
             request = self._put(line, prompt)
             self._wait(lambda: request.done, line, timeout_s)
@@ -125,7 +135,7 @@ class MarlinDialogue:
     def interrupt(self, line: str, timeout_s: float) -> None:
         """Send a line past what is unanswered, which fails; returns when everything is answered."""
         with self.link.changed:
-            self._generation += 1
+            self.generation += 1
             for waiting in self._unanswered:
                 waiting.error = DeviceFaultError(f'{self.name}: {waiting.text!r} was broken off by a stop')
             request = _Numbered(line)
@@ -134,10 +144,26 @@ class MarlinDialogue:
             self.link.changed.notify_all()
             self._wait(lambda: not self._unanswered, line, timeout_s)
 
-    def require_sound(self) -> None:
-        """Raise what is wrong, if something is."""
-        if self.fault:
-            raise DeviceFaultError(f'{self.name} {self.fault}')
+    def require_sound(self, up: bool = False) -> None:  # noqa: ARG002
+        """Raise what is wrong, if something is; whatever it is, it keeps this one from going up as well."""
+        if wrong := self.fault or self.refusal:
+            raise DeviceFaultError(f'{self.name} {wrong}')
+
+    def brake(self, refusal: str) -> None:
+        """Stop what moves, at once where it can; whoever commands it has to `stop` it before it goes on."""
+        with self.link.changed:
+            self.refusal = self.refusal or refusal
+            self.generation += 1
+            request = _Numbered('M410')
+            self._unanswered.append(request)
+            request.sent_ns = self.link.send(b'M410\n')  # without number: past what waits, by its emergency parser
+            self._break_off(f'was broken off, because the machine {self.fault or self.refusal}')
+
+    def lose_place(self, fault: str) -> None:
+        """From now on nobody knows where the tip is."""
+        with self.link.changed:
+            self.fault, self.place_lost = fault, True
+            self._on_lost()
 
     def close(self) -> None:
         """Let go of the port."""
@@ -165,8 +191,9 @@ class MarlinDialogue:
         while not self.link.wait(done, timeout_s):
             if self._clock.now_ns() - max(begin_ns, self._busy_ns) < BUSY_S * NS_PER_S and self._busy_ns > begin_ns:
                 continue
-            self.fault = 'stopped answering, so its place is not known; cut its power, look at it, and connect again'
-            self.place_lost = True
+            self.lose_place(
+                'stopped answering, so its place is not known; cut its power, look at it, and connect again'
+            )
             raise DeviceTimeoutError(
                 f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; '
                 'it hangs: cut its power and connect again'
@@ -204,6 +231,8 @@ class MarlinDialogue:
         quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S
         if request.text == PLACE and request.in_motion and quick and self._moving():
             self.answers_in_motion = True
+        if request.text == PLACE:
+            self._placed(request.lines, stamp_ns)
         if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
             request.error = DeviceFaultError(f'{self.name} does not know {request.text!r}; this Marlin lacks it')
 
@@ -215,6 +244,9 @@ class MarlinDialogue:
 
     def _idle(self) -> None:
         """Marlin sends an ok after it has asked for a resend; its relatives may not. And ask where it is."""
+        self._listened_ns = self._clock.now_ns()
+        if self._moving() and self.silent and not self.fault and not self.refusal:
+            self.brake('is silent while it moves; look at its cable and power')
         if self.polling and not self._unanswered and not self.fault:
             self._poll()
         elif self._unanswered and (request := self._unanswered[0]).resend and request.error is None:
@@ -225,7 +257,8 @@ class MarlinDialogue:
 
     def _poll(self) -> None:
         """Any line is as good as a question: its answer shows that it lives."""
-        if self._clock.now_ns() - self._said_ns >= self._period_ns:
+        period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
+        if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
             self._put(PLACE, prompt=True)
 
     def _repeat(self, request: _Numbered) -> None:
@@ -247,14 +280,13 @@ class MarlinDialogue:
     def _started(self) -> None:
         self.starts += 1
         if self.connected:
-            self.place_lost = True
-            self.fault = 'restarted by itself, so its place is not known; look at its supply, then connect again'
+            self.lose_place('restarted by itself, so its place is not known; look at its supply, then connect again')
         self._break_off('was lost in a restart of the controller')
         self._unanswered.clear()
 
     def _halted(self, line: str) -> None:
-        self.place_lost, self.killed = True, True
-        self.fault = f'halted itself ({line}); cut its power, look at it, and connect again'
+        self.killed = True
+        self.lose_place(f'halted itself ({line}); cut its power, look at it, and connect again')
         self._break_off('was broken off because the controller halted')
         self._unanswered.clear()
 

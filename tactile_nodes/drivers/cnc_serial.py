@@ -15,12 +15,16 @@ from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceError
 
+SILENT = 'is silent; look at its cable and power'
+
 
 class Dialogue(Protocol):
     """What is said, and what it means for who waits."""
 
     link: Link
     fault: str
+    refusal: str
+    generation: int
     place_lost: bool
 
     @property
@@ -28,8 +32,8 @@ class Dialogue(Protocol):
         """Whether it owes an answer for longer than it may."""
         ...
 
-    def require_sound(self) -> None:
-        """Raise what is wrong, if something is."""
+    def require_sound(self, up: bool = False) -> None:
+        """Raise what is wrong, if something is; for the way `up`, what is wrong besides the place."""
         ...
 
     def close(self) -> None:
@@ -66,6 +70,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._dialogue: Spoken | None = None
         self._identity = Identity('unknown', '')
         self._stops = 0
+        self._generation = 0  # of the dialogue, when the motion that is being asked for was decided
         self._dead_man: DeadMan | None = None
 
     @property
@@ -76,8 +81,8 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
             return Health(Level.STALE, f'{self._name} is not connected')
         if dialogue.link.lost is not None:
             return Health(Level.ERROR, str(dialogue.link.lost))
-        if dialogue.fault or dialogue.silent:
-            return Health(Level.ERROR, f'{self._name} {dialogue.fault or "is silent; look at its cable and power"}')
+        if wrong := dialogue.fault or dialogue.refusal or (SILENT if dialogue.silent else ''):
+            return Health(Level.ERROR, f'{self._name} {wrong}')
         return self._health_of(dialogue)
 
     def identify(self) -> Identity:
@@ -87,29 +92,43 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
 
     def close(self) -> None:
         """As `Cnc.close`."""
-        if self._dead_man is not None:
-            self._dead_man.dismiss()
-            self._dead_man = None
+        self._dismiss()
         if self._dialogue is not None:
             self._dialogue.close()
             self._dialogue = None
             self._homed = False
+        self._at_rest()
+        self._motion.forget()
 
     def _keep_watch(self, steps: Sequence[Step]) -> None:
         """From now on the tip goes up when this process is gone; needs a port of the operating system."""
         descriptor = self._talk().link.descriptor
+        if self._dead_man is not None and not self._dead_man.on_watch:
+            self._dismiss()
         if self._dead_man is None and descriptor is not None:
             self._dead_man = DeadMan(descriptor, steps)
+
+    def _dismiss(self) -> None:
+        if self._dead_man is not None:
+            self._dead_man.dismiss()
+            self._dead_man = None
 
     @abstractmethod
     def _health_of(self, dialogue: Spoken) -> Health:
         """How it is when it can be talked to."""
 
-    def _require_ready(self) -> None:
+    def _require_ready(self, up: bool = False) -> None:
         dialogue = self._talk()
         if dialogue.place_lost:
             self._homed = False
-        dialogue.require_sound()
+        self._generation = dialogue.generation
+        dialogue.require_sound(up)
+
+    def _place_lost(self) -> None:
+        """Nobody knows where the tip is: nothing is expected, and no way to an absolute height leads surely up."""
+        self._motion.forget()
+        if (dead_man := self._dead_man) is not None:
+            dead_man.say_farewell()
 
     def _talk(self) -> Spoken:
         if self._dialogue is None:

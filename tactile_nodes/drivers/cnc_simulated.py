@@ -157,22 +157,25 @@ class SimulatedCnc(GuardedCnc):
             return CncState.HOLD
         if self._clock.now_ns() >= self._arrival_ns:
             return CncState.IDLE
-        return CncState.JOG if self._jogging else CncState.RUN
+        return CncState.JOG if self._motion.jogging else CncState.RUN
 
     def _place(self) -> Place:
         motor, origin = self._machine.motor_at(self._clock.now_ns()), self._origin
         return (motor[0] - origin[0], motor[1] - origin[1], motor[2] - origin[2])
 
-    def _require_ready(self) -> None:
+    def _require_ready(self, up: bool = False) -> None:  # noqa: ARG002
         if self._guard is None:
             raise DeviceError(f'{self._name} is not connected; connect it first')
 
     def _send_move(self, target: Place, feed: float) -> None:
         self._go((target[0] + self._origin[0], target[1] + self._origin[1], target[2] + self._origin[2]), feed)
 
-    def _send_jog(self, way: Place, feed: float) -> None:
-        start = self._path[-1][1] if self._path else self._machine.motor_at(self._clock.now_ns())
-        self._go((start[0] + way[0], start[1] + way[1], start[2] + way[2]), feed)
+    def _send_jog(self, target: Place, feed: float) -> None:
+        self._send_move(target, feed)
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        x, y, z = self._path[-1][1] if self._path else self._machine.motor_at(self._clock.now_ns())
+        self._go((x, y, z + distance), feed)
 
     def _go(self, target: Place, feed: float) -> None:
         if self._held is not None:

@@ -10,12 +10,37 @@ import select
 import threading
 import tty
 from pathlib import Path
+from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.serial_device import SerialDevice
 from tactile_nodes.errors import DeviceLostError
 
 LONGEST_WAIT_S = 0.01  # how late the device may notice that a stepped clock has moved, or that a host has opened it
+
+
+class Pluggable(Protocol):
+    """What `PtyPort` needs of a device."""
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host."""
+        ...
+
+    def run(self) -> None:
+        """Do everything that is due by now."""
+        ...
+
+    def take_output(self) -> bytes:
+        """What it has said until now."""
+        ...
+
+    def next_event_ns(self) -> int | None:
+        """When something happens next of its own accord."""
+        ...
+
+    def power_cycle(self) -> None:
+        """Lose power, or have the reset line pulled, and start again."""
+        ...
 
 
 class PtyPort:
@@ -30,7 +55,7 @@ class PtyPort:
         in_use: a host has it open.
     """
 
-    def __init__(self, device: SerialDevice, clock: Clock, link: Path, reset_on_open: bool = False) -> None:
+    def __init__(self, device: Pluggable, clock: Clock, link: Path, reset_on_open: bool = False) -> None:
         self._device = device
         self._clock = clock
         self.reset_on_open = reset_on_open

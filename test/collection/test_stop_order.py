@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from tactile_nodes.emulators.world import World
 
 JOG_CANCEL = b'\x85'
 LIMIT_N = 0.4
+JOG_Z = re.compile(rb'\$J=G21 G90 G53 .* Z(-[0-9.]+) ')
 
 
 @pytest.fixture
@@ -60,8 +62,9 @@ def test_stop_is_the_first_thing_said_after_the_sample_above_the_limit(
         after = [(stamp_ns, data) for stamp_ns, data in sent if stamp_ns >= at_ns]
         assert after[0] == (at_ns, JOG_CANCEL)
         # What follows is a report that says whether it rests, and the way up: nothing goes on down.
-        jogs = [data for _, data in after if data.startswith(b'$J=')]
-        assert jogs[0].startswith(b'$J=G91 G21 Z') and b'Z-' not in jogs[0]
+        tip_mm = run.world.tip_at(at_ns)[2]
+        up_mm = next(float(found.group(1)) for _, data in after if (found := JOG_Z.match(data)))
+        assert up_mm > tip_mm + 1.0
 
 
 def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path) -> None:

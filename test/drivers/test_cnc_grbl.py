@@ -127,12 +127,12 @@ def test_what_another_host_left_half_said_is_spoilt_and_not_done() -> None:
 def test_homing_a_move_and_the_barrier() -> None:
     def act(cnc: GrblCnc) -> None:
         cnc.home()
-        cnc.move(z=-2.5, feed=600.0)
+        cnc.move(z=-1.04, feed=600.0)
         cnc.wait_idle()
 
-    there = b'<Idle|MPos:-1.000,-1.000,-2.500|FS:0,0>\r\n'
+    there = b'<Idle|MPos:-1.000,-1.000,-1.040|FS:0,0>\r\n'
     motion = [
-        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-2.500 F600.0\n', b'ok\r\n'),
+        (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-1.040 F600.0\n', b'ok\r\n'),
         (b'G4 P0.01\n', b'ok\r\n'),
         (b'?', there),
     ]
@@ -149,12 +149,12 @@ def test_a_clean_stop_holds_waits_for_rest_resets_and_sets_the_modes_again() -> 
     script = [
         (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
         (b'!', b''),
-        (b'?', b'<Hold:1|MPos:-1.000,-1.000,-1.200|FS:600,0>\r\n'),
-        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.300|FS:600,0>\r\n'),
+        (b'?', b'<Hold:1|MPos:-1.000,-1.000,-1.020|FS:600,0>\r\n'),
+        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.030|FS:600,0>\r\n'),
         (b'\x18', BANNER),
-        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0|WCO:0.000,0.000,0.000>\r\n'),
+        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.030|FS:0,0|WCO:0.000,0.000,0.000>\r\n'),
         PREAMBLE,
-        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'),
+        (b'?', b'<Idle|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'),
     ]
     play(CONNECT + HOME + script, act)
 
@@ -169,7 +169,7 @@ def test_a_stopped_jog_is_cancelled_and_not_reset() -> None:
     jogging = b'<Jog|MPos:-1.000,-1.000,-1.010|FS:20,0>\r\n'
     resting = b'<Idle|MPos:-1.000,-1.000,-1.012|FS:0,0>\r\n'
     script = [
-        (b'$J=G91 G21 Z-2.000 F60.0\n', b'ok\r\n'),
+        (b'$J=G21 G90 G53 X-1.000 Y-1.000 Z-3.000 F60.0\n', b'ok\r\n'),
         (b'\x85', b''),
         (b'?', jogging),
         (b'\x85', b''),
@@ -190,8 +190,8 @@ def test_a_stop_that_ends_in_alarm_3_has_lost_the_place() -> None:
         with pytest.raises(DeviceFaultError, match='alarm 3, a reset while it moved'):
             cnc.move(z=-3.0, feed=100.0)
 
-    moving = b'<Run|MPos:-1.000,-1.000,-1.200|FS:600,0>\r\n'
-    locked = b'<Alarm|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'
+    moving = b'<Run|MPos:-1.000,-1.000,-1.020|FS:600,0>\r\n'
+    locked = b'<Alarm|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'
     clock_polls: Script = [(b'?', moving)] * 60  # 3 s at a question each 50 ms: it never rests
     script = [
         (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
@@ -213,13 +213,13 @@ def test_a_reset_whose_banner_is_not_known_is_seen_by_the_next_report() -> None:
         cnc.stop()
         assert cnc.status().homed
 
-    rest = b'<Idle|MPos:-1.000,-1.000,-1.300|FS:0,0>\r\n'
+    rest = b'<Idle|MPos:-1.000,-1.000,-1.030|FS:0,0>\r\n'
     script = [
         (b'G21 G90 G53 G1 X-1.000 Y-1.000 Z-4.000 F600.0\n', b'ok\r\n'),
         (b'!', b''),
-        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.300|FS:600,0>\r\n'),
+        (b'?', b'<Hold:0|MPos:-1.000,-1.000,-1.030|FS:600,0>\r\n'),
         (b'\x18', b'\r\nWelcome to the workshop\r\n'),
-        *[(b'?', rest)] * (15 + 2),  # 5 a second for the 3 s that a banner may take; the sign of life; where it is
+        *[(b'?', rest)] * (30 + 2),  # 10 a second for the 3 s that a banner may take; the sign of life; where it is
         PREAMBLE,
         (b'?', rest),
     ]
@@ -426,11 +426,11 @@ def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
 def test_a_hung_controller_is_told_in_time_and_nothing_more_is_sent(rig: Rig) -> None:
     rig.device.faults.hung = True
     begin = rig.seconds()
-    with pytest.raises(DeviceTimeoutError, match=r'did not answer .* within .* s; it hangs: cut its power'):
+    with pytest.raises(DeviceFaultError, match=r'was broken off, because the machine is silent while it moves'):
         rig.cnc.move(z=-6.0, feed=600.0)
-    assert rig.seconds() - begin < 5.0
+    assert rig.seconds() - begin < 0.6
     said = len(rig.sent())
-    with pytest.raises(DeviceFaultError, match='stopped answering'):
+    with pytest.raises(DeviceFaultError, match='is silent while it moves; look at its cable and power'):
         rig.cnc.move(z=-7.0, feed=600.0)
     assert len(rig.sent()) == said
 
@@ -458,7 +458,7 @@ def test_a_missing_ok_is_no_endless_wait(rig: Rig) -> None:
 
 
 def test_late_answers_are_waited_for(rig: Rig) -> None:
-    rig.device.faults.delay_s = 0.4
+    rig.device.faults.delay_s = 0.3
     rig.go(-60, -60, -8)
     assert rig.tip[2] == pytest.approx(-8)
 
@@ -524,11 +524,14 @@ def test_a_refused_line_in_a_stream_holds_at_once_and_a_stop_clears_it() -> None
     rig.go(-50, -60, -5)
 
 
-def test_reports_are_asked_for_five_times_a_second_while_it_waits(rig: Rig) -> None:
+def test_reports_are_asked_for_ten_times_a_second_while_it_moves_and_five_times_at_rest(rig: Rig) -> None:
     before = rig.sent().count(b'?')
     rig.cnc.move(x=-20.0, feed=600.0)
     rig.cnc.wait_idle()
-    assert rig.sent().count(b'?') - before == pytest.approx(4.05 * 5, abs=3)
+    moved = rig.sent().count(b'?')
+    assert moved - before == pytest.approx(4.05 * 10, abs=3)
+    rig.cnc._talk().link.wait(lambda: False, 4.0)
+    assert rig.sent().count(b'?') - moved == pytest.approx(4 * 5, abs=2)
 
 
 # Through the operating system.

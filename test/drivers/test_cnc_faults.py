@@ -1,0 +1,257 @@
+"""What happens in mid-press: 1 mm/s down, the fault at 0.3 mm depth, 2.0 mm commanded. The surface is at z -30 mm."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from cnc_rigs import JumpingClock, Rig, coarse_table, device_of, settings_of
+
+from tactile_nodes.collection.actions import Go
+from tactile_nodes.collection.hands import Hands
+from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.safety import Safety
+from tactile_nodes.collection.settings import LimitSettings, MotionSettings
+from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncStatus
+from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.drivers.health import Level
+from tactile_nodes.emulators.serial_faults import FaultyPort, LineFaults
+from tactile_nodes.emulators.serial_ports import DirectPort
+from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+
+START_NS = 1_700_000_000_000_000_000
+SURFACE_MM = -30.0
+UNLOCKED = {
+    'changes': ('$20=0', '$22=0'),
+    'accept': (NO_SOFT_LIMITS, NO_HOMING),
+    'lowest_mm': (-100.0, -100.0, -55.0),
+    'highest_mm': (60.0, 60.0, 60.0),
+}
+
+
+class PressRig(Rig):
+    """A Grbl that does not restart when its port is opened, with faults on its line; in one thread."""
+
+    faults: LineFaults
+    hands: Hands
+    deepest_mm = 0.0
+
+    def press(self, fault: Callable[[], object] | None = None) -> None:
+        """Home, go above the gel and down; at 0.3 mm the fault."""
+        self.cnc.home()
+        for height_mm in (-25.0, -30.0):
+            self.go(-60.0, -60.0, height_mm)
+        self._fault = fault
+        self.hands.perform(Go(z=self.at(0.0, 0.0, SURFACE_MM - 2.0)[2], feed_mm_min=60.0))
+
+    def look(self, status: CncStatus) -> None:
+        """Told about ten times a second where the machine is."""
+        depth_mm = SURFACE_MM - self.world.tip_at(self.clock.now_ns())[2]
+        if self._fault is not None and depth_mm >= 0.3:
+            fault, self._fault = self._fault, None
+            fault()
+
+    _fault: Callable[[], object] | None = None
+
+    def rest(self, seconds: float = 5.0) -> float:
+        """Let time pass, and give the greatest depth until now: no more than it is at the end of any way down."""
+        for _ in range(round(20 * seconds)):
+            with contextlib.suppress(DeviceError):
+                self.cnc._talk().link.wait(lambda: False, 0.05)
+        return self.deepest_mm
+
+
+class WatchingClock(JumpingClock):
+    """Looks at the tip wherever time goes."""
+
+    watch: Callable[[], None] | None = None
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        while self.now_ns() < deadline_ns:
+            super().sleep_until(min(deadline_ns, self.now_ns() + 5_000_000))
+            if self.watch is not None:
+                self.watch()
+
+
+def press_rig(kind: str = 'grbl', changes: tuple[str, ...] = (), **more: Any) -> PressRig:
+    clock = WatchingClock(START_NS)
+    start_mm = (-60.0, -60.0, -20.0)
+    world = World(WorldSettings(start_mm=start_mm), table=coarse_table())
+    device = device_of(kind, world, clock, changes)
+    settings = settings_of(kind, boot_s=0.2, **{'safe_z_mm': -25.0, **more})
+    faults, direct = LineFaults(), DirectPort(device, clock)
+    direct.read(1.0)  # its banner was said long before anybody listened
+    cnc = GrblCnc(settings, clock, lambda: FaultyPort(direct, faults), threaded=False)
+    zero = start_mm if changes else (0.0, 0.0, 0.0)
+    rig = PressRig(cnc, world, clock, (0.0 - zero[0], 0.0 - zero[1], 0.0 - zero[2]), device, direct)
+    rig.faults = faults
+    safety = Safety(LimitSettings())
+    rig.hands = Hands(cnc, clock, safety, Readings(), MotionSettings(), on_status=rig.look)
+
+    def deepest() -> None:
+        rig.deepest_mm = max(rig.deepest_mm, SURFACE_MM - world.tip_at(clock.now_ns())[2])
+
+    clock.watch = deepest
+    cnc.connect()
+    return rig
+
+
+@pytest.fixture(params=['grbl', 'grblhal'])
+def rig(request: pytest.FixtureRequest) -> PressRig:
+    return press_rig(request.param)
+
+
+def test_undisturbed_it_presses_two_millimetres(rig: PressRig) -> None:
+    rig.press()
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+    rig.hands.retreat()
+    assert rig.tip[2] == pytest.approx(-25.0, abs=0.01)
+
+
+# A controller that restarts.
+
+
+def test_a_banner_in_mid_press_is_a_restart_also_of_a_board_that_showed_none_on_opening(rig: PressRig) -> None:
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+        rig.press(rig.device.power_cycle)
+    assert rig.rest() < 0.5
+    assert not rig.cnc.status().homed
+    assert rig.cnc.health.level is Level.ERROR
+    with pytest.raises(DeviceFaultError, match='place is not known'):
+        rig.hands.retreat()
+
+
+def test_a_restart_whose_banner_is_lost_shows_in_its_reports(rig: PressRig) -> None:
+    def restart_unheard() -> None:
+        for banner in (b"Grbl 1.1h ['$' for help]", b"GrblHAL 1.1f ['$' or '$HELP' for help]"):
+            rig.faults.change('<', banner, b'\xf8')
+        rig.device.power_cycle()
+
+    with pytest.raises(DeviceError):
+        rig.press(restart_unheard)
+    assert rig.rest() < 0.5
+    with pytest.raises(DeviceFaultError, match='has restarted, so its place is not known'):
+        rig.hands.retreat()
+    assert not rig.cnc.status().homed
+
+
+def test_idle_at_zero_after_a_restart_unheard_is_not_up() -> None:
+    """Without homing a Grbl restarts unlocked: 'Idle at 0,0,0' is above the safe height, and the tip 0.3 mm deep."""
+    rig = press_rig(**UNLOCKED, safe_z_mm=-5.0)
+
+    def restart_unheard() -> None:
+        rig.faults.change('<', b"Grbl 1.1h ['$' for help]", b'')
+        rig.device.power_cycle()
+
+    with pytest.raises(DeviceError):
+        rig.press(restart_unheard)
+    with pytest.raises(DeviceFaultError, match=r'says that it is at x 0\.000 y 0\.000 z -?0\.\d+ mm, where it cannot'):
+        rig.hands.retreat()
+    assert rig.rest() < 0.6
+    assert SURFACE_MM - rig.world.tip_at(rig.clock.now_ns())[2] > 0.2
+    assert not rig.cnc.status().homed
+
+
+def test_after_a_restart_nothing_moves_but_up() -> None:
+    rig = press_rig(**UNLOCKED, safe_z_mm=-5.0)
+    with pytest.raises(DeviceFaultError, match='restarted by itself'):
+        rig.press(rig.device.power_cycle)
+    low_mm = rig.world.tip_at(rig.clock.now_ns())[2]
+    for way in ({'dz': -0.1}, {'dx': 0.1}, {'dx': 0.1, 'dz': 0.1}):
+        with pytest.raises((DeviceFaultError, ConfigurationError)):
+            rig.cnc.jog(**way, feed=60.0)
+    with pytest.raises(DeviceFaultError):
+        rig.cnc.move(z=0.0, feed=60.0)
+    assert rig.world.tip_at(rig.clock.now_ns())[2] == low_mm
+    rig.cnc.jog(dz=0.25, feed=60.0)
+    rig.rest(1.0)
+    assert rig.world.tip_at(rig.clock.now_ns())[2] == pytest.approx(low_mm + 0.25)
+
+
+# A line that is damaged on its way; Grbl has no checksum.
+
+
+@pytest.mark.parametrize(
+    ('sent', 'heard'),
+    [
+        (b'Z-30.75', b'Z-31.75'),  # goes on 1 mm, and is led back by the next line
+        (b'Z-30.75', b'Z-39.75'),  # goes on for 9 mm
+        (b'Z-32.0', b'Z-33.0'),  # the last line
+        (b'X-60.000', b'X-61.000'),  # sideways in the gel
+        (b'F60.0', b'F960.0'),
+        (b'Z-30.75', b'Z-3.75'),
+    ],
+)
+def test_one_damaged_character_of_a_jog_is_seen_while_it_moves(sent: bytes, heard: bytes) -> None:
+    rig = press_rig()
+    with pytest.raises(DeviceError):
+        rig.press(lambda: rig.faults.change('>', sent, heard))
+    assert rig.faults.done == 1
+    assert rig.rest() < 2.25
+    assert rig.world.tip_at(rig.clock.now_ns())[0] > -60.25
+    with contextlib.suppress(DeviceFaultError):
+        rig.hands.retreat()
+        assert rig.tip == pytest.approx(rig.at(-60.0, -60.0, -25.0), abs=0.3)
+
+
+def test_a_tip_that_went_elsewhere_is_stopped_and_brought_up() -> None:
+    rig = press_rig()
+    with pytest.raises(DeviceFaultError, match=r'is at .* z -3\d\.\d+ mm, off the way that it was sent'):
+        rig.press(lambda: rig.faults.change('>', b'Z-30.75', b'Z-39.75'))
+    assert rig.cnc.health.level is Level.ERROR
+    rig.hands.retreat()
+    assert rig.tip[2] == pytest.approx(-25.0, abs=0.01)
+    assert rig.cnc.status().homed
+    assert rig.deepest_mm < 2.25
+
+
+def test_a_single_damaged_report_ends_no_press() -> None:
+    rig = press_rig()
+    rig.press(lambda: rig.faults.change('<', b'MPos:-60.000', b'MPos:-20.000'))
+    assert rig.faults.done == 1
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+    assert rig.cnc.health.level is Level.OK
+
+
+def test_a_controller_that_repeats_what_it_heard_is_taken_at_its_word() -> None:
+    rig = press_rig()
+
+    def echo_damaged() -> None:
+        rig.device.say(b'[echo: $J=G21G90G53X-60.000Y-60.000Z-31.450F60.0]\r\n')
+
+    with pytest.raises(DeviceFaultError, match=r'has heard .*Z-31\.450.* where .* was sent'):
+        rig.press(echo_damaged)
+    assert rig.rest() < 1.0
+
+
+# A controller that says nothing.
+
+
+def test_a_mute_controller_is_noticed_and_stopped_within_half_a_second(rig: PressRig) -> None:
+    since_ns: list[int] = []
+
+    def fall_silent() -> None:
+        since_ns.append(rig.clock.now_ns())
+        rig.faults.mute = True
+
+    with pytest.raises(DeviceError):
+        rig.press(fall_silent)
+    assert rig.clock.now_ns() - since_ns[0] < 0.55e9  # with the time that a cancelled jog needs
+    assert 'silent' in rig.cnc.health.message
+    assert rig.rest() < 0.3 + 0.1 + 0.5 + 0.1  # seen late, noticed late, braked late
+
+
+def test_a_hung_controller_is_noticed_within_half_a_second(rig: PressRig) -> None:
+    since_ns: list[int] = []
+
+    def hang() -> None:
+        since_ns.append(rig.clock.now_ns())
+        rig.device.faults.hung = True
+
+    with pytest.raises(DeviceError):
+        rig.press(hang)
+    assert rig.clock.now_ns() - since_ns[0] < 0.55e9
+    assert rig.cnc.health.level is Level.ERROR
