@@ -39,7 +39,9 @@ class CncSettings:
     boot_s: float = parameter(3.0, 'how long a controller may take to start after its port was opened', minimum=0.0)
     answer_s: float = parameter(2.0, 'how long it may take to answer a line that moves nothing', minimum=0.1)
     home_s: float = parameter(120.0, 'how long homing may take', minimum=1.0)
-    report_hz: float = parameter(5.0, 'status reports asked for per second', minimum=1.0, maximum=10.0)
+    report_hz: float = parameter(
+        5.0, 'status reports asked for per second at rest; ten while it moves', minimum=1.0, maximum=10.0
+    )
     streaming: str = parameter(
         'send-response',
         'one line at a time, or as many as fit the buffer',

@@ -79,10 +79,12 @@ class GrblDialogue(GrblHearing):
             came = lambda: not self.reports.open or self._lost_reports != lost  # noqa: E731
             self.link.wait(came, SILENT_S)  # what is under way tells of the past
             self.reports.request()
-            if not self.link.wait(came, timeout_s) or self.reports.last is None or self._lost_reports != lost:
+            if not self.link.wait(came, timeout_s) or self.reports.last is None:
                 raise DeviceTimeoutError(
                     f'{self.name} reports no position within {timeout_s:g} s; cut its power and start again'
                 )
+            if self._lost_reports != lost:
+                raise DeviceTimeoutError(f'{self.name} {self.refusal or "reports no position"}')
             return self.reports.last
 
     def poll_until(self, done: Callable[[Report], bool], timeout_s: float, every_s: float = 0.05) -> bool:

@@ -171,13 +171,15 @@ class GrblHearing:
         if report.state is CncState.ALARM and self.alarm is None:
             self._doubt('is locked though it told no alarm: it has restarted', obeys_upwards=False)
         else:
-            self._judge(place, stamp_ns)
+            self._judge(place, stamp_ns, report.feed_mm_min)
 
-    def _judge(self, place: Place, stamp_ns: int) -> None:
-        """Compare a place with where the tip can be."""
-        verdict = self._motion.judge(place, stamp_ns)
+    def _judge(self, place: Place, stamp_ns: int, feed_mm_min: float) -> None:
+        """Compare a report with what was asked for."""
+        verdict = self._motion.judge(place, stamp_ns, feed_mm_min)
         if verdict is Verdict.STRAYED:
             self._brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+        elif verdict is Verdict.HASTY:
+            self._brake(f'goes at {feed_mm_min:g} mm/min, faster than it was sent; look at its cable')
         elif verdict is Verdict.DOUBTFUL:
             self.reports.request()
         elif verdict is Verdict.LOST:

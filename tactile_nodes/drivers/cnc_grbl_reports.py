@@ -7,9 +7,10 @@ from collections.abc import Callable
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc import Place
 from tactile_nodes.drivers.cnc_grbl_words import Report, parse_report
+from tactile_nodes.drivers.cnc_link import Silence
 
 MOVING_S = 0.1  # between two questions while something moves
-SILENT_S = 0.35  # with it, and the listener's period, a controller that falls silent in motion is noticed within 0.5 s
+SILENT_S = 0.3  # with it, and the listener's period, a controller that falls silent in motion is noticed within 0.5 s
 
 
 class Reports:
@@ -24,7 +25,8 @@ class Reports:
         self._ask = ask
         self._period_s = period_s
         self._offset: Place | None = None
-        self._owed_ns = self._listened_ns = 0
+        self._owed_ns = 0
+        self._silence = Silence()
         self.asked_ns = 0
         self.open = False
         self.factor = 1.0  # mm in a unit of the reports
@@ -44,11 +46,8 @@ class Reports:
 
     @property
     def silent(self) -> bool:
-        """Whether a report is owed for longer than it may.
-
-        By the time at which somebody listened last: what waits unread because this computer is busy is not missing.
-        """
-        return self.open and self._listened_ns - self._owed_ns > SILENT_S * NS_PER_S
+        """Whether a report is owed for longer than it may."""
+        return self.open and self._silence.is_over(SILENT_S)
 
     def request(self) -> None:
         """Ask for one."""
@@ -58,7 +57,7 @@ class Reports:
 
     def listened(self, now_ns: int) -> None:
         """All that had come by now was read."""
-        self._listened_ns = now_ns
+        self._silence.look(self._owed_ns if self.open else None, now_ns)
 
     def excuse(self, now_ns: int) -> None:
         """What is owed counts from now on."""

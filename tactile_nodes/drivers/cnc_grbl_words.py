@@ -45,6 +45,7 @@ class Report:
     machine: Place | None
     work: Place | None
     offset: Place | None
+    feed_mm_min: float = 0.0
 
 
 def parse_report(line: str, factor: float = 1.0) -> Report | None:
@@ -58,6 +59,7 @@ def parse_report(line: str, factor: float = 1.0) -> Report | None:
         return None
     word, *fields = line[1:-1].split('|')
     found: dict[str, Place] = {}
+    feed = 0.0
     for field in fields:
         name, _, text = field.partition(':')
         if name in {'MPos', 'WPos', 'WCO'}:
@@ -65,10 +67,12 @@ def parse_report(line: str, factor: float = 1.0) -> Report | None:
             if place is None:
                 return None
             found[name] = place
+        elif name in {'F', 'FS'} and re.match(r'\d+(\.\d+)?(,|$)', text):
+            feed = float(text.partition(',')[0]) * factor
     if not found.keys() & {'MPos', 'WPos'}:
         return None
     state = STATES.get(word.partition(':')[0], CncState.OTHER)
-    return Report(state, word == 'Hold:0', word, found.get('MPos'), found.get('WPos'), found.get('WCO'))
+    return Report(state, word == 'Hold:0', word, found.get('MPos'), found.get('WPos'), found.get('WCO'), feed)
 
 
 def _place(text: str, factor: float) -> Place | None:

@@ -148,7 +148,7 @@ class GuardedCnc(ABC):
     @contextlib.contextmanager
     def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
         """The path is known before the line is sent, as motion may begin at once; what was not sent is not expected."""
-        self._motion.add(start, target, feed, self._clock.now_ns())
+        self._motion.add(start, target, feed)
         try:
             yield
         except BaseException:

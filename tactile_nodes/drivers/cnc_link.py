@@ -16,6 +16,7 @@ from tactile_nodes.drivers.serial_port import Port, SerialPort
 from tactile_nodes.errors import DeviceError, DeviceLostError
 
 READ_S = 0.05
+LONGEST_LOOK_NS = 60_000_000
 LONGEST_LINE = 4096
 
 
@@ -34,6 +35,29 @@ class Request:
     def done(self) -> bool:
         """Whether there is nothing left to wait for."""
         return bool(self.answered_ns) or self.error is not None
+
+
+class Silence:
+    """How long an answer is owed, as its listener feels it.
+
+    A busy computer lets the listener, and a device that it emulates, wait: no longer than a look should take is counted
+    for each look. What waits unread is not missing: only who has just read looks.
+    """
+
+    def __init__(self) -> None:
+        self._since_ns: int | None = None
+        self._looked_ns = self._felt_ns = 0
+
+    def look(self, since_ns: int | None, now_ns: int) -> None:
+        """All that had come was read; an answer is owed since then, or none."""
+        if since_ns != self._since_ns:
+            self._since_ns, self._felt_ns, self._looked_ns = since_ns, 0, since_ns or now_ns
+        self._felt_ns += min(now_ns - self._looked_ns, LONGEST_LOOK_NS)
+        self._looked_ns = now_ns
+
+    def is_over(self, limit_s: float) -> bool:
+        """Whether it is owed for longer."""
+        return self._since_ns is not None and self._felt_ns > limit_s * NS_PER_S
 
 
 class Link:

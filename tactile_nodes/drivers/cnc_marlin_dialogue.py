@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import Traffic
-from tactile_nodes.drivers.cnc_link import Link, Request
+from tactile_nodes.drivers.cnc_link import Link, Request, Silence
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
@@ -23,7 +23,7 @@ BUSY_S = 5.0  # it says that it is busy every two seconds
 MOST_RESENDS = 5
 NO_OK_S = 0.3
 LONGEST_LINE = 90
-SILENT_S = 0.35  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
+SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
 MOVING_S = 0.1  # between two questions while something moves
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
@@ -72,7 +72,8 @@ class MarlinDialogue:
         self._said_ns = 0
         self._unanswered: deque[_Numbered] = deque()
         self._number = 0
-        self._busy_ns = self._listened_ns = 0
+        self._busy_ns = 0
+        self._silence = Silence()
         self.generation = 0
         self.name = port.name
         self.starts = 0
@@ -101,8 +102,7 @@ class MarlinDialogue:
                 return False
             oldest = self._unanswered[0]
             at_once = oldest.prompt and (self.answers_in_motion or not oldest.in_motion)
-            heard_ns = max(oldest.sent_ns, self._busy_ns)
-            return self._listened_ns - heard_ns > (SILENT_S if at_once else BUSY_S) * NS_PER_S
+            return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
         """Send a line and wait for its ``ok``; signs of life extend the time.
@@ -244,7 +244,8 @@ class MarlinDialogue:
 
     def _idle(self) -> None:
         """Marlin sends an ok after it has asked for a resend; its relatives may not. And ask where it is."""
-        self._listened_ns = self._clock.now_ns()
+        since_ns = max(self._unanswered[0].sent_ns, self._busy_ns) if self._unanswered else None
+        self._silence.look(since_ns, self._clock.now_ns())
         if self._moving() and self.silent and not self.fault and not self.refusal:
             self.brake('is silent while it moves; look at its cable and power')
         if self.polling and not self._unanswered and not self.fault:

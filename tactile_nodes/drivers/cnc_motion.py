@@ -1,4 +1,4 @@
-"""Where the tip may be by now: on the way that it was sent, and no further along than its feed can have brought it.
+"""Where the tip may be: on the way that it was sent, at no more than the feed that it was sent with.
 
 A line to a controller without checksums may arrive damaged, and a controller may restart unseen; both show in what it
 reports. So every report is compared with the path. What lies beside it, but within what the feed allows since the last
@@ -17,8 +17,7 @@ from tactile_nodes.drivers.cnc import Place
 from tactile_nodes.drivers.cnc_envelope import distance_mm
 
 NEAR_MM = 0.05  # steps, three decimals (two on Marlin), and the 0.02 mm by which an arrival may differ
-CLOCKS = 1.02  # a controller's clock may be a ceramic resonator, good to half a percent
-HASTE = 1.5  # times the feed: what a tip that strays is believed to go
+HASTE = 1.5  # times the feed: more is told by no healthy controller, and a tip that strays goes no faster
 
 
 class Verdict(Enum):
@@ -26,6 +25,7 @@ class Verdict(Enum):
 
     EXPECTED = 'on the path'
     STRAYED = 'beside the path, where the tip can have gone'
+    HASTY = 'too fast'
     DOUBTFUL = 'where the tip cannot have gone, said once'
     LOST = 'where the tip cannot have gone, said again'
 
@@ -35,15 +35,9 @@ class _Leg:
     start: Place
     target: Place
     feed_mm_s: float
-    begin_ns: int  # at the earliest
-    end_ns: int  # at the earliest
 
-    def reached(self, by_ns: int) -> Place:
-        """The furthest that the tip can be at a time."""
-        length = distance_mm(self.start, self.target)
-        gone_mm = max(0, by_ns - self.begin_ns) / NS_PER_S * self.feed_mm_s * CLOCKS
-        share = min(1.0, gone_mm / length) if length else 1.0
-        return _between(self.start, self.target, share)
+    def is_near(self, place: Place) -> bool:
+        return _distance_to(place, self.start, self.target) <= NEAR_MM
 
 
 class Motion:
@@ -73,7 +67,7 @@ class Motion:
     def rest(self, place: Place, now_ns: int) -> None:
         """The tip rests here."""
         with self._lock:
-            self._legs = [_Leg(place, place, 0.0, now_ns, now_ns)]
+            self._legs = [_Leg(place, place, 0.0)]
             self._seen = (place, now_ns)
             self.doubted = False
 
@@ -82,12 +76,10 @@ class Motion:
         with self._lock:
             self._legs, self._seen, self.doubted = [], None, False
 
-    def add(self, start: Place, target: Place, feed_mm_min: float, now_ns: int) -> None:
+    def add(self, start: Place, target: Place, feed_mm_min: float) -> None:
         """The tip is sent on from `start`, where the last leg ends."""
         with self._lock:
-            begin_ns, feed_mm_s = max(now_ns, self._legs[-1].end_ns if self._legs else 0), feed_mm_min / 60
-            end_ns = begin_ns + round(distance_mm(start, target) / feed_mm_s * NS_PER_S)
-            self._legs.append(_Leg(start, target, feed_mm_s, begin_ns, end_ns))
+            self._legs.append(_Leg(start, target, feed_mm_min / 60))
 
     def take_back(self) -> None:
         """The last leg was not sent after all."""
@@ -95,33 +87,31 @@ class Motion:
             if len(self._legs) > 1:
                 self._legs.pop()
 
-    def judge(self, place: Place, by_ns: int) -> Verdict:
+    def judge(self, place: Place, by_ns: int, feed_mm_min: float = 0.0) -> Verdict:
         """What a report says that came at `by_ns`; only of a known path."""
         with self._lock:
-            on = next((number for number, leg in enumerate(self._legs) if self._is_on(leg, place, by_ns)), None)
+            on = next((number for number, leg in enumerate(self._legs) if leg.is_near(place)), None)
             if on is None and not self._can_have_gone(place, by_ns):
                 again, self.doubted = self.doubted, True
                 return Verdict.LOST if again else Verdict.DOUBTFUL
             self._seen, self.doubted = (place, by_ns), False
             if on is None:
                 return Verdict.STRAYED
+            if self.moving and feed_mm_min / 60 > HASTE * self._fastest_mm_s():
+                return Verdict.HASTY
             if self._follows:
                 del self._legs[:on]
             return Verdict.EXPECTED
 
-    def _is_on(self, leg: _Leg, place: Place, by_ns: int) -> bool:
-        furthest = leg.reached(by_ns) if self._follows else leg.target
-        return _distance_to(place, leg.start, furthest) <= NEAR_MM
+    def _fastest_mm_s(self) -> float:
+        return max(leg.feed_mm_s for leg in self._legs)
 
     def _can_have_gone(self, place: Place, by_ns: int) -> bool:
-        """Within what the feed allows, or further on along the path: too soon, but where it was sent."""
-        if any(_distance_to(place, leg.start, leg.target) <= NEAR_MM for leg in self._legs):
-            return True
         if self._seen is None:
             return False
         seen, since_ns = self._seen
-        fastest = max(leg.feed_mm_s for leg in self._legs)
-        return distance_mm(seen, place) <= HASTE * fastest * (by_ns - since_ns) / NS_PER_S + NEAR_MM
+        farthest_mm = HASTE * self._fastest_mm_s() * (by_ns - since_ns) / NS_PER_S
+        return distance_mm(seen, place) <= farthest_mm + NEAR_MM
 
 
 def _between(a: Place, b: Place, share: float) -> Place:

@@ -13,8 +13,25 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from typing import Protocol
 
-from tactile_nodes.drivers.serial_port import Port
+
+class Port(Protocol):
+    """Bytes to and from a device, as drivers use them."""
+
+    name: str
+
+    def write(self, data: bytes) -> None:
+        """Send."""
+        ...
+
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived; empty after the timeout."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
 
 
 @dataclass
@@ -65,11 +82,7 @@ class FaultyPort:
     def __init__(self, port: Port, faults: LineFaults) -> None:
         self._port = port
         self._faults = faults
-
-    @property
-    def name(self) -> str:
-        """As `Port.name`."""
-        return self._port.name
+        self.name = port.name
 
     def write(self, data: bytes) -> None:
         """As `Port.write`."""

@@ -181,7 +181,6 @@ def test_after_a_restart_nothing_moves_but_up() -> None:
         (b'Z-30.75', b'Z-39.75'),  # goes on for 9 mm
         (b'Z-32.0', b'Z-33.0'),  # the last line
         (b'X-60.000', b'X-61.000'),  # sideways in the gel
-        (b'F60.0', b'F960.0'),
         (b'Z-30.75', b'Z-3.75'),
     ],
 )
@@ -206,6 +205,18 @@ def test_a_tip_that_went_elsewhere_is_stopped_and_brought_up() -> None:
     assert rig.tip[2] == pytest.approx(-25.0, abs=0.01)
     assert rig.cnc.status().homed
     assert rig.deepest_mm < 2.25
+
+
+def test_a_long_jog_that_goes_faster_than_it_was_sent_is_stopped() -> None:
+    rig = press_rig()
+    rig.cnc.home()
+    rig.go(-60.0, -60.0, -20.0)
+    rig.faults.change('>', b'F60.0', b'F960.0')
+    rig.cnc.jog(dz=-10.0, feed=60.0)
+    with pytest.raises(DeviceFaultError, match=r'goes at \d+ mm/min, faster than it was sent'):
+        rig.cnc.wait_idle()
+    rig.rest(1.0)
+    assert rig.tip[2] > -24.0  # 16 mm/s for a tenth of a second, and the ramps
 
 
 def test_a_single_damaged_report_ends_no_press() -> None:
