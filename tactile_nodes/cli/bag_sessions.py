@@ -13,6 +13,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from queue import SimpleQueue
 
 from tactile_nodes.bag.recording import describe
 from tactile_nodes.bus.arguments import NodeArguments
@@ -80,7 +81,9 @@ def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
 @contextmanager
 def _bus_and_end() -> Iterator[tuple[Bus, threading.Event]]:
     done = threading.Event()
-    before = {number: signal.signal(number, lambda *_: done.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    asked: SimpleQueue[None] = SimpleQueue()  # a signal may come while this thread holds the lock of `done`
+    threading.Thread(target=lambda: (asked.get(), done.set()), name='ending', daemon=True).start()
+    before = {number: signal.signal(number, lambda *_: asked.put(None)) for number in (signal.SIGINT, signal.SIGTERM)}
     bus = open_bus()
     try:
         yield bus, done
