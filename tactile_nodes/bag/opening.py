@@ -24,9 +24,9 @@ class Arrival(NamedTuple):
 class Opening:
     """Holds what comes in until something has come of every awaited topic, or for `PATIENCE_S`.
 
-    The bag begins when the last of them was heard for the first time. What came before that goes, because it has
-    gaps or no counterpart on other topics; what was heard from its publisher's first message on stays, and so does
-    what latched topics said.
+    The bag begins when the last of those that had begun before was heard. What came earlier of awaited topics goes,
+    because other topics have no counterpart to it, and what came of others, unless it was heard from its publisher's
+    first message on, as the first press of a plan. What latched topics said stays.
     """
 
     def __init__(self, now_ns: int) -> None:
@@ -75,4 +75,5 @@ class Opening:
         return [*latched, *((each, each.received_ns) for each in kept)]
 
     def _stays(self, arrival: Arrival) -> bool:
-        return arrival.received_ns >= self.begin_ns or self._first[arrival.topic, arrival.publisher].sequence == 1
+        is_whole = self._first[arrival.topic, arrival.publisher].sequence == 1
+        return arrival.received_ns >= self.begin_ns or (is_whole and arrival.topic not in self._awaited)

@@ -82,7 +82,12 @@ def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
 def _bus_and_end() -> Iterator[tuple[Bus, threading.Event]]:
     done = threading.Event()
     asked: SimpleQueue[None] = SimpleQueue()  # a signal may come while this thread holds the lock of `done`
-    threading.Thread(target=lambda: (asked.get(), done.set()), name='ending', daemon=True).start()
+
+    def end() -> None:
+        asked.get()
+        done.set()
+
+    threading.Thread(target=end, name='ending', daemon=True).start()
     before = {number: signal.signal(number, lambda *_: asked.put(None)) for number in (signal.SIGINT, signal.SIGTERM)}
     bus = open_bus()
     try:

@@ -49,13 +49,30 @@ def test_what_came_before_the_last_topic_was_heard_goes() -> None:
     assert written(made) == [('/image', 104, 80), ('/info', 103, 61), ('/info', 104, 81)]
 
 
-def test_what_was_heard_from_its_first_message_on_stays() -> None:
-    # As in a replay, whose pictures begin while others are still being connected.
-    made = opening('/image', '/info')
+def test_nothing_goes_when_all_was_heard_from_its_first_message_on() -> None:
+    # As in a replay: nothing had come before of what is played, whatever other nodes say of themselves.
+    made = opening('/image', '/force')
+    made.hold(arrival('/diagnostics', 40, 10))
     for number in range(1, 4):
         made.hold(arrival('/image', number, 20 * number))
-    made.hold(arrival('/info', 8, 50))
-    assert written(made) == [('/image', 1, 20), ('/image', 2, 40), ('/image', 3, 60), ('/info', 8, 50)]
+    made.hold(arrival('/force', 1, 90))
+    whole = [('/image', 1, 20), ('/image', 2, 40), ('/image', 3, 60), ('/force', 1, 90)]
+    assert written(made) == [('/diagnostics', 40, 10), *whole]
+
+
+def test_what_begins_because_it_is_listened_to_does_not_begin_before_the_others() -> None:
+    made = opening('/wrench', '/image')
+    made.hold(arrival('/wrench', 1, 20))
+    made.hold(arrival('/image', 500, 1640))
+    made.hold(arrival('/wrench', 98, 1645))
+    assert written(made) == [('/image', 500, 1640), ('/wrench', 98, 1645)]
+
+
+def test_the_first_press_of_a_plan_is_never_left_out() -> None:
+    made = opening('/image')
+    made.hold(arrival('/press', 1, 20))
+    made.hold(arrival('/image', 500, 40))
+    assert written(made) == [('/press', 1, 20), ('/image', 500, 40)]
 
 
 def test_what_latched_topics_said_before_stands_first_and_at_the_beginning() -> None:
