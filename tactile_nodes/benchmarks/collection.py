@@ -30,6 +30,7 @@ from tactile_nodes.collection.estimate import estimate
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
+from tactile_nodes.collection.person import Person
 from tactile_nodes.collection.plan import PlanSettings, Point, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.progress import duration
 from tactile_nodes.collection.readings import Picture
@@ -145,9 +146,10 @@ class Collection:
         outlet = Outlet(
             self._on_record, self._bag.rest_image, self._bag.say, lambda: True, self._bag.suspect,
             lambda entry: recalled(session.folder, self._plan.plan_id, entry), lambda: 0,
+            Person('nothing: it is simulated', self._bag.say, self._rig.clock),
         )  # fmt: skip
         self._campaign = Campaign(
-            self._plan, self._order, self._journal, self._rig.hands, settings, SAFE_Z_MM, outlet
+            self._plan, self._order, self._journal, self._rig.hands, settings, SAFE_Z_MM, outlet, unasked=True
         )  # fmt: skip
 
     def _open_rig(self, world: World, settings: CollectionSettings) -> Rehearsal:

@@ -2,8 +2,9 @@
 
 For each fault: `tactile launch collect rig:=emulated` with a plan of four presses; when two are told and the tip goes
 down into the gel for the third, the fault comes, by the parameter service of the emulated rig or as a signal. If
-the launch ends, it is started again without the fault, as a person would, until the plan is done. Then the bags are
-compared with the journal, and both with where the tip truly was.
+the launch ends, it is started again without the fault, as a person would, until the plan is done. A rig that asks
+before anything moves gets its answer. Then the bags are compared with the journal, and both with where the tip truly
+was.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ import argparse
 import json
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from tactile_nodes.benchmarks.faults_audit import DONE, Ledger, Stop, Trace, journal_steps, ledger
 from tactile_nodes.benchmarks.faults_cases import CASES, Case
-from tactile_nodes.benchmarks.faults_launch import GEL_MM, LIMITS, SAFE_MM, START_MM, Bench, Launch, Watcher
+from tactile_nodes.benchmarks.faults_launch import GEL_MM, LIMITS, SAFE_MM, START_MM, Bench, Launch, Watcher, answer
 from tactile_nodes.benchmarks.report import surroundings, table, write_json
 from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
@@ -90,7 +91,7 @@ def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, i
         launch = Launch(bench.write(start_mm), folder / f'launch{number}.log', clock)
         try:
             fault_ns = _first(case, launch, clock, outcome) if number == 1 else begun_ns
-            _await(launch, clock, LASTS_S)
+            _await(launch, clock, LASTS_S, answer)
         finally:
             launch.end(LEAVE_S)
         outcome.statuses.append(-1 if launch.status is None else launch.status)
@@ -130,9 +131,13 @@ def _first(case: Case, launch: Launch, clock: Clock, outcome: Outcome) -> int:
     return fault_ns
 
 
-def _await(launch: Launch, clock: Clock, patience_s: float) -> None:
+def _await(launch: Launch, clock: Clock, patience_s: float, answer: Callable[[], None]) -> None:
     deadline_ns = clock.now_ns() + round(patience_s * NS_PER_S)
+    answered = 0
     while launch.status is None and clock.now_ns() < deadline_ns:
+        if launch.questions > answered:
+            answered = launch.questions
+            answer()
         clock.sleep_until(clock.now_ns() + NS_PER_S // 20)
 
 

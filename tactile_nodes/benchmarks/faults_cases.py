@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from tactile_nodes.params import Value
 
 GOES_ON, ENDS = 'goes on by itself', 'ends; a person starts it again'
+ASKS = 'waits for a person, who lets it go on'
 FOR_EVER = 0.0
 
 
@@ -50,7 +51,7 @@ CASES = (
     Case('doubled-packets', '50 samples come twice', {'double': 50}, stops=False),
     Case('silent-sensor', 'sensor silent, 2.5 s', {'silent_sensor': True}, 2.5),
     Case('stalled-sensor', 'front end of the sensor stands still, 2.5 s', {'stalled_sensor': True}, 2.5),
-    Case('saturated-sensor', 'sensor saturated, 2.5 s', {'saturated_sensor': True}, 2.5),
+    Case('saturated-sensor', 'sensor saturated, 2.5 s', {'saturated_sensor': True}, 2.5, expect=ASKS),
     Case('unplugged-sensor', 'serial line of the sensor pulled, 3 s', {'unplugged_sensor': True}, 3.0, sensor='bota'),
     Case('damaged-frames', '20 damaged frames on the serial line of the sensor', {'damage': 20}, sensor='bota'),
     Case('clock-jump', "sensor's clock jumps ahead by 0.3 s", {'sensor_jump_s': 0.3}, stops=False),
@@ -67,7 +68,7 @@ CASES = (
     Case('hung-controller', 'controller hangs', {'hung_machine': True}, expect=ENDS),
     Case('slow-controller', 'all the controller says comes 1 s late, 3 s', {'machine_delay_s': 1.0}, 3.0, expect=ENDS),
     Case('unplugged-controller', 'serial line of the controller pulled, 3 s', {'unplugged': True}, 3.0, expect=ENDS),
-    Case('killed-rig-node', 'kill -9 of the rig node', process='rig_node'),
+    Case('killed-rig-node', 'kill -9 of the rig node', process='rig_node', expect=ASKS),
     Case('killed-recorder', 'kill -9 of the recorder', process='recorder_node', stops=False),
     Case('killed-camera', 'kill -9 of the camera node', process='camera_node'),
     Case('killed-launch', 'kill -9 of the whole launch', process='launch', expect=ENDS),

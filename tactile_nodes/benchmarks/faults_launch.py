@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import resource
@@ -18,12 +19,13 @@ from typing import IO
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.parameters import to_message
 from tactile_nodes.bus.protocol import Bus, Qos
+from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import ConfigurationError, ServiceError
 from tactile_nodes.messages import services, types
 from tactile_nodes.params import Value
 
-RIG = '/emulated_rig'
+RIG, ACKNOWLEDGE = '/emulated_rig', '/rig/acknowledge'
 SAFE_MM, GEL_MM, ROOM_MM = -4.0, (-20.0, -20.0, -8.0), (40.0, 40.0, 12.0)
 START_MM = (-12.0, -14.0, -2.0)
 LIMITS = 'force_silence_ms: 200.0, camera_silence_ms: 1000.0'  # as config/rigs/emulated.yaml has them
@@ -130,6 +132,11 @@ class Launch:
     def status(self) -> int | None:
         """The exit status, once it has ended."""
         return self._process.poll()
+
+    @property
+    def questions(self) -> int:
+        """How often the rig has asked for a person."""
+        return sum(ACKNOWLEDGE in line for _, line in list(self.lines))
 
     def send(self, process: str, number: signal.Signals) -> None:
         """A signal to a program of the launch, or to the launch."""
@@ -248,3 +255,13 @@ class Watcher:
             depth_mm = received.message.depth * 1000
             if received.message.press and depth_mm != self._depths[1]:
                 self._depths = [self._depths[1], depth_mm]
+
+
+def answer() -> None:
+    """What a person does who has looked at the rig, as ``tactile service call`` does it."""
+    bus = ZmqBus()
+    try:
+        with contextlib.suppress(ServiceError):  # it has gone meanwhile
+            bus.call(ACKNOWLEDGE, services.TRIGGER, types.Trigger_Request(), 5.0)
+    finally:
+        bus.close()

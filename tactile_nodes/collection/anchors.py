@@ -18,13 +18,13 @@ import numpy.typing as npt
 
 from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.cycle import Ground, Record, press_cycle
+from tactile_nodes.collection.journal import NO_PRESS
 from tactile_nodes.collection.plan import Point
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings
 from tactile_nodes.collection.shift import Imprint, imprint, shift_px
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.sensing.reference import average
 
-NO_PRESS = 0  # the number that no press of a plan has
 FRAMES = 5
 WIDEST_VIEW_MM = 100.0  # no image of a gel shows more: a tip that moves, moves the image by its share of this
 SKEWED = 0.4  # an axis that moves the image by less than this share of what the other one does, sticks

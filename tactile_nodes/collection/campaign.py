@@ -1,38 +1,42 @@
 """The whole run: home, find the surface, press after press, and what to do when something goes wrong.
 
-A rejected press is tried again after the others. A force above its limit ends that attempt; a sensor or camera that
-falls silent ends it, too, and the run goes on when they are well again; a machine that fails ends the run, because
-only a person can say where it stands, and so does an anchor (`anchors`) that is not where it was: what was recorded
-since the last good one is suspect then, and done again by the next run. Whatever happens, the tip goes straight up
-first, if the machine still obeys.
+A rejected press is tried again after the others. A force above its limit puts the point aside for this run; one that is
+not bearable halts the run until a person has looked. A sensor or camera that falls silent ends an attempt, and the run
+goes on when they are well again; a machine that fails ends the run, because only a person can say where it stands, and
+so does an anchor (`anchors`) that is not where it was: what was recorded since the last good one is suspect then, and
+done again by the next run. Whatever happens, the tip goes straight up first, if the machine still obeys. A run that was
+cut off leaves nobody who knows where the tip is: before the next one moves anything, a person is asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+import contextlib
+from collections.abc import Sequence
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.anchors import anchor_press
-from tactile_nodes.collection.cycle import Ground, Record, check_free, press_cycle
+from tactile_nodes.collection.cycle import Ground, Record, press_cycle
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
-from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, Journal
+from tactile_nodes.collection.journal import (
+    ASIDE,
+    RECORDED,
+    REJECTED,
+    STARTED,
+    Journal,
+)
 from tactile_nodes.collection.outlet import Outlet
 from tactile_nodes.collection.plan import Plan, Point
 from tactile_nodes.collection.progress import Progress
+from tactile_nodes.collection.recovery import TOO_GREAT, Recovery
 from tactile_nodes.collection.rest import await_recovery, go_to_gel, image_noise, rest_frames
-from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, SENSOR
+from tactile_nodes.collection.safety import CAMERA, SENSOR
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.speed import check_speeds
 from tactile_nodes.collection.surface import Surface, find_surface
 from tactile_nodes.collection.sync_pattern import sync_pattern
 from tactile_nodes.collection.trust import Trust
-from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.reference import average
-
-Result = TypeVar('Result')
 
 
 class Campaign:
@@ -47,6 +51,7 @@ class Campaign:
         safe_z_mm: where the machine may go sideways.
         outlet: whom to tell.
         period_s: between two samples of the force/torque sensor.
+        unasked: a person has said beforehand that it may go on after a run that was cut off.
 
     Raises:
         ConfigurationError: a plan that is too deep, or a feed too fast to be stopped in time.
@@ -62,6 +67,7 @@ class Campaign:
         safe_z_mm: float,
         outlet: Outlet,
         period_s: float = 0.0,
+        unasked: bool = False,
     ) -> None:
         if plan.deepest_mm > settings.limits.depth_mm:
             raise ConfigurationError(
@@ -76,12 +82,13 @@ class Campaign:
         self._settings = settings
         self._safe_z_mm = safe_z_mm
         self._outlet = outlet
+        self._unasked = unasked
         self._ground: Ground | None = None
-        self._last_tare: Tare | None = None
         self._since_reference = 0
         self._since_pattern = self._patterns = 0
         self._in_a_row = 0
         self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press)
+        self._recovery = Recovery(hands, settings, journal, outlet, self._trust.shaken)
         self.paused = False
         self.surface: Surface | None = None
         self.now: Point | None = None
@@ -158,80 +165,49 @@ class Campaign:
         try:
             self._hands.run(press_cycle(record, self._ground, self._settings))
         except TrippedError as tripped:
-            record.reason = tripped.trip.reason
-            self._up_then_tell(record, begun_ns)
-            self._go_on_after(tripped)
+            self._up_then_tell(record, begun_ns, tripped.trip.reason)
+            self._recovery.go_on_after(tripped)
         except DeviceError as error:
-            record.reason = str(error)
-            self._up_then_tell(record, begun_ns)
+            with contextlib.suppress(DeviceError):  # the last way up meets it again, and says it
+                self._up_then_tell(record, begun_ns, str(error), doubted=True)
             raise
         else:
-            self._last_tare = record.tare or self._last_tare
+            self._recovery.tare = record.tare or self._recovery.tare
             self._tell(record, begun_ns)
         finally:
             self.now = None
 
-    def _up_then_tell(self, record: Record, begun_ns: int) -> None:
+    def _up_then_tell(self, record: Record, begun_ns: int, reason: str, doubted: bool = False) -> None:
         try:
-            self._hands.retreat()
+            self._recovery.up(record.tare, doubted)
         finally:
+            trip = self._hands.safety.trip
+            record.reason = reason if trip is None else trip.reason
+            record.aside = trip is not None and trip.kind in TOO_GREAT
             self._tell(record, begun_ns)
 
     def _tell(self, record: Record, begun_ns: int) -> None:
         """First the recorder, then the journal: what was cut off between the two is found in the bag (`audit`)."""
         self._outlet.record(record)
         now_ns = self._hands.clock.now_ns()
-        step = REJECTED if record.reason else RECORDED
+        step = RECORDED if not record.reason else ASIDE if record.aside else REJECTED
         self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
         self._in_a_row = self._in_a_row + 1 if record.reason else 0
         self.progress.note(record.reason, begun_ns, now_ns)
         if record.reason:
-            self._outlet.say(f'press {record.point.press} was rejected: {record.reason}')
-
-    # When something is wrong.
-
-    def _go_on_after(self, tripped: TrippedError) -> None:
-        """The tip is up; see whether the run can go on.
-
-        Raises:
-            DeviceError: it cannot.
-            TrippedError: something new is wrong.
-        """
-        trip = tripped.trip
-        if trip.kind == MACHINE:
-            raise DeviceFaultError(trip.reason) from tripped
-        if trip.kind == FORCE:
-            self._trust.shaken()
-        if trip.kind in {SENSOR, CAMERA}:
-            self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
-            await_recovery(self._hands, self._settings.limits, trip.reason)
-        self._hands.safety.reset(self._hands.clock.now_ns())
-        if self._last_tare is not None:
-            self._hands.safety.tare(self._last_tare.wrench)
-            self._hands.run(check_free(self._last_tare, self._settings))
-
-    def _patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
-        """What a procedure gives; again from its beginning when sensor or camera failed meanwhile."""
-        for _ in range(self._settings.limits.attempts - 1):
-            try:
-                return self._hands.run(procedure())
-            except TrippedError as tripped:
-                self._hands.retreat()
-                if tripped.trip.kind not in {SENSOR, CAMERA}:
-                    raise
-                self._go_on_after(tripped)
-        return self._hands.run(procedure())
+            done = 'was put aside' if record.aside else 'was rejected'
+            self._outlet.say(f'press {record.point.press} {done}: {record.reason}')
 
     def _reference(self) -> None:
         """A new rest image."""
-        frames = self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
+        frames = self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
 
     def _pattern(self) -> None:
         """Edges at irregular times, by which the clocks of other recorders are fitted."""
         number = self.progress.done + self._patterns  # grows within a run, and differs in one that goes on with it
-        self._patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
+        self._recovery.patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
         self._patterns += 1
         self._since_pattern = 0
 
@@ -244,15 +220,12 @@ class Campaign:
     def _anchor_press(self, point: Point) -> Record:
         ground = self._ground
         assert ground is not None
-        return self._patiently(lambda: anchor_press(point, ground, self._settings))
+        return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
 
     def _leave(self) -> None:
-        """Up, unless nothing has moved; what the machine answers to that matters only if all else was well."""
+        """Up, unless nothing has moved."""
         if self._ground is not None or self._hands.safety.watching:
-            try:
-                self._hands.retreat()
-            except DeviceError as error:
-                self._outlet.say(f'the tip could not be brought up: {error}')
+            self._recovery.end()
 
     def _wait_while_paused(self) -> None:
         if self.paused:
@@ -268,17 +241,19 @@ class Campaign:
 
     def _prepare(self) -> None:
         hands = self._hands
+        self._recovery.ask_first(self._unasked)
         self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
         await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
+        self._recovery.begin()
         self._outlet.say('homing')
         self._home()
-        zero = self._last_tare = self._patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
+        zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
         self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
-        noise = image_noise(self._patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
+        noise = image_noise(self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
         self._reference()
         self._outlet.say('feeling for the surface of the gel')
-        self.surface = surface = self._patiently(lambda: find_surface(self._settings, self._safe_z_mm))
+        self.surface = surface = self._recovery.patiently(lambda: find_surface(self._settings, self._safe_z_mm))
         self._check_safe_height(surface)
         self._ground = Ground(surface, self._safe_z_mm, zero, noise)
         self._outlet.say(
@@ -289,13 +264,21 @@ class Campaign:
         self.progress.done = self._journal.done
 
     def _home(self) -> None:
-        """Find the end switches; again when sensor or camera failed meanwhile, for the way leads up and off the gel."""
+        """Find the end switches, which leads up and off the gel."""
+        try:
+            self._home_patiently()
+        finally:
+            self._hands.safety.watching_machine = True
+
+    def _home_patiently(self) -> None:
+        """Again when sensor or camera failed meanwhile: the machine is locked then, until it homes."""
         for _ in range(self._settings.limits.attempts - 1):
             try:
                 return self._hands.home()
             except TrippedError as tripped:
                 if tripped.trip.kind not in {SENSOR, CAMERA}:
                     raise
+                self._hands.safety.watching_machine = False
                 self._outlet.say(f'{tripped.trip.reason}; homing again when it is well')
                 await_recovery(self._hands, self._settings.limits, tripped.trip.reason)
         return self._hands.home()

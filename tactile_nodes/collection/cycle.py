@@ -15,19 +15,26 @@ from tactile_nodes.collection.rising import rising
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.steady import Settling
 from tactile_nodes.collection.surface import Surface
-from tactile_nodes.collection.wrench import Tare, as_wrench, on_gel, pressing_n, slope, tare_of, wrenches
+from tactile_nodes.collection.up import check_free
+from tactile_nodes.collection.wrench import (
+    Tare,
+    as_wrench,
+    length,
+    mean_noise,
+    on_gel,
+    pressing_n,
+    slope,
+    tare_of,
+    wrenches,
+)
 from tactile_nodes.drivers.force_torque import Sample, Wrench
-from tactile_nodes.errors import DeviceFaultError
 
 LOOK_S = 0.02
-UNLOADED_S = 0.1
-FREE_LOOKS = 20  # not seconds: a computer that pauses is no sensor that is silent
 SHOWN = 1.5  # times the change by noise alone
 WINDOW_PATIENCE_S = 2.0
 SLOWEST_FPS = 5.0
 NS_PER_S = 1e9
 UNKNOWN: Wrench = (math.nan,) * 6
-NOISE_SIGMAS = 4.0
 LONGEST_GAP = 2.5  # of the usual time between images
 
 
@@ -52,6 +59,8 @@ class Record:
     force_rate: float = math.nan
     depth_reported_mm: float = math.nan
     reason: str = ''
+    aside: bool = False
+    """The force was too great: not to be tried again unattended."""
 
 
 @dataclass(frozen=True)
@@ -92,27 +101,6 @@ def press_cycle(record: Record, ground: Ground, settings: CollectionSettings) ->
         yield from check_free(record.tare, settings)
 
 
-def check_free(tare: Tare, settings: CollectionSettings) -> Procedure[None]:
-    """At the safe height nothing may touch: else sideways motion would tear the gel.
-
-    Raises:
-        DeviceFaultError: something does, or nobody can say.
-    """
-    seen = yield Look(UNLOADED_S)
-    start_ns = seen.since_ns  # how long a sensor may pause is for the safety to say, which ends this
-    for _ in range(FREE_LOOKS):
-        if seen.samples:
-            break
-        seen = yield Look(UNLOADED_S, start_ns)
-    if not seen.samples:
-        raise DeviceFaultError('no force sample came above the gel, so nobody knows whether the tip is free')
-    force = _mean_change(seen.samples, tare)
-    if not force <= settings.press.unloaded_n + _mean_noise(tare, len(seen.samples)):
-        raise DeviceFaultError(
-            f'{force:.2f} N are left after the tip went up to the safe height; does z move, does the gel stick?'
-        )
-
-
 def _tare(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
     seen = yield Look(settings.press.tare_s)
     untouched_ns = seen.since_ns
@@ -122,13 +110,13 @@ def _tare(record: Record, ground: Ground, settings: CollectionSettings) -> Proce
         raise RejectedError('the force/torque sensor reported a fault during the tare')
     tare = record.tare = tare_of(seen.samples)
     yield SetTare(tare)
-    drift = _length(np.subtract(tare.wrench[:3], ground.zero.wrench[:3]))
+    drift = length(np.subtract(tare.wrench[:3], ground.zero.wrench[:3]))
     if drift > settings.press.drift_n:
         raise RejectedError(f'the untouched force has changed by {drift:.2f} N since the start; is the tip free?')
     half = len(seen.samples) // 2
     first, last = tare_of(seen.samples[:half]), tare_of(seen.samples[half:])
-    wander = _length(np.subtract(last.wrench[:3], first.wrench[:3]))
-    if wander > settings.press.unloaded_n + 2 * _mean_noise(ground.zero, half):
+    wander = length(np.subtract(last.wrench[:3], first.wrench[:3]))
+    if wander > settings.press.unloaded_n + 2 * mean_noise(ground.zero, half):
         raise RejectedError(f'the untouched force wandered by {wander:.2f} N during the tare')
     while len(seen.frames) < settings.press.rest_frames:
         if seen.now_ns - untouched_ns > settings.press.settle_s * NS_PER_S:
@@ -228,19 +216,3 @@ def _check_images(record: Record, force_n: float, settings: CollectionSettings) 
 
 def _machine_place(point: Point, settings: CollectionSettings) -> tuple[float, float]:
     return settings.surface.gel_x_mm + point.x_mm, settings.surface.gel_y_mm + point.y_mm
-
-
-def _mean_change(samples: Sequence[Sample], tare: Tare) -> float:
-    if not all(sample.usable for sample in samples):
-        return math.inf
-    return _length(wrenches(samples)[:, :3].mean(axis=0) - np.array(tare.wrench[:3]))
-
-
-def _mean_noise(tare: Tare, count: int) -> float:
-    """What noise may make of the difference between the mean of `count` samples and the tare."""
-    return NOISE_SIGMAS * _length(np.array(tare.deviation[:3])) / math.sqrt(max(1, count))
-
-
-def _length(values: np.ndarray) -> float:
-    measured = values[~np.isnan(values)]
-    return float(np.hypot.reduce(measured)) if len(measured) else math.nan

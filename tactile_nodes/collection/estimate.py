@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tactile_nodes.collection.anchors import NO_PRESS
-from tactile_nodes.collection.cycle import LOOK_S, UNLOADED_S
+from tactile_nodes.collection.cycle import LOOK_S
+from tactile_nodes.collection.journal import NO_PRESS
 from tactile_nodes.collection.order import least_rest, travel_mm
 from tactile_nodes.collection.plan import Point
 from tactile_nodes.collection.progress import duration
@@ -22,6 +22,7 @@ from tactile_nodes.collection.rest import LOOK_S as REST_LOOK_S
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.surface import BACK_OFF_STEPS, CORNERS
 from tactile_nodes.collection.sync_pattern import pattern_gaps
+from tactile_nodes.collection.up import UNLOADED_S
 from tactile_nodes.drivers.cnc import CncSettings
 
 ACCELERATION = 200.0  # mm/s² of each axis, where the machine is not asked

@@ -163,17 +163,24 @@ class Hands:
             DeviceError: the machine does not obey, or does not know where it is.
         """
         self._await_stopped()
-        was_well = self.safety.trip is None
+        before = self.safety.trip
         try:
             self.cnc.retract()
         except DeviceError:
-            if not was_well or self.safety.trip is None:
+            if self.safety.trip is before:
                 raise
             self._await_stopped()  # the guard stopped the way up; it stops nothing twice, so this one leads there
             self.cnc.retract()
         if self._line:
             self.switch(False)
-        self._status()
+        if not self._status().homed:
+            raise DeviceFaultError('the machine does not know where it is, so nobody knows whether the tip is up')
+
+    def overlook(self, seconds: float) -> Sequence[Sample]:
+        """What the sensor measures from now on, whatever else is wrong."""
+        since_ns = self.clock.now_ns()
+        self.clock.sleep_until(since_ns + round(seconds * NS_PER_S))
+        return self.readings.samples(since_ns)
 
     def _await_stopped(self) -> None:
         if self._stopped is not None and not self._stopped(STOP_WAIT_S):

@@ -8,6 +8,7 @@ the run goes on. A line that was cut off by a power cut is the last one, and is 
     {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "found in the bag"}
     {"press": 0, "attempt": 0, "step": "anchored", "stamp_ns": …, "reason": "x +0.01, y -0.00, z +0.01 mm"}
+    {"press": 0, "attempt": 0, "step": "ended", "stamp_ns": …}
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ from tactile_nodes.errors import ConfigurationError, TactileError
 
 VERSION = 1
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
-SUSPECT, ANCHORED = 'suspect', 'anchored'
-STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ANCHORED)
+SUSPECT, ANCHORED, ASIDE = 'suspect', 'anchored', 'aside'
+BEGUN, ENDED, HALTED, ACKNOWLEDGED = 'begun', 'ended', 'halted', 'acknowledged'
+OF_THE_RUN = (BEGUN, ENDED, HALTED, ACKNOWLEDGED)
+NO_PRESS = 0
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ANCHORED, ASIDE, *OF_THE_RUN)
 DONE = (RECORDED, VERIFIED)
 
 
@@ -36,9 +40,11 @@ class Entry:
     """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
     `rejected` (not to be used, `reason` says why), `missing` (not found in the bag, or of a run before
     one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
-    done again).
+    done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order).
 
-    `anchored`, of press 0, is a step of none: whatever was recorded until then, was at its place."""
+    Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `begun`: from now on
+    the machine moves; `ended`: the tip is up; `halted`: the force was not bearable, and a person has to look;
+    `acknowledged`: one has."""
 
     press: int
     attempt: int
@@ -63,6 +69,8 @@ class Journal:
         self._rejects: dict[int, int] = {}
         self._reasons: list[Entry] = []
         self._confirmed: set[tuple[int, int]] = set()
+        self._aside: set[int] = set()
+        self._run: Entry | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -97,6 +105,10 @@ class Journal:
         self._write(entry.__dict__)
         self._take(entry)
 
+    def note_run(self, step: str, stamp_ns: int, reason: str = '') -> None:
+        """Write a step of the run itself. Raises as `note`."""
+        self.note(NO_PRESS, 0, step, stamp_ns, reason)
+
     def begin_anew(self, stamp_ns: int) -> int:
         """Have every press done again, under another number than before; how many were done already."""
         done = [entry for entry in self._last.values() if entry.step in DONE]
@@ -122,8 +134,9 @@ class Journal:
         return self._last.get(press)
 
     def left(self, order: Iterable[Point], most_attempts: int) -> list[Point]:
-        """What is still to do, in this order: neither done, nor rejected as often as allowed."""
-        return [p for p in order if not self.is_done(p.press) and self.rejects(p.press) < most_attempts]
+        """What is still to do, in this order: neither done, nor put aside, nor rejected as often as allowed."""
+        left = (point for point in order if not self.is_done(point.press) and point.press not in self._aside)
+        return [point for point in left if self.rejects(point.press) < most_attempts]
 
     def unverified(self) -> list[Entry]:
         """The last step of each press that was begun and that no bag has confirmed, done or broken off."""
@@ -138,6 +151,21 @@ class Journal:
     def done(self) -> int:
         """How many presses need no further attempt."""
         return sum(entry.step in DONE for entry in self._last.values())
+
+    @property
+    def aside(self) -> list[int]:
+        """The presses at which the force was too great, and which were not made since."""
+        return sorted(press for press, entry in self._last.items() if entry.step == ASIDE)
+
+    @property
+    def halted(self) -> str:
+        """Why a run was halted, if nobody has acknowledged that."""
+        return self._run.reason if self._run is not None and self._run.step == HALTED else ''
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether a run has begun and, as far as is written, not brought the tip up."""
+        return self._run is not None and self._run.step in {BEGUN, ACKNOWLEDGED}
 
     @property
     def rejected(self) -> list[Entry]:
@@ -175,7 +203,7 @@ class Journal:
     def _entry(self, line: bytes, number: int) -> Entry:
         try:
             entry = Entry(**self._parsed(line, number))
-            least = 0 if entry.step == ANCHORED else 1
+            least = NO_PRESS if entry.step in {ANCHORED, *OF_THE_RUN} else 1
             if entry.step not in STEPS or not least <= entry.press <= len(self._plan.points):
                 raise TypeError(entry.step)
         except (TypeError, ValueError) as error:
@@ -198,13 +226,25 @@ class Journal:
         if entry.step == ANCHORED:
             self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
             return
+        if entry.step in OF_THE_RUN:
+            self._take_run(entry)
+            return
         if entry.step == STARTED:
             self._last.pop(entry.press, None)  # it is the latest now
         self._last[entry.press] = entry
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
-        if entry.step == REJECTED:
+        if entry.step == ASIDE:
+            self._aside.add(entry.press)
+        if entry.step in {REJECTED, ASIDE}:
             self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
             self._reasons.append(entry)
+
+    def _take_run(self, entry: Entry) -> None:
+        """That the tip is up answers no halt; the next start, by a person, tries again what was put aside."""
+        if entry.step == ENDED:
+            self._aside.clear()
+        if not (entry.step == ENDED and self.halted):
+            self._run = entry
 
     def _write(self, values: dict[str, Any]) -> None:
         line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Entry
+from tactile_nodes.collection.person import Person
 from tactile_nodes.collection.readings import Picture
 
 
@@ -19,6 +20,7 @@ class Outlet:
         rest_image: a new one, and the stamp of its last frame.
         say: a line for a person.
         require_recorder: whether somebody records; raises when nobody has done so for too long.
+        person: who has to look when only a person can tell.
         missing: looks for what was recorded in the bags, and says how many presses it has marked as to be done again.
         suspect: an attempt that was recorded was perhaps not at its place, and why.
         recall: the attempt of an entry as it was recorded, with its images; None where they are no more.
@@ -31,3 +33,4 @@ class Outlet:
     suspect: Callable[[Entry, str], None]
     recall: Callable[[Entry], Record | None]
     missing: Callable[[], int]
+    person: Person

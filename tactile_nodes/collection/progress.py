@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Sequence
 
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.plan import Point
 
 BAR = 24
+NAMED = 10
 NS_PER_S = 1e9
 
 
@@ -61,11 +63,19 @@ class Progress:
     def summary(self, journal: Journal) -> str:
         """'10952 of 10952 presses recorded, 10952 of them now; 2 attempts rejected (2 times the camera …)'"""
         text = f'{self.done} of {self.presses} presses recorded, {self.done - self.before} of them now'
+        if aside := journal.aside:
+            text += f'; {len(aside)} put aside until the next run ({_listed(aside)})'
         if not self.rejected:
             return text
         reasons = Counter(entry.reason.split(':')[0] for entry in journal.rejected[-self.rejected :])
         told = '; '.join(f'{count} x {reason}' for reason, count in reasons.most_common(3))
         return f'{text}; {self.rejected} attempts rejected ({told})'
+
+
+def _listed(presses: Sequence[int]) -> str:
+    """'press 3, 17, 20 and 4 more'"""
+    told, more = presses[:NAMED], len(presses) - NAMED
+    return f'press {", ".join(map(str, told))}' + (f' and {more} more' if more > 0 else '')
 
 
 def duration(seconds: float) -> str:

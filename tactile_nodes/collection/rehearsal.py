@@ -89,7 +89,7 @@ class Rehearsal:
         self._tripped: Trip | None = None
         self._camera = camera or self._small_picture
         self.cnc: Cnc = open_cnc(cnc, self.clock, machine=world)
-        self.safety = Safety(settings.limits, self._stop, rate_hz)
+        self.safety = Safety(settings.watched, self._stop, rate_hz)
         self.sensor: ForceTorqueSensor = SimulatedForceTorque(
             ForceTorqueSettings(rate_hz=rate_hz), self.clock, Mounted(world)
         )

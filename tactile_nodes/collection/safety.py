@@ -1,6 +1,7 @@
 """When everything must stop. Fed with every force sample in the thread that reads the sensor, and with the time.
 
-It only decides; whoever it tells (`on_trip`) stops the machine. The first reason stands until `reset`.
+It only decides; whoever it tells (`on_trip`) stops the machine. The first reason stands until `reset`, unless the force
+goes on to what is not bearable.
 """
 
 from __future__ import annotations
@@ -19,14 +20,19 @@ from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
 UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so nobody knows how old its samples are'
+OVERLOAD = 'overload'
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 SETTLING_PERIODS = 4  # until a converter that averages shows a step fully (HX711)
+TICK_NS = 30 * NS_PER_MS  # what is more between two ticks, this process did not run
 
 
 @dataclass(frozen=True)
 class Trip:
-    """Why everything stopped: whose fault it is (`FORCE`, `SENSOR`, `CAMERA`, `MACHINE`), a sentence, and when."""
+    """Why everything stopped: whose fault it is, a sentence, and when.
+
+    `FORCE`: greater than a press may make it; `OVERLOAD`: greater than gel, tip and sensor bear, so that a person has
+    to look; `SENSOR`, `CAMERA`, `MACHINE`: one of these."""
 
     kind: str
     reason: str
@@ -54,11 +60,14 @@ class Safety:
         self._frame_ns = 0
         self.silence_ms = permitted_ms(limits.force_silence_ms, rate_hz)
         self.settling_ns = round(SETTLING_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
-        self._since_ns = 0
+        self._since_ns = self._ticked_ns = 0
+        self._absent_ns = {SENSOR: 0, CAMERA: 0}
         self.trip: Trip | None = None
         self.greatest_n = 0.0
         self.watching = False
         self.watching_camera = False
+        self.watching_machine = True
+        self._late = False
 
     def tare(self, zero: Wrench) -> None:
         """From now on the force is the change since this one."""
@@ -83,6 +92,10 @@ class Safety:
         self._newest = sample
         if not self.watching:
             return
+        if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
+            wrong = told(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
+            self._stop(OVERLOAD, f'the load is beyond what the force/torque sensor allows: {wrong}', sample.arrival_ns)
+            return
         if sample.flags & UNUSABLE:
             wrong = told(sample.flags & UNUSABLE)
             self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
@@ -102,20 +115,49 @@ class Safety:
         self._frame_ns = arrival_ns
 
     def tick(self, now_ns: int, machine: Health) -> None:
-        """Time has passed; look for who is silent."""
+        """Time has passed; look for who is silent.
+
+        What came while this process got no processor waits to be read, so that time is no silence of a device.
+        """
+        absent_ns = max(0, now_ns - self._ticked_ns - TICK_NS) if self._ticked_ns else 0
+        self._ticked_ns = now_ns
         if not self.watching:
             return
-        if wrong := too_old(self._newest, self._since_ns, now_ns, self.silence_ms):
+        if wrong := self._old_sample(now_ns, absent_ns):
             self._stop(SENSOR, f'the force/torque sensor {wrong}', now_ns)
-        silent_ns = now_ns - max(self._frame_ns, self._since_ns)
-        if self.watching_camera and silent_ns > self._limits.camera_silence_ms * NS_PER_MS:
-            self._stop(CAMERA, f'the camera has sent no image for {silent_ns / NS_PER_MS:.0f} ms', now_ns)
-        if machine.level is Level.ERROR:
+        if wrong := self._old_frame(now_ns, absent_ns):
+            self._stop(CAMERA, wrong, now_ns)
+        late, self._late = self._late, absent_ns > 0
+        if self.watching_machine and machine.level is Level.ERROR and (late or not absent_ns):
             self._stop(MACHINE, machine.message, now_ns)
 
     def fail(self, kind: str, reason: str, now_ns: int) -> None:
         """Somebody else found that everything must stop."""
         self._stop(kind, reason, now_ns)
+
+    def _old_sample(self, now_ns: int, absent_ns: int) -> str:
+        def wrong(excused_ns: int) -> str:
+            return too_old(self._newest, self._since_ns, now_ns - excused_ns, self.silence_ms)
+
+        return self._excused(SENSOR, wrong, absent_ns)
+
+    def _old_frame(self, now_ns: int, absent_ns: int) -> str:
+        silent_ns = now_ns - max(self._frame_ns, self._since_ns)
+
+        def wrong(excused_ns: int) -> str:
+            if not self.watching_camera or silent_ns - excused_ns <= self._limits.camera_silence_ms * NS_PER_MS:
+                return ''
+            return f'the camera has sent no image for {silent_ns / NS_PER_MS:.0f} ms'
+
+        return self._excused(CAMERA, wrong, absent_ns)
+
+    def _excused(self, device: str, wrong: Callable[[int], str], absent_ns: int) -> str:
+        """What is wrong even without the time in which this process did not run since the device was well."""
+        if not wrong(0):
+            self._absent_ns[device] = 0
+            return ''
+        self._absent_ns[device] += absent_ns
+        return wrong(self._absent_ns[device])
 
     def _change(self, wrench: Wrench) -> tuple[float, float]:
         with self._lock:
@@ -126,7 +168,9 @@ class Safety:
 
     def _check_force(self, sample: Sample, force: float, torque: float) -> None:
         limits, now_ns = self._limits, sample.arrival_ns
-        if force > limits.force_n:
+        if force > limits.bearable_n:
+            self._stop(OVERLOAD, f'the force is {force:.2f} N, more than the bearable {limits.bearable_n:g} N', now_ns)
+        elif force > limits.force_n:
             self._stop(FORCE, f'the force is {force:.2f} N, above the limit of {limits.force_n:g} N', now_ns)
         elif 0 < limits.torque_nm < torque:
             self._stop(FORCE, f'the torque is {torque:.3f} N m, above the limit of {limits.torque_nm:g} N m', now_ns)
@@ -148,7 +192,7 @@ class Safety:
 
     def _stop(self, kind: str, reason: str, now_ns: int) -> None:
         with self._lock:
-            if self.trip is not None:
+            if self.trip is not None and not (kind == OVERLOAD != self.trip.kind):
                 return
             self.trip = Trip(kind, reason, now_ns)
         if self._on_trip is not None:

@@ -17,6 +17,7 @@ from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
+from tactile_nodes.collection.person import Person
 from tactile_nodes.collection.plan import PlanSettings, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.recall import recalled
@@ -33,6 +34,7 @@ from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
+ASK, GO_ON = 'ask', 'go_on'
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
 """Why a rig that was just switched on may not open; a fault it would tell again."""
 
@@ -45,6 +47,11 @@ class RigSettings(CollectionSettings):
     plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
     plan: PlanSettings = field(default_factory=PlanSettings)
     anew: bool = parameter(False, 'do the whole plan again at each start, instead of what the journal leaves of it')
+    after_kill: str = parameter(
+        ASK,
+        'after a run that was cut off: ask a person before anything moves, or go_on by itself',
+        choices=(ASK, GO_ON),
+    )
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
@@ -78,16 +85,20 @@ class Session:
         publishers: one for each of `voice.TOPICS`.
         clock: the host's.
         log: for a person.
+        answer: what a person types to answer a question of the run.
 
     Raises:
         ConfigurationError: a plan, a journal or a limit that cannot be.
         DeviceError: a device that does not come within `wait_s`.
     """
 
-    def __init__(self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log) -> None:
+    def __init__(
+        self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log, answer: str
+    ) -> None:
         self._settings = s = with_indenter(settings)
         self._clock = clock
         self._log = log
+        self.person = Person(answer, log.warn, clock)
         plan = load_plan_settings(plan_path(s.plan_file)) if s.plan_file else s.plan
         self.plan = make_plan(plan)
         frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
@@ -105,11 +116,13 @@ class Session:
             outlet = Outlet(
                 self._record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
                 lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
+                self.person,
             )  # fmt: skip
             order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
             self.campaign = Campaign(
-                self.plan, order, self._journal, station.hands, s, s.cnc.safe_z_mm, outlet, period_s
-            )
+                self.plan, order, self._journal, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
+                s.after_kill == GO_ON,
+            )  # fmt: skip
         except BaseException:
             self.close()
             raise
@@ -203,3 +216,5 @@ class Session:
                 f'going on with plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
                 f'there, {found} of them just found in the bags; {missing} not found will be done again'
             )
+        if aside := self._journal.aside:
+            self._log.info(f'{len(aside)} presses were put aside because the force was too great; see the journal')

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from tactile_nodes.params import parameter
+
+SHORTEST_TOOL_MM = 10.0  # a tool without length would allow no torque at all
 
 
 @dataclass(frozen=True)
 class LimitSettings:
     """When everything stops. Each is looked at for every sample, or every 10 ms where silence is the sign."""
 
-    force_n: float = parameter(3.0, 'greatest change of the force since the last tare [N]', minimum=0.05)
-    bearable_n: float = parameter(5.0, 'greatest force that gel, tip and sensor bear [N]', minimum=0.05)
+    force_n: float = parameter(3.0, 'a greater change of the force since the tare puts a press aside [N]', minimum=0.05)
+    bearable_n: float = parameter(5.0, 'what gel, tip and sensor bear; beyond, a person has to look [N]', minimum=0.05)
     stiffness_n_mm: float = parameter(2.0, 'steepest rise of the force with depth [N/mm]', minimum=0.01)
     stop_ms: float = parameter(75.0, 'from a force at the sensor to the machine braking, at worst', minimum=1.0)
     brake_mm_s2: float = parameter(200.0, 'slowest deceleration of z (Grbl: $122) [mm/s²]', minimum=1.0)
@@ -22,7 +24,7 @@ class LimitSettings:
         minimum=0.0,
         maximum=1.0,
     )
-    torque_nm: float = parameter(0.0, 'greatest change of the torque since the last tare [N m]; 0.0: any', minimum=0.0)
+    torque_nm: float = parameter(0.0, 'likewise of the torque [N m]; 0.0: force_n at the end of the tool', minimum=0.0)
     force_rate_n_s: float = parameter(40.0, 'fastest rise of the force over rate_ms [N/s]', minimum=0.1)
     rate_ms: float = parameter(40.0, 'over which the rise of the force is taken', minimum=1.0)
     depth_mm: float = parameter(2.2, 'no press of a plan, and no search, goes deeper', minimum=0.0, maximum=10.0)
@@ -130,3 +132,14 @@ class CollectionSettings:
     sync: SyncSettings = field(default_factory=SyncSettings)
     reference_every: int = parameter(100, 'presses after which a new rest image is taken', minimum=1)
     reference_frames: int = parameter(16, 'images averaged for it', minimum=1)
+
+    @property
+    def watched(self) -> LimitSettings:
+        """The limits, with one of the torque: where none is set, that of the greatest force across the end of the tool.
+
+        3 N and 60 mm give 0.18 N m.
+        """
+        if self.limits.torque_nm:
+            return self.limits
+        lever_mm = max(self.mounting.tool_mm, SHORTEST_TOOL_MM)
+        return replace(self.limits, torque_nm=self.limits.force_n * lever_mm / 1000)

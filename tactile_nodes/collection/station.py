@@ -71,7 +71,7 @@ class Station:
         except BaseException:
             self.cnc.close()
             raise
-        self.safety = Safety(settings.limits, self.guard.trip, self.sensor.expected_hz)
+        self.safety = Safety(settings.watched, self.guard.trip, self.sensor.expected_hz)
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
         stopped = self.guard.stopped.wait

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.anchors import NO_PRESS, Anchors, Shift
+from tactile_nodes.collection.anchors import Anchors, Shift
 from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import ANCHORED, SUSPECT, Entry, Journal
 from tactile_nodes.collection.outlet import Outlet
@@ -121,7 +121,7 @@ class Trust:
         self._confirm(shift)
 
     def _confirm(self, shift: Shift) -> None:
-        self._journal.note(NO_PRESS, 0, ANCHORED, self._clock.now_ns(), shift.told())
+        self._journal.note_run(ANCHORED, self._clock.now_ns(), shift.told())
 
     def _doubt(self, entries: Sequence[Entry], reason: str) -> int:
         """These count no more; how many they are."""

@@ -21,6 +21,7 @@ from tactile_nodes.errors import DeviceTimeoutError
 
 Array = npt.NDArray[np.float64]
 NS_PER_S = 1e9
+NOISE_SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
@@ -121,3 +122,21 @@ def slope_noise(stamps_ns: Sequence[int], noise: float) -> float:
         return math.inf
     times = (np.array(stamps_ns, np.float64) - stamps_ns[0]) / NS_PER_S
     return noise / math.sqrt(max(float(((times - times.mean()) ** 2).sum()), 1e-12))
+
+
+def mean_change(samples: Sequence[Sample], tare: Tare) -> float:
+    """How much the mean force differs from the tare; infinite where a sample cannot be used."""
+    if not all(sample.usable for sample in samples):
+        return math.inf
+    return length(wrenches(samples)[:, :3].mean(axis=0) - np.array(tare.wrench[:3]))
+
+
+def mean_noise(tare: Tare, count: int) -> float:
+    """What noise may make of the difference between the mean of `count` samples and the tare."""
+    return NOISE_SIGMAS * length(np.array(tare.deviation[:3])) / math.sqrt(max(1, count))
+
+
+def length(values: Array) -> float:
+    """Of a vector, over the axes that are measured; NaN if none is. (3, NaN, 4) gives 5."""
+    measured = values[~np.isnan(values)]
+    return float(np.hypot.reduce(measured)) if len(measured) else math.nan

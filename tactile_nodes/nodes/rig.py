@@ -1,9 +1,9 @@
 """Presses the gel by a plan and tells what it measures: machine, force/torque sensor, and the images of a camera node.
 
 Publishes ``force_torque``, ``force_torque_counts``, ``rig_state``, ``sync_edge``, ``press``, ``press_image`` and
-``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume`` and ``~/stop`` (std_srvs/Trigger). It ends by
-itself with the plan.
-Killed, it may be started again at once, and goes on with the next press; where a run failed, a person has to look.
+``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and ``~/acknowledge``
+(std_srvs/Trigger). It ends by itself with the plan. Killed, it may be started again at once, and then asks a person
+before anything moves, unless ``after_kill`` is ``go_on``; where a run failed, a person has to look.
 """
 
 from __future__ import annotations
@@ -48,12 +48,14 @@ class RigNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
-        self._session = Session(self.params, publishers, self.clock, self.log)
+        answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
+        self._session = Session(self.params, publishers, self.clock, self.log, answer)
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/pause', lambda: self._pause(True))
         self.create_trigger('~/resume', lambda: self._pause(False))
         self.create_trigger('~/stop', self._stop_run)
+        self.create_trigger('~/acknowledge', self._acknowledge)
         self.create_timer(STATUS_S, self._report)
         self.run_beside('collection', self._collect)
 
@@ -67,8 +69,9 @@ class RigNode(Node):
     def _report(self) -> None:
         campaign, station = self._session.campaign, self._session.station
         progress = campaign.progress
-        text = progress.line(campaign.now)
-        level = Level.WARN if campaign.paused or station.safety.trip is not None else Level.OK
+        text = self._session.person.question or progress.line(campaign.now)
+        waits = campaign.paused or bool(self._session.person.question)
+        level = Level.WARN if waits or station.safety.trip is not None else Level.OK
         self.report(
             'collection', level, text, plan=self._session.plan.plan_id, done=progress.done, presses=progress.presses,
             rejected=progress.rejected, seconds_left=progress.seconds_left, greatest_force_n=station.safety.greatest_n,
@@ -89,6 +92,9 @@ class RigNode(Node):
         else:
             self.kept.drop(_PAUSED)
         return 'pausing after this press' if paused else 'going on'
+
+    def _acknowledge(self) -> str:
+        return 'going on' if self._session.person.answer() else 'nothing is asked at the moment'
 
     def _stop_run(self) -> str:
         self._session.stop()

@@ -14,6 +14,7 @@ from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import MISSING, Entry, Journal
 from tactile_nodes.collection.order import ordered
 from tactile_nodes.collection.outlet import Outlet
+from tactile_nodes.collection.person import Person
 from tactile_nodes.collection.plan import Plan, PlanSettings, make_plan
 from tactile_nodes.collection.rehearsal import Rehearsal
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
@@ -76,6 +77,7 @@ class Run:
         plan: PlanSettings = PLAN,
         world: WorldSettings | None = None,
         seen: Dots | None = None,
+        unasked: bool = True,
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
@@ -89,6 +91,7 @@ class Run:
         self.suspects: list[tuple[int, int]] = []
         self.earlier: list[Record] = []
         self.unrecorded: set[int] = set()
+        self.person = Person('answer', self.said.append, self.rig.clock)
         outlet = Outlet(
             record=self._record,
             rest_image=lambda image, at_ns: self.rests.append(at_ns),
@@ -97,9 +100,12 @@ class Run:
             say=self.said.append,
             require_recorder=lambda: True,
             missing=self._missing,
+            person=self.person,
         )
         order = ordered(self.plan, plan)
-        self.campaign = Campaign(self.plan, order, self.journal, self.rig.hands, settings, SAFE_Z_MM, outlet)
+        self.campaign = Campaign(
+            self.plan, order, self.journal, self.rig.hands, settings, SAFE_Z_MM, outlet, unasked=unasked
+        )
 
     def at(self, presses: int, act: Callable[[], None]) -> None:
         self._acts[presses] = act

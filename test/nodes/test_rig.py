@@ -18,8 +18,9 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.runtime import run_until
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
-from tactile_nodes.collection.journal import STARTED, VERIFIED, Journal
+from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
+from tactile_nodes.collection.journal import BEGUN, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan import PlanSettings, make_plan
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
@@ -259,3 +260,34 @@ def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
     again = RigNode(bus, arguments(tmp_path, f'anew: {anew}'), SystemClock())
     assert again._session.campaign.progress.done == done
     again.close()
+
+
+def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
+    bus: InProcessBus, start: Callable[[], Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = make_plan(PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.5,)))
+    with Journal(tmp_path / f'{plan.plan_id}.jsonl', plan) as journal:
+        journal.note_run(BEGUN, 10)  # and then it was killed
+    kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
+    states = listen(bus, topics.RIG_STATE)
+    rig = start()
+    wait_until(lambda: bool(rig.node._session.person.question))
+    asked_ns = rig.node.clock.now_ns()
+    wait_until(lambda: rig.node.clock.now_ns() > asked_ns + 5 * NS_PER_S)
+    assert not drained(states)
+    assert "then type: tactile service call /rig/acknowledge std_srvs/srv/Trigger '{}'" in capsys.readouterr().err
+    assert bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), 5.0).message == 'going on'
+    wait_until(lambda: not rig.node.spinning)
+    assert rig.node.failure is None
+    assert sorted(each.press for each in drained(kept[0])) == [1, 2]
+
+
+def test_an_answer_that_nobody_asked_for_lets_nothing_go_on_later(bus: InProcessBus, tmp_path: Path) -> None:
+    node = RigNode(bus, arguments(tmp_path), SystemClock())
+    spinning = threading.Thread(target=node.spin)
+    spinning.start()
+    told = bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), PATIENCE_S).message
+    node.stop()
+    spinning.join()
+    node.close()
+    assert told == 'nothing is asked at the moment'

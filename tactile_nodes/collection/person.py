@@ -1,0 +1,46 @@
+"""Somebody who has to look at the rig before anything moves again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tactile_nodes.clock import NS_PER_S, Clock
+
+LOOK_S = 0.05
+
+
+class Person:
+    """Is asked by the thread of the run, and answers from any other.
+
+    Args:
+        how: what to type for an answer.
+        tell: says a line where a person sees it.
+        clock: the host's.
+    """
+
+    def __init__(self, how: str, tell: Callable[[str], None], clock: Clock) -> None:
+        self._how = how
+        self._tell = tell
+        self._clock = clock
+        self._why = ''
+
+    @property
+    def question(self) -> str:
+        """What is asked now; empty: nothing."""
+        return f'{self._why}; look at machine, tip and gel, then type: {self._how}' if self._why else ''
+
+    def ask(self, why: str, is_over: Callable[[], bool]) -> bool:
+        """Wait for an answer; false: none came before it was over."""
+        self._why = why
+        self._tell(self.question)
+        try:
+            while self._why and not is_over():
+                self._clock.sleep_until(self._clock.now_ns() + round(LOOK_S * NS_PER_S))
+            return not self._why
+        finally:
+            self._why = ''
+
+    def answer(self) -> bool:
+        """It may go on; false: nobody has asked."""
+        asked, self._why = bool(self._why), ''
+        return asked

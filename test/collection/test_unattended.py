@@ -1,0 +1,188 @@
+"""What a rig does unasked when nobody stands by, and what it does not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from collecting import in_a_process
+from rehearsing import SAFE_Z_MM, Run, changed
+
+from tactile_nodes.collection.up import bring_up
+from tactile_nodes.collection.wrench import Tare
+from tactile_nodes.drivers.cnc import CncState, CncStatus
+from tactile_nodes.emulators.world import Wrench
+from tactile_nodes.errors import DeviceFaultError
+
+ALL = list(range(1, 13))
+DEEP = [press for press in ALL if press % 2 == 0]  # 1.5 mm, which is more than 0.5 N
+SOFT = {'force_n': 0.5, 'rejects_in_a_row': 20}
+BUMP: Wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # more than the bearable 5 N
+
+
+def bump(run: Run, wrench: Wrench = BUMP, seconds: float = 0.05) -> Callable[[], None]:
+    """Something hits the tool."""
+
+    def hit() -> None:
+        felt = run.world.wrench_at
+        run.world.wrench_at = lambda _: wrench  # type: ignore[method-assign]
+        run.after(seconds, lambda: setattr(run.world, 'wrench_at', felt))
+
+    return hit
+
+
+def steps(run: Run) -> list[tuple[int, str]]:
+    lines = run.journal.path.read_text(encoding='ascii').splitlines()[1:]
+    return [(entry['press'], entry['step']) for entry in map(json.loads, lines)]
+
+
+def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_that_run(tmp_path: Path) -> None:
+    run = Run(tmp_path, changed(limits=SOFT))
+    ended = run.campaign.run()
+    assert sorted(record.point.press for record in run.told) == ALL  # each once, attempts is 3
+    assert [press for press, step in steps(run) if step == 'aside'] == [r.point.press for r in run.told if r.reason]
+    assert f'6 put aside until the next run (press {", ".join(map(str, DEEP))})' in ended
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_the_next_run_tries_what_was_put_aside(tmp_path: Path) -> None:
+    first = Run(tmp_path, changed(limits=SOFT))
+    first.campaign.run()
+    first.journal.close()
+    second = Run(tmp_path)
+    second.campaign.run()
+    assert sorted(second.recorded) == DEEP
+
+
+def test_a_process_that_goes_on_after_a_kill_leaves_aside_what_was_put_aside(tmp_path: Path) -> None:
+    first = Run(tmp_path, changed(limits=SOFT))
+    first.campaign.run()
+    lines = first.journal.path.read_text(encoding='ascii').splitlines(keepends=True)
+    assert '"ended"' in lines[-1]
+    first.journal.path.write_text(''.join(lines[:-1]), encoding='ascii')  # as if killed just before
+    first.journal.close()
+    second = Run(tmp_path)
+    second.campaign.run()
+    assert second.told == []
+
+
+def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    places: list[tuple[float, float, float]] = []
+
+    def look() -> None:
+        if run.person.question:
+            places.append(run.world.motor_at(run.rig.clock.now_ns()))
+
+    def hit() -> None:
+        bump(run)()
+        run.after(300.0, run.person.answer)
+
+    run.at(3, run.in_the_gel(hit))
+    run.rig.clock.every(1.0, look)
+    run.campaign.run()
+    question = next(line for line in run.said if 'more than the bearable 5 N' in line and 'then type: answer' in line)
+    assert 'look at machine, tip and gel' in question
+    assert len(places) > 280 and len(set(places)) == 1
+    assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
+    assert [step for press, step in steps(run) if press == 0] == ['begun', 'halted', 'acknowledged', 'ended']
+    assert len(run.recorded) == 11  # one is aside
+
+
+@pytest.mark.parametrize('unasked', [True, False])
+def test_a_run_that_was_halted_and_stopped_is_asked_about_again_whatever_was_said(
+    tmp_path: Path, unasked: bool
+) -> None:
+    first = Run(tmp_path)
+    first.at(3, first.in_the_gel(bump(first)))
+    first.at(4, lambda: first.after(5.0, lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
+    assert 'stopped on request' in first.campaign.run()
+    first.journal.close()
+    second = Run(tmp_path, unasked=unasked)
+    second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
+    assert 'stopped on request' in second.campaign.run()
+    assert any('the run was halted: the force is 6.' in line for line in second.said)
+    assert 'homing' not in second.said
+
+
+def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> None:
+    assert in_a_process(tmp_path, 'killed', 'started', '3') == -9
+    run = Run(tmp_path, unasked=False)
+    start = run.world.motor_at(run.rig.clock.now_ns())
+    places = []
+    run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
+    run.after(600.0, lambda: places.append('answered') or run.person.answer())
+    run.campaign.run()
+    assert 'cut off' in run.said[0] and run.said[0].endswith('then type: answer')
+    assert set(places[: places.index('answered')]) == {start}
+    assert run.journal.done == 12
+
+
+def test_a_run_may_go_on_after_a_kill_where_a_person_said_so_beforehand(tmp_path: Path) -> None:
+    assert in_a_process(tmp_path, 'killed', 'started', '3') == -9
+    run = Run(tmp_path, unasked=True)
+    run.campaign.run()
+    assert run.said[0] == 'homing'
+
+
+def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> None:
+    first = Run(tmp_path, unasked=False)
+    first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
+    first.campaign.run()
+    first.journal.close()
+    second = Run(tmp_path, unasked=False)
+    second.campaign.run()
+    assert second.said[0] == 'homing'
+
+
+def test_a_tip_that_did_not_come_up_is_asked_about(tmp_path: Path) -> None:
+    first = Run(tmp_path)
+    first.at(3, first.in_the_gel(lambda: first.world.stick(2, first.rig.clock.now_ns())))
+    with pytest.raises(DeviceFaultError, match='left after the tip went up'):
+        first.campaign.run()
+    assert any('the tip could not be brought up' in line and 'N are left' in line for line in first.said)
+    first.journal.close()
+    second = Run(tmp_path, unasked=False)
+    second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
+    second.campaign.run()
+    assert 'cut off' in second.said[0]
+
+
+def test_torque_is_limited_where_nobody_set_a_limit(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.at(3, run.in_the_gel(bump(run, (0.0, 0.0, 0.2, 0.25, 0.0, 0.0))))
+    run.campaign.run()
+    # 3 N across the end of a tool of 60 mm.
+    assert run.told[3].reason == 'the torque is 0.250 N m, above the limit of 0.18 N m'
+
+
+def test_a_board_that_restarted_and_says_idle_is_not_believed_to_be_up(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    machine = run.rig.cnc
+    machine.retract = lambda: None  # type: ignore[method-assign]
+    machine.status = lambda: CncStatus(CncState.IDLE, (0.0, 0.0, 0.0), False, 0, 0)  # type: ignore[method-assign]
+    with pytest.raises(DeviceFaultError, match='nobody knows whether the tip is up'):
+        run.rig.hands.retreat()
+
+
+def test_a_machine_that_says_it_is_up_is_not_believed_against_the_force(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    nothing = (0.0,) * 6
+    tare = Tare(nothing, nothing, 50, 0)
+    run.rig.cnc.home()
+    bring_up(run.rig.hands, tare, changed(), doubted=True)  # the force is none
+    run.world.wrench_at = lambda _: (0.0, 0.0, 0.7, 0.0, 0.0, 0.0)  # type: ignore[method-assign]
+    with pytest.raises(DeviceFaultError, match=r'0\.70 N are left although the machine says that the tip is up'):
+        bring_up(run.rig.hands, tare, changed())
+
+
+def test_after_a_fault_of_the_machine_nothing_counts_as_up_that_no_force_confirms(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    nothing = (0.0,) * 6
+    run.rig.cnc.home()
+    run.rig.silent_sensor = True
+    bring_up(run.rig.hands, Tare(nothing, nothing, 50, 0), changed())  # its word is enough while nothing is in doubt
+    with pytest.raises(DeviceFaultError, match='no force says that nothing touches'):
+        bring_up(run.rig.hands, Tare(nothing, nothing, 50, 0), changed(), doubted=True)
