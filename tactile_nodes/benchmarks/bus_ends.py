@@ -17,6 +17,7 @@ from tactile_nodes import messages
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.protocol import Bus, Qos, Received
+from tactile_nodes.bus.sockets import Longest, open_socket
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SystemClock
@@ -86,7 +87,7 @@ class Sender:
         self._send[contender, name] = lambda: publisher.publish(message)
 
     def _add_floor(self, address: str, contender: str, name: str) -> None:
-        socket = self._context.socket(zmq.PUB)
+        socket = open_socket(self._context, zmq.PUB, Longest.WORD)
         socket.set(zmq.SNDHWM, _QUEUE)
         socket.bind(address)
         data, copy = self._bytes[name], contender == FLOORS[0]
@@ -111,7 +112,7 @@ class FloorReceiver:
     def __init__(self, context: zmq.Context[Any], address: str, copy: bool) -> None:
         self._clock = SystemClock()
         self._copy = copy
-        self._socket = context.socket(zmq.SUB)
+        self._socket = open_socket(context, zmq.SUB, Longest.PICTURE)
         self._socket.set(zmq.RCVHWM, _QUEUE)
         self._socket.subscribe(b'')
         self._socket.connect(address)

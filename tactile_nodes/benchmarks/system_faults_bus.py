@@ -18,6 +18,7 @@ from tactile_nodes.bus import topics, wire
 from tactile_nodes.bus.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.protocol import Endpoint, Participant, Qos
 from tactile_nodes.bus.records import Outlet, Record
+from tactile_nodes.bus.sockets import Longest, open_socket
 from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.paths import run_directory
@@ -111,7 +112,8 @@ def _to_sockets(frames: int, chance: random.Random) -> int:
     found = sorted(folder.glob('*.sock'))
     with zmq.Context() as context:
         for file in found:
-            with context.socket(zmq.DEALER if file.name.endswith('.0.sock') else zmq.XSUB) as socket:
+            kind = zmq.DEALER if file.name.endswith('.0.sock') else zmq.XSUB
+            with open_socket(context, kind, Longest.PICTURE) as socket:
                 socket.set(zmq.LINGER, 200)
                 socket.connect(f'ipc://{file}')
                 for _ in range(frames):
@@ -128,7 +130,7 @@ def _to_topics(frames: int, chance: random.Random) -> int:
         sockets, outlets, ends = [], [], []
         for number, topic in enumerate(FORGED, start=1):
             name = topic.name if topic.name.startswith('/') else f'/{topic.name}'
-            sockets.append(context.socket(zmq.XPUB))
+            sockets.append(open_socket(context, zmq.XPUB, Longest.WORD))
             sockets[-1].set(zmq.LINGER, 200)
             sockets[-1].bind(address := meeting.socket_address(number))
             outlets.append(Outlet(f'f0f0f0f0.{number}', name, topic.type_name, address))

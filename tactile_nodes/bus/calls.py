@@ -13,6 +13,7 @@ from tactile_nodes import messages
 from tactile_nodes.bus import wire
 from tactile_nodes.bus.loop import Loop
 from tactile_nodes.bus.protocol import ServiceHandler
+from tactile_nodes.bus.sockets import Longest, open_socket
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import (
     BusError,
@@ -39,7 +40,7 @@ class CallServer:
         self.malformed = 0
         self._find = find
         self._hub = hub
-        self._socket = context.socket(zmq.ROUTER)
+        self._socket = open_socket(context, zmq.ROUTER, Longest.CALL)
         self._socket.set(zmq.LINGER, 200)
         try:
             self._socket.bind(address)
@@ -160,7 +161,10 @@ def _encoded(message: Any, type_name: str) -> bytes:
     found = getattr(message, '__msgtype__', type(message).__name__)
     if found != type_name:
         raise MessageError(f'a {type_name} is expected, not a {found}')
-    return messages.encode(message)
+    data = messages.encode(message)
+    if len(data) > Longest.CALL:
+        raise MessageError(f'a {type_name} of {len(data)} bytes: a call carries {Longest.CALL} at most')
+    return data
 
 
 def _ask(
@@ -175,7 +179,7 @@ def _ask(
     deadline_s = monotonic_s() + timeout_s
     call_id = secrets.token_bytes(8)
     try:
-        with context.socket(zmq.DEALER) as socket:
+        with open_socket(context, zmq.DEALER, Longest.CALL) as socket:
             socket.set(zmq.LINGER, 0)
             socket.connect(address)
             socket.send_multipart([kind, call_id, *frames])

@@ -13,6 +13,7 @@ import zmq
 from zmq.utils import z85
 
 from tactile_nodes.bus.keys import KeyPair
+from tactile_nodes.bus.sockets import Longest, open_socket
 from tactile_nodes.errors import AddressInUseError, BusError, ConfigurationError
 
 PLAIN_TCP = 'anyone on this network may read and send'
@@ -77,9 +78,9 @@ class Link:
         self.refused = 0
         self._allowed = set(security.peers)
         self._context = zmq.Context()
-        self._zap = self._context.socket(zmq.REP)
+        self._zap = open_socket(self._context, zmq.REP, Longest.CALL)
         self._zap.bind(_ZAP)
-        self.socket = self._context.socket(zmq.ROUTER if listens else zmq.DEALER)
+        self.socket = open_socket(self._context, zmq.ROUTER if listens else zmq.DEALER, Longest.PICTURE)
         self.listens = listens
         self._set_options(name, security, ipv6=':' in address.host)
         try:

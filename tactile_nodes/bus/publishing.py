@@ -12,12 +12,15 @@ from tactile_nodes.bus.inprocess import LocalPublisher
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.receiving import SHORTEST_QUEUE
 from tactile_nodes.bus.records import Outlet
-from tactile_nodes.errors import BusError
+from tactile_nodes.bus.sockets import Longest, longest_message, open_socket
+from tactile_nodes.errors import BusError, MessageError
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.zeromq import ZmqBus
 
 LARGE_BYTES = 65536  # below, a copy is cheaper than a second frame
+_WORDS_AT_ONCE = 100  # of subscribers: so many that come together are told at one look, others at the next
+_WORDS = 1  # of one subscriber that wait: who says ten thousand at once shall not hold up what is published
 _LINGER_MS = 200  # so that the last message of a process that ends still leaves
 
 
@@ -28,6 +31,7 @@ class ZmqPublisher(LocalPublisher):
         super().__init__(bus, topic, type_name, qos, node)
         self._meeting = bus.meeting
         self._key = wire.type_key(type_name)
+        self._longest = longest_message(type_name)
         self._sender = self.gid.encode()
         self._listeners = 0
         self.address = self._meeting.socket_address(self.number)
@@ -51,7 +55,7 @@ class ZmqPublisher(LocalPublisher):
     def greet(self) -> None:
         """Give a latched message to listeners that have come since; the others recognise its number."""
         with self._lock:
-            if not self._shut and self._count_listeners() and self.last is not None:
+            if not self._shut and self._count_listeners() and self.last is not None and self._fits(self.last):
                 self._transmit(self.last)
 
     @property
@@ -62,7 +66,16 @@ class ZmqPublisher(LocalPublisher):
 
     def _send_beyond(self, received: Received) -> None:
         if self._listeners > 0:  # counted at each look around, so that publishing need not
+            if not self._fits(received):
+                raise BusError(
+                    f'{self.topic}: a {self.type_name} of {len(received.view)} bytes does not go to other processes, '
+                    f'which take in {self._longest} at most; publish less at once'
+                )
             self._transmit(received)
+
+    def _fits(self, received: Received) -> bool:
+        """Whether the others take it in; who sent more would be cut off by them."""
+        return len(received.view) <= self._longest
 
     def _transmit(self, received: Received) -> None:
         header = wire.pack_header(self._sender, self._key, received.sequence, received.source_ns)
@@ -76,7 +89,9 @@ class ZmqPublisher(LocalPublisher):
     def _count_listeners(self) -> bool:
         """Take in who came and went; whether somebody came."""
         came = False
-        while int(self._socket.get(zmq.EVENTS)) & zmq.POLLIN:
+        for _ in range(_WORDS_AT_ONCE):
+            if not int(self._socket.get(zmq.EVENTS)) & zmq.POLLIN:
+                break
             said = self._socket.recv_multipart()
             if said == [b'\x01']:
                 self._listeners += 1
@@ -100,7 +115,13 @@ class ZmqRelay(ZmqPublisher):
         self._sender = self.gid.encode()
 
     def repeat(self, sequence: int, source_ns: int, data: bytes) -> None:
-        """Publish what the other said as its message number `sequence`."""
+        """Publish what the other said as its message number `sequence`.
+
+        Raises:
+            MessageError: it is longer than any message of its type.
+        """
+        if len(data) > self._longest:
+            raise MessageError(f'{self.topic}: a message of {len(data)} bytes')
         with self._lock:
             if not self._shut and sequence > self.sequence:
                 self.sequence = sequence
@@ -109,8 +130,9 @@ class ZmqRelay(ZmqPublisher):
 
 
 def _bound(context: zmq.Context[Any], address: str, depth: int) -> Any:
-    socket = context.socket(zmq.XPUB)
+    socket = open_socket(context, zmq.XPUB, Longest.WORD)
     try:
+        socket.set(zmq.RCVHWM, _WORDS)
         socket.set(zmq.SNDHWM, depth)
         socket.set(zmq.LINGER, _LINGER_MS)
         socket.set(zmq.XPUB_VERBOSER, 1)  # every coming and going is told, not only the first and the last

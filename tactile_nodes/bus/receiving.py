@@ -14,6 +14,7 @@ from tactile_nodes.bus.discovery import LOOK_EVERY_S
 from tactile_nodes.bus.loop import Loop
 from tactile_nodes.bus.protocol import Received
 from tactile_nodes.bus.records import Outlet, Record
+from tactile_nodes.bus.sockets import longest_message, open_socket
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import MessageError, TactileError
@@ -122,7 +123,7 @@ class Receiver:
     def __init__(self, bus: ZmqBus, topic: str, type_name: str, depth: int) -> None:
         self.topic = topic
         self.type_name = type_name
-        self.socket = bus.context.socket(zmq.SUB)
+        self.socket = open_socket(bus.context, zmq.SUB, longest_message(type_name))
         self.socket.set(zmq.RCVHWM, max(depth, SHORTEST_QUEUE))
         self.socket.set(zmq.LINGER, 0)
         self.socket.subscribe(b'')

@@ -92,6 +92,16 @@ def definition(name: str) -> str:
     return '\n'.join(parts)
 
 
+def repeated(name: str) -> frozenset[str]:
+    """Of what a message of this type may hold any number, such as 'float32' and 'geometry_msgs/msg/Point'.
+
+    Raises:
+        MessageError: no such type.
+    """
+    message_class(name)
+    return frozenset(store().repeated(name))
+
+
 def stamp_ns(time: Any) -> int:
     """A builtin_interfaces/Time as integer nanoseconds."""
     return int(time.sec) * NS_PER_S + int(time.nanosec)

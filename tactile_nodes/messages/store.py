@@ -76,6 +76,15 @@ class MessageStore(Typestore):
             if kind == Nodetype.NAME:
                 yield rest
 
+    def repeated(self, name: str) -> Iterator[str]:
+        """Of what a message may hold any number: the basic types, and the types, of its sequences at any depth."""
+        for _, description in self.fielddefs[name][1]:
+            kind, element = _element(description)
+            if description[0] == Nodetype.SEQUENCE:
+                yield element if kind == Nodetype.NAME else element[0]
+            if kind == Nodetype.NAME:
+                yield from self.repeated(element)
+
     def _frozen_class(self, name: str) -> type[Any]:
         constants, fields = self.fielddefs[name]
         columns = [(normalize_fieldname(field), Any, self._default(description)) for field, description in fields]
