@@ -19,6 +19,7 @@
     │       ├── ServiceUnavailableError   nobody serves it
     │       └── ServiceTimeoutError       somebody serves it, and does not answer
     ├── BagError                    a recording that cannot be written or read
+    ├── AskedToEndError             the process is to end, while something in it still waits
     ├── DatasetError                presses that cannot be learned from: a data set that is missing, damaged or unfit
     └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
 
@@ -50,6 +51,10 @@ class ConfigurationError(TactileError):
 
 class LaunchFileError(ConfigurationError):
     """A launch file that cannot be used."""
+
+
+class AskedToEndError(TactileError):
+    """The process is to end, while something in it still waits."""
 
 
 class DeviceError(TactileError):

@@ -189,6 +189,16 @@ class Estimating:
             )
         return ready
 
+    def misfit(self) -> str:
+        """Why pictures as they come in give no force, and what to do; empty: they do, or none have come."""
+        needs, last = self.now.inputs, self._last
+        if last is None or (last.image_width, last.image_height) == needs.image_size:
+            return ''
+        return (
+            f'they have {Inputs.of_message(last).pixels}, and model {self.now.file.stem} was trained on '
+            f'{needs.pixels}; set the crop of camera or flow_features, or choose a model of that size'
+        )
+
     def previous(self) -> Ready:
         """The model in use before this one; after a restart the one whose place this one took, as its card says.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -28,13 +29,14 @@ class NodeArguments:
     """What a command line says to the nodes of its process.
 
     `parameters` are the blocks of all ``--params-file`` and ``-p`` in the order given; `rest` is what stood outside
-    ``--ros-args`` and belongs to the program itself.
+    ``--ros-args`` and belongs to the program itself. `ending` is set when the process is to end.
     """
 
     remaps: tuple[Remap, ...] = ()
     parameters: tuple[NodeParameters, ...] = ()
     log_level: int = LEVELS['info']
     rest: tuple[str, ...] = ()
+    ending: threading.Event = field(default_factory=threading.Event, compare=False, repr=False)
 
 
 @dataclass

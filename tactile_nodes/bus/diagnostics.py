@@ -19,6 +19,9 @@ class Level(IntEnum):
     STALE = 3
 
 
+NO_HARDWARE = 'none'  # as diagnostic_updater of ROS 2 has it for software
+
+
 @dataclass
 class _Part:
     level: Level = Level.OK
@@ -27,10 +30,13 @@ class _Part:
 
 
 class Diagnostics:
-    """The state of a node's parts ('camera', 'reference'); kept by the node's callbacks, published by its timer."""
+    """The state of a node's parts ('camera', 'reference'); kept by the node's callbacks, published by its timer.
 
-    def __init__(self, node: str, hardware_id: str = '') -> None:
-        self.hardware_id = hardware_id
+    `hardware` says to which device a part speaks: the name by which the operator chose it.
+    """
+
+    def __init__(self, node: str) -> None:
+        self.hardware: dict[str, str] = {}
         self._node = node.lstrip('/')
         self._parts: dict[str, _Part] = {}
         self._lock = threading.Lock()
@@ -44,17 +50,19 @@ class Diagnostics:
             return changed
 
     def message(self, now_ns: int) -> types.DiagnosticArray:
-        """All parts as one message."""
+        """All parts as one message; a node that has said nothing yet is running."""
         with self._lock:
-            statuses = [self._status(name, part) for name, part in self._parts.items()]
+            parts = self._parts or {'node': _Part(Level.OK, 'running')}
+            statuses = [self._status(name, part) for name, part in parts.items()]
         return types.DiagnosticArray(header=types.Header(stamp=time_from_ns(now_ns)), status=statuses)
 
     def _status(self, name: str, part: _Part) -> types.DiagnosticStatus:
+        hardware_id = self.hardware.get(name, NO_HARDWARE)
         return types.DiagnosticStatus(
             level=int(part.level),
             name=f'{self._node}: {name}',
             message=part.text,
-            hardware_id=self.hardware_id,
+            hardware_id=hardware_id,
             values=[types.KeyValue(key=key, value=_text(value)) for key, value in part.values.items()],
         )
 

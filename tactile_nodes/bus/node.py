@@ -24,7 +24,7 @@ from tactile_nodes.bus.qos_overrides import PREFIX, QosOverrides
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock
-from tactile_nodes.errors import MessageError, TactileError
+from tactile_nodes.errors import AskedToEndError, MessageError, TactileError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.params import parameter
 
@@ -65,6 +65,7 @@ class Node:
         self._order = itertools.count()
         self._ends: list[Closing] = []
         self._stopping = self._closed = False
+        self._ending = arguments.ending
         self.failure: TactileError | None = None
         self.spinning = False
         self.clock: Clock = clock or (SteppedClock() if self.params.use_sim_time else SystemClock())
@@ -157,6 +158,15 @@ class Node:
         thread = threading.Thread(target=watched, name=part, daemon=True)
         thread.start()
         return thread
+
+    def still_wanted(self) -> None:
+        """For a constructor that waits: to be asked now and then.
+
+        Raises:
+            AskedToEndError: the process is to end.
+        """
+        if self._ending.is_set():
+            raise AskedToEndError(f'{self.full_name} was asked to end before it had begun')
 
     def on_close(self) -> None:
         """Release what the subclass holds."""

@@ -11,6 +11,7 @@ import threading
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from queue import SimpleQueue
 from types import FrameType
 
@@ -19,7 +20,7 @@ from tactile_nodes.bus.node import Node
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.errors import AskedToEndError, ConfigurationError, TactileError
 
 NodeFactory = Callable[[Bus, NodeArguments], Node]
 
@@ -71,6 +72,8 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
         if arguments.rest and len(factories) == 1:
             raise ConfigurationError(f'{arguments.rest[0]!r} is not understood; parameters follow --ros-args -p')
         return _run(factories, arguments)
+    except AskedToEndError:
+        return 0
     except TactileError as error:
         sys.stderr.write(f'{error}\n')
         return 1
@@ -80,6 +83,7 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
     ending = _Ending(max(getattr(factory, 'END_WITHIN_S', _END_WITHIN_S) for factory in factories))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ending.on_signal)
+    arguments = replace(arguments, ending=ending.done)
     nodes: list[Node] = []
     with ExitStack() as opened:
         opened.callback(ending.over, nodes)

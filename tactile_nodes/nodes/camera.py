@@ -66,6 +66,8 @@ class CameraNode(Node):
         self._camera = opened_within(
             self.params.open_within_s, lambda: open_camera(self.params, self.clock), self.clock, self._waiting
         )
+        name = self._camera.description.get('source', self.params.source)
+        self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture', 'recording'), name)
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
@@ -82,9 +84,11 @@ class CameraNode(Node):
     def _wait_for_listener(self) -> None:
         deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
         while (now_ns := self.clock.now_ns()) < deadline_ns and not self._image.listeners:
+            self.still_wanted()
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
 
     def _waiting(self, error: DeviceError) -> None:
+        self.still_wanted()
         self.log.warn(f'waiting for the camera: {error}', once=type(error).__name__)
 
     def _read(self) -> None:

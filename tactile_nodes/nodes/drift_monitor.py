@@ -10,6 +10,8 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
@@ -22,6 +24,7 @@ from tactile_nodes.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.drift import DriftMonitor
+from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.picture_motion import PictureMotion
 from tactile_nodes.sensing.reference import content_id
 
@@ -56,6 +59,7 @@ class DriftMonitorNode(Node):
         self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
         self._looked_ns = 0
         self._reference_id = ''
+        self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
         self.create_subscription(topics.MODEL_IN_USE, self._on_model)
         self.create_subscription(topics.CALIBRATION_IMAGE, self._on_calibration)
@@ -81,6 +85,7 @@ class DriftMonitorNode(Node):
 
     def _on_reference(self, received: Received) -> None:
         picture = conversions.image_array(received.message)
+        self._rest_shape = picture.shape
         self._reference_id = content_id(picture)
         self._monitor.rest(picture)
         self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
@@ -89,8 +94,14 @@ class DriftMonitorNode(Node):
         at_ns = stamp_ns(received.message.header.stamp)
         if self._reference_id and not 0 <= at_ns - self._looked_ns < self.params.check_s * NS_PER_S:
             self._looked_ns = at_ns
-            self._monitor.frame(at_ns, conversions.image_array(received.message), self._taken_out)
+            self._monitor.frame(at_ns, self._cut(received.message), self._taken_out)
             self._tell(at_ns)
+
+    def _cut(self, message: types.Image) -> np.ndarray:
+        """As the rest image was cut: of other camera nodes come whole pictures."""
+        whole = conversions.image_array(message)
+        (height, width), (rest_height, rest_width) = whole.shape, self._rest_shape
+        return Crop.centred(width, height, rest_width, rest_height).apply(whole)
 
     def _on_features(self, received: Received) -> None:
         self._taken_out = conversions.picture_motion(received.message)

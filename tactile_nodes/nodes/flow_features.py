@@ -27,6 +27,7 @@ from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import decode, encode, stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.geometry import middle_square
 
 _KEPT = 'rest_image'
 
@@ -37,6 +38,11 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
 
     reference: str = parameter(
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
+    )
+    crop: int = parameter(
+        0,
+        'side of the square cut from the middle of each picture [px]; 0: 440 of pictures that are not square',
+        minimum=0,
     )
     skip_frames: int = parameter(0, 'frames left out before the capture at start', minimum=0)
     reference_file: str = parameter('', 'picture (PNG) that a rest image is read from or saved to', read_only=False)
@@ -59,6 +65,7 @@ class FlowFeaturesNode(Node):
         self._following = Following(self.params, self.log.info)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0
+        self._came = ''
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -92,7 +99,7 @@ class FlowFeaturesNode(Node):
         return True
 
     def _on_image(self, received: Received) -> None:
-        image, head = conversions.image_array(received.message), received.message.header
+        image, head = self._picture(received.message), received.message.header
         acquire_s = math.nan if self.params.use_sim_time else (received.source_ns - stamp_ns(head.stamp)) * 1e-9
         features = self._following.answer(image, head, acquire_s=acquire_s, waited_s=self.age_s(received))
         self._features.publish(features)
@@ -102,6 +109,23 @@ class FlowFeaturesNode(Node):
             every = self.params.overlay_every
             if every and self._frames % every == 1 % every:
                 self._save_overlay()
+
+    def _picture(self, message: types.Image) -> np.ndarray:
+        """Our camera node has cut it already, others have not."""
+        picture = middle_square(conversions.image_array(message), self.params.crop)
+        came = f'{message.width}x{message.height} {message.encoding}'
+        if came != self._came:
+            self._came = came
+            self._tell_picture(came, picture)
+        return picture
+
+    def _tell_picture(self, came: str, picture: np.ndarray) -> None:
+        taken = f'{picture.shape[1]}x{picture.shape[0]}'
+        whole = came.startswith(f'{taken} ')
+        how = 'taken whole' if whole else f'{taken} are cut from the middle (parameter crop)'
+        text = f'{self.names.resolve(topics.IMAGE.name)} brings {came}: {how}'
+        self.diagnostics.report('pictures', Level.OK, text)
+        self.log.info(text)
 
     def _on_reference(self, received: Received) -> None:
         image = np.array(conversions.image_array(received.message))

@@ -58,6 +58,7 @@ class ForceEstimatorNode(Node):
         if self.params.compiled:
             use_compiled(tell=self.log.info)
         self._estimating = Estimating(self.params.model)
+        self._misfit = ''
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)
         self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
@@ -89,6 +90,9 @@ class ForceEstimatorNode(Node):
             received.message, asked.frame_id, asked.least_confidence, age_s, average_noise=asked.average_noise
         )
         self._force.publish(force)
+        if (misfit := self._estimating.misfit()) != self._misfit:
+            self._misfit = misfit
+            self.report('pictures', Level.WARN if misfit else Level.OK, misfit or 'they fit the model')
         if self._wrench.listeners:
             self._wrench.publish(conversions.wrench_message(force))
 

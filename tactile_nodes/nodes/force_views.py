@@ -12,11 +12,14 @@ from dataclasses import dataclass
 from tactile_nodes import force_shapes
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
+from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
+
+REPORT_PERIOD_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -54,14 +57,22 @@ class ForceViewsNode(Node):
             (self.create_publisher(topics.CONTACT), force_shapes.contact_point),
             (self.create_publisher(topics.CONTACT_MARKERS), force_shapes.contact_markers),
         ]
+        self._made = {publisher.topic: 0 for publisher, _ in self._views}
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._tell_transform()
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
+        self._report()
+        self.create_timer(REPORT_PERIOD_S, self._report)
 
     def _on_force(self, received: Received) -> None:
         for publisher, shape in self._views:
             if publisher.listeners and (view := shape(received.message)) is not None:
                 publisher.publish(view)
+                self._made[publisher.topic] += 1
+
+    def _report(self) -> None:
+        wanted = sum(publisher.listeners > 0 for publisher, _ in self._views)
+        self.report('views', Level.OK, f'somebody listens to {wanted} of {len(self._views)}', **self._made)
 
     def _tell_transform(self) -> None:
         told = self.params

@@ -50,6 +50,7 @@ class RigNode(Node):
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
         self._session = Session(self.params, publishers, self.clock, self.log, answer)
+        self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/pause', lambda: self._pause(True))

@@ -14,7 +14,7 @@ from typing import ClassVar
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus.diagnostics import NO_HARDWARE, Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.bus.runtime import run_node
@@ -62,6 +62,7 @@ class SyncInputNode(Node):
         super().__init__(bus, arguments, clock)
         self._edge = self.create_publisher(topics.SYNC_EDGE)
         self._input = self._made()
+        self.diagnostics.hardware['sync input'] = self.params.device or NO_HARDWARE
         self._running = True
         self._reader: threading.Thread | None = None
         if not self.params.device:

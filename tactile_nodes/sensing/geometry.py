@@ -150,6 +150,22 @@ def largest_side(width: int, height: int, wanted: int, step: int = 40) -> int:
     return room // step * step
 
 
+def middle_square(image: UInt8[np.ndarray, 'h w'], side: int = 0) -> UInt8[np.ndarray, 'ch cw']:
+    """The square from the middle of a picture: of `side` pixels, or as large as it can be.
+
+    With a side of 0 a picture that is square has been cut already and stays as it is, and of any other the paper's 440
+    are taken: 640x480 gives what `Crop.centred` gives, 320x240 gives 240x240.
+
+    Raises:
+        ImageError: the picture is too small for any.
+    """
+    height, width = image.shape
+    if width == height and not side:
+        return image
+    side = largest_side(width, height, side or 440)
+    return Crop.centred(width, height, side, side).apply(image)
+
+
 def grey(image: np.ndarray, order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
     """Luma 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) of a colour image; a grey one returns unchanged.
 

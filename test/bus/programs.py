@@ -85,6 +85,17 @@ class SlowToStart(Ready):
         time.sleep(60.0)
 
 
+class Waiting(Ready):
+    """Waits for somebody who never comes before it begins."""
+
+    def __init__(self, bus: Any, arguments: Any) -> None:
+        super().__init__(bus, arguments)
+        self.log.info('running')
+        while True:
+            self.still_wanted()
+            time.sleep(0.01)
+
+
 class Buggy(Ready):
     """Has a bug in a callback."""
 

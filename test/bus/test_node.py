@@ -142,6 +142,16 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
     assert 'the camera is gone' in capsys.readouterr().err
 
 
+def test_a_node_that_has_said_nothing_yet_is_told_to_run(node: Plain, bus: InProcessBus, clock: SteppedClock) -> None:
+    told = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    clock.advance(1.0)
+    _spin_dry(node)
+    received = told.take()
+    assert received is not None
+    (status,) = received.message.status
+    assert (status.name.partition(': ')[2], status.level, status.hardware_id) == ('node', 0, 'none')
+
+
 def test_bug_in_a_callback_is_not_hidden(node: Plain, bus: InProcessBus) -> None:
     node.post(lambda: 1 // 0)  # type: ignore[arg-type,return-value]
     with pytest.raises(ZeroDivisionError):

@@ -47,6 +47,14 @@ def test_signal_ends_a_program_cleanly(launch: Launch, number: signal.Signals) -
     assert 'Traceback' not in program.output
 
 
+def test_signal_ends_a_program_cleanly_whose_node_still_waits_before_it_begins(launch: Launch) -> None:
+    program = _running(launch('Ready', 'Waiting'), 1)
+    program.signal(signal.SIGINT)
+    assert program.ended(SOON_S) == 0
+    assert 'closed' in program.output
+    assert 'asked' not in program.output
+
+
 def test_several_nodes_of_a_program_end_together(launch: Launch) -> None:
     program = _running(launch('Ready', 'Second'), 2)
     program.signal(signal.SIGINT)

@@ -19,7 +19,7 @@ from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SystemClock, monotonic_s
-from tactile_nodes.errors import DeviceNotFoundError, ImageError
+from tactile_nodes.errors import AskedToEndError, DeviceNotFoundError, ImageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.nodes.camera import CameraNode
 
@@ -101,6 +101,24 @@ def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
 def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNode]) -> None:
     with pytest.raises(DeviceNotFoundError, match='/dev/video97'):
         start('source:=/dev/video97')
+
+
+@pytest.mark.parametrize('waits', ['wait_s:=10.0', 'open_within_s:=60.0'])
+def test_camera_that_is_asked_to_end_while_it_waits_waits_no_longer(
+    bus: InProcessBus, tmp_path: Path, waits: str
+) -> None:
+    arguments = parse_arguments(['--ros-args', '-p', waits, '-p', f'source:={tmp_path}/none'])
+    arguments.ending.set()
+    with pytest.raises(AskedToEndError):
+        CameraNode(bus, arguments)
+
+
+def test_diagnostics_name_the_device(start: Callable[..., CameraNode], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
+    node = start(f'source:={tmp_path}')
+    picture_told(node)
+    node._report_health()
+    assert {each.hardware_id for each in node.diagnostics.message(0).status} == {str(tmp_path)}
 
 
 def test_camera_that_comes_a_little_later_is_waited_for(

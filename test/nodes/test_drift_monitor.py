@@ -20,7 +20,7 @@ from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.drifting import FILE, FIRST, GEL, rest_picture
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.nodes.drift_monitor import DriftMonitorNode
+from tactile_nodes.nodes.drift_monitor import DriftMonitorNode, DriftMonitorParams
 from tactile_nodes.simulation.gel import Gel
 
 Listen = Callable[[Topic], Subscription]
@@ -103,6 +103,21 @@ def test_a_knocked_camera_is_told_with_what_to_do_and_on_diagnostics(bench: Call
     status = [each for each in tested.node.diagnostics.message(0).status if each.name.endswith(': calibration')]
     assert [each.level for each in status] == [2]
     assert 'capture the rest image again' in status[0].message
+
+
+def test_of_whole_pictures_of_another_camera_node_the_middle_is_looked_at(bench: Callable[..., Bench]) -> None:
+    tested = bench()
+    tested.rest(REST)
+    whole = np.full((REST.shape[0] + 40, REST.shape[1] + 200), 90, np.uint8)
+    whole[20:-20, 100:-100] = REST
+    tested.pictures(whole, seconds=2)
+    told = tested.told()
+    assert len(told) > 2
+    assert {each.level for each in told} == {STATE.LEVEL_VALID}
+
+
+def test_the_table_of_topics_says_how_often_it_is_told() -> None:
+    assert topics.CALIBRATION_STATE.rate_hz == 1.0 / DriftMonitorParams().check_s
 
 
 def test_the_rest_image_of_the_model_file_is_what_is_compared_with(bench: Callable[..., Bench]) -> None:

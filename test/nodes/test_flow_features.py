@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from feeding import PATTERN, START_NS, image, run
 
+from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -58,6 +59,47 @@ def test_features_carry_the_stamp_of_their_image(
     assert len(message.reference_id) == 12
 
 
+WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(('crop', 'side'), [(0, 440), (400, 400)])
+def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_that_is_told_once(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, crop: int, side: int
+) -> None:
+    features, references, said = listen(topics.FLOW_FEATURES), listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT)
+    camera, tested = publisher(topics.IMAGE), node(bus, clock, f'crop:={crop}')
+    coloured = np.repeat(WHOLE[..., None], 3, axis=2).tobytes()
+    for number in range(3):
+        head = conversions.header(START_NS + number, 'usb_cam')
+        data = np.frombuffer(coloured, np.uint8)
+        camera.publish(types.Image(header=head, width=640, height=480, encoding='rgb8', step=1920, data=data))
+        run(tested)
+    assert {(each.image_width, each.image_height) for each in measured(features)} == {(side, side)}
+    received = references.take()
+    assert received is not None
+    rows, columns = slice(240 - side // 2, 240 + side // 2), slice(320 - side // 2, 320 + side // 2)
+    np.testing.assert_array_equal(conversions.image_array(received.message), WHOLE[rows, columns])
+    lines = [line for line in told(said) if 'image_raw' in line]
+    assert lines == [f'/image_raw brings 640x480 rgb8: {side}x{side} are cut from the middle (parameter crop)']
+
+
+def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    said, camera, tested = listen(topics.ROSOUT), publisher(topics.IMAGE), node(bus, clock)
+    camera.publish(image(WHOLE[:, :480]))
+    run(tested)
+    assert '/image_raw brings 480x480 mono8: taken whole' in told(said)
+
+
+def told(said: Subscription) -> list[str]:
+    """The lines of the log that came since."""
+    found = []
+    while (received := said.take()) is not None:
+        found.append(received.message.msg)
+    return found
+
+
 def test_a_knocked_camera_is_no_motion_and_is_told(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
@@ -104,8 +146,7 @@ def test_dark_frames_at_the_start_do_not_become_the_rest_image(
         camera.publish(image(np.zeros_like(PATTERN)))
         run(tested)
     assert reference.take() is None
-    status = tested.diagnostics.message(0).status[0]
-    assert status.name == 'flow_features: rest image'
+    (status,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
     assert 'black' in status.message
     camera.publish(image(PATTERN))
     run(tested)

@@ -69,6 +69,25 @@ def chain(
     return answer
 
 
+def test_pictures_of_another_size_than_the_models_are_told_once_with_what_to_do(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
+) -> None:
+    said, source = listen(topics.ROSOUT), publisher(topics.FLOW_FEATURES)
+    tested = node(bus, clock, small_model)
+    for side in (200, 200, 160):
+        source.publish(features(side=side))
+        run(tested)
+    lines = []
+    while (received := said.take()) is not None:
+        lines.append(received.message.msg)
+    misfit, fits = [line for line in lines if line.startswith('pictures: ')]
+    assert misfit == (
+        'pictures: they have 200x200 pixels, and model small was trained on 160x160 pixels; '
+        'set the crop of camera or flow_features, or choose a model of that size'
+    )
+    assert fits == 'pictures: they fit the model'
+
+
 def test_force_says_when_where_and_with_what(chain: Callable[[types.FlowFeatures], types.ForceDistribution]) -> None:
     force = chain(features())
     assert stamp_ns(force.header.stamp) == START_NS

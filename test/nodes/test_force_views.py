@@ -90,3 +90,22 @@ def test_without_a_parent_frame_no_transform_is_told(bus: InProcessBus, clock: S
 def test_a_place_of_two_numbers_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
     with pytest.raises(ConfigurationError, match='xyz_m takes three numbers, got 2'):
         node(bus, clock, 'xyz_m:=[0.0, 0.0]')
+
+
+def test_diagnostics_say_what_was_made_of_which_view(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    tested, _, source = node(bus, clock), listen(topics.CONTACT), publisher(topics.FORCE_DISTRIBUTION)
+    for _ in range(2):
+        source.publish(force())
+        run(tested)
+    tested._report()
+    (status,) = tested.diagnostics.message(0).status
+    assert (status.name, status.hardware_id, status.message) == (
+        'force_views: views',
+        'none',
+        'somebody listens to 1 of 4',
+    )
+    assert {entry.key: entry.value for entry in status.values} == {
+        '/force_map': '0', '/force_points': '0', '/contact': '2', '/contact_markers': '0'
+    }  # fmt: skip
