@@ -221,6 +221,15 @@ FORCE_TORQUE_COUNTS = Topic(
     frame=_SENSOR,
     holds="the sensor's own units, before any tare; samples of 0.1 s in a message",
 )
+SERIAL_TRAFFIC = Topic(
+    'serial_traffic',
+    'tactile_nodes/msg/SerialTraffic',
+    "every byte between the computer and the pressing machine's controller, both ways",
+    Qos('queue', 10000),
+    50.0,
+    frame=_MACHINE,
+    holds='bytes as they were written or read at once',
+)
 PRESS_IMAGE = Topic(
     'press_image',
     'sensor_msgs/msg/Image',
@@ -263,7 +272,8 @@ TOPICS = {
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
         CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, FORCE_TORQUE_COUNTS,
-        PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
+        SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT,
+        CONTACT_MARKERS, TF_STATIC,
     )
 }  # fmt: skip
 

@@ -102,7 +102,7 @@ class Session:
         plan = load_plan_settings(plan_path(s.plan_file)) if s.plan_file else s.plan
         self.plan = make_plan(plan)
         frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
-        names = Names(*frames, self.plan.plan_id, s.press.indenter, s.force_torque.source)
+        names = Names(*frames, self.plan.plan_id, s.press.indenter, s.force_torque.source, s.cnc.source)
         self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm))
         self._runner: threading.Thread | None = None
         self._alone_ns = 0
@@ -144,7 +144,7 @@ class Session:
             if not self._station.close_after(self._runner, LEAVE_S):
                 self._log.warn(NOT_UP_YET)
                 return
-            self._voice.last_samples()
+            self._voice.the_rest()
         self._journal.close()
 
     def image(self, stamp_ns: int, image: Picture) -> None:
@@ -153,8 +153,9 @@ class Session:
 
     def _devices(self) -> Station:
         s = self._settings
+        voice = self._voice
         return Station(
-            s, s.cnc, s.force_torque, s.world, self._clock, self._voice.sample, self._on_status, self._voice.switched
+            s, s.cnc, s.force_torque, s.world, self._clock, voice.sample, self._on_status, voice.switched, voice.passed
         )
 
     def _waiting(self, error: DeviceError) -> None:

@@ -14,7 +14,7 @@ from tactile_nodes.collection.hands import Guard, Hands
 from tactile_nodes.collection.readings import Picture, Readings, frame_of
 from tactile_nodes.collection.safety import Safety
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched
+from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched, Traffic
 from tactile_nodes.drivers.cnc_opening import open_cnc
 from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, Sample
 from tactile_nodes.drivers.force_torque_opening import open_force_torque
@@ -41,6 +41,7 @@ class Station:
         on_sample: told every sample, in a thread of its own.
         on_status: told where the machine is, in the thread of the run.
         on_switch: told each switching of the digital line, likewise.
+        traffic: told every byte to and from the machine, at once, in whatever thread: must be quick.
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
@@ -56,6 +57,7 @@ class Station:
         on_sample: Callable[[Sample], None],
         on_status: Callable[[CncStatus], None],
         on_switch: Callable[[Switched], None],
+        traffic: Traffic | None = None,
     ) -> None:
         self._on_sample = on_sample
         self._clock = clock
@@ -64,7 +66,7 @@ class Station:
         self.world = World(world) if SIMULATED in {cnc.source, force_torque.source} else None
         if self.world is not None:
             worlds.share(WORLD, self.world)
-        self.cnc: Cnc = open_cnc(cnc, clock, machine=self.world)
+        self.cnc: Cnc = open_cnc(cnc, clock, machine=self.world, traffic=traffic)
         self.guard = Guard(self.cnc, clock)
         try:
             self.sensor = self._sensor(force_torque, settings)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from tactile_nodes import conversions
 from tactile_nodes.collection.cycle import Record
 from tactile_nodes.collection.journal import Entry
@@ -33,6 +35,12 @@ def sample_message(sample: Sample, frame_id: str) -> types.WrenchStamped:
     """A force sample."""
     head = conversions.header(sample.stamp_ns, frame_id)
     return types.WrenchStamped(header=head, wrench=wrench_fields(sample.wrench))
+
+
+def traffic_message(sent: bool, stamp_ns: int, data: bytes, port: str, frame_id: str) -> types.SerialTraffic:
+    """Bytes that passed to or from the machine's controller."""
+    head = conversions.header(stamp_ns, frame_id)
+    return types.SerialTraffic(header=head, port=port, sent=sent, data=np.frombuffer(data, np.uint8))
 
 
 def edge_message(switched: Switched, count: int, recorder: str, line: str) -> types.SyncEdge:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +16,7 @@ from tactile_nodes.bus.topics import (
     PRESS_IMAGE,
     REFERENCE_IMAGE,
     RIG_STATE,
+    SERIAL_TRAFFIC,
     SYNC_EDGE,
     Topic,
 )
@@ -28,14 +31,16 @@ from tactile_nodes.collection.surface import Surface
 from tactile_nodes.drivers.cnc import CncStatus, Switched
 from tactile_nodes.drivers.force_torque import Sample
 
-TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
+TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
 LINE = 'press'
+MOST_TRAFFIC = 20_000  # pieces that wait for a listener: some minutes
 BETWEEN = 0  # what the rig's state calls the press while there is none
 
 
 @dataclass(frozen=True)
 class Names:
-    """What messages say about themselves: frames, plan, indenter and the source of the force samples."""
+    """What messages say about themselves: frames, plan, indenter, the source of the force samples, the
+    port of the machine."""
 
     sensor_frame: str
     machine_frame: str
@@ -44,6 +49,7 @@ class Names:
     plan_id: str
     indenter: str
     source: str
+    port: str = ''
 
 
 class Voice:
@@ -65,6 +71,8 @@ class Voice:
         self._gel_mm = gel_mm
         self._edges = 0
         self._batch = Batch()
+        self._traffic: deque[tuple[str, int, bytes]] = deque(maxlen=MOST_TRAFFIC)
+        self._telling_traffic = threading.Lock()
         self.unheard_ns = 0
         """Stamp of the last force sample to which nobody listened."""
 
@@ -80,10 +88,16 @@ class Voice:
             self.unheard_ns = sample.stamp_ns
         publisher.publish(telling.sample_message(sample, self._names.sensor_frame))
         self._count(self._batch.add(sample))
+        self._tell_traffic()
 
-    def last_samples(self) -> None:
-        """There are no more samples: tell what was gathered of them."""
+    def passed(self, way: str, stamp_ns: int, data: bytes) -> None:
+        """Bytes to or from the machine (`Traffic`); only kept here, as whoever sends a stop must not wait."""
+        self._traffic.append((way, stamp_ns, data))
+
+    def the_rest(self) -> None:
+        """The devices are closed: tell what was gathered of samples and bytes."""
         self._count(self._batch.rest())
+        self._tell_traffic()
 
     def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
         """Where the machine is, and which press is under way."""
@@ -91,6 +105,7 @@ class Voice:
         words, frame = status.state.value, self._names.machine_frame
         told = telling.state_message(status, press, surface, self._gel_mm, words, frame)
         self._publishers[RIG_STATE].publish(told)
+        self._tell_traffic()
 
     def switched(self, switched: Switched) -> None:
         """An edge of the digital line."""
@@ -121,6 +136,14 @@ class Voice:
         if samples:
             told = counts_message(samples, self._names.sensor_frame, self._names.source)
             self._publishers[FORCE_TORQUE_COUNTS].publish(told)
+
+    def _tell_traffic(self) -> None:
+        """Once somebody listens also what passed before, as when the machine was opened."""
+        publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
+        with self._telling_traffic:
+            while self._traffic and publisher.listeners:
+                way, stamp_ns, data = self._traffic.popleft()
+                publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
 
     def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:
         head = conversions.header(stamp_ns, self._names.camera_frame)

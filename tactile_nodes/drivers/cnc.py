@@ -21,6 +21,8 @@ Traffic = Callable[[str, int, bytes], None]
 SIMULATED = 'simulated'
 NO_SOFT_LIMITS = 'no soft limits'
 NO_HOMING = 'no homing'
+NO_HARD_LIMITS = 'no hard limits'
+RISKS = (NO_SOFT_LIMITS, NO_HOMING, NO_HARD_LIMITS)
 BLIND_STEP_MM = 0.05
 
 
@@ -56,14 +58,14 @@ class CncSettings:
     home_command: str = parameter('', 'empty: $H on Grbl, none on Marlin, where G28 may drive the tip into the gel')
     line_on: str = parameter('', 'command that raises the digital line; empty: M8 on Grbl, M106 S255 on Marlin')
     line_off: str = parameter('', 'command that lowers it; empty: M9 on Grbl, M107 on Marlin')
-    accept: tuple[str, ...] = parameter((), f"risks that are accepted in words: '{NO_SOFT_LIMITS}', '{NO_HOMING}'")
+    accept: tuple[str, ...] = parameter((), f'risks that are accepted in words: {", ".join(map(repr, RISKS))}')
 
     def __post_init__(self) -> None:
         for corner in (self.lowest_mm, self.highest_mm):
             if len(corner) not in {0, 3}:
                 raise ValueError(f'lowest_mm and highest_mm are x, y, z or empty, got {len(corner)} numbers')
-        if unknown := set(self.accept) - {NO_SOFT_LIMITS, NO_HOMING}:
-            raise ValueError(f"accept knows '{NO_SOFT_LIMITS}' and '{NO_HOMING}', not {', '.join(sorted(unknown))}")
+        if unknown := set(self.accept) - set(RISKS):
+            raise ValueError(f'accept knows {", ".join(map(repr, RISKS))}, not {", ".join(sorted(unknown))}')
 
 
 class CncState(Enum):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncSettings, Envelope, Identity
+from tactile_nodes.drivers.cnc import NO_HARD_LIMITS, NO_HOMING, NO_SOFT_LIMITS, CncSettings, Envelope, Identity
 from tactile_nodes.errors import DeviceFaultError
 
 KEEP_MOTORS_ON = 255
 SMALLEST_BUFFER = 128
+GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
 
 
 def identity_of(lines: list[str], banner: str) -> Identity:
@@ -57,7 +58,7 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
     """Refuse what is dangerous; give what a person should know.
 
     Raises:
-        DeviceFaultError: laser mode, no soft limits or no homing, unless accepted in words.
+        DeviceFaultError: laser mode; no soft limits, no hard limits or no homing, unless accepted in words.
     """
     if identity.firmware == 'FluidNC':
         return ['FluidNC keeps its settings in a file of its own: its limits are not checked here']
@@ -66,7 +67,7 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
             f'{name} is in laser or lathe mode ($32={memory[32]}), where it moves otherwise than a mill; set $32=0'
         )
     warnings = []
-    for number, what, risk in ((20, 'soft limits', NO_SOFT_LIMITS), (22, 'homing', NO_HOMING)):
+    for number, what, risk in GUARDS:
         if not _is_on(memory, number):
             _accepted(name, number, what, risk, settings)
             warnings.append(f'{what} off (${number}={memory.get(number, "?")})')

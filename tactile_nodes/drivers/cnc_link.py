@@ -111,13 +111,13 @@ class Link:
         with self.changed:
             self._check()
             stamp_ns = self._clock.now_ns()
-            if self._traffic is not None:
-                self._traffic('>', stamp_ns, data)
             try:
                 self._port.write(data)
             except DeviceLostError as error:
                 self.lost = error
                 raise
+            if self._traffic is not None:
+                self._traffic('>', stamp_ns, data)
             return stamp_ns
 
     def wait(self, done: Callable[[], bool], timeout_s: float) -> bool:

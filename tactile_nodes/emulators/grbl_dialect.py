@@ -9,12 +9,12 @@ from tactile_nodes.params import parameter
 
 SETTINGS: dict[int, str] = {
     0: '10', 1: '255', 2: '0', 3: '0', 4: '0', 5: '0', 6: '0', 10: '1', 11: '0.010', 12: '0.002', 13: '0',
-    20: '1', 21: '0', 22: '1', 23: '0', 24: '100.000', 25: '1500.000', 26: '250', 27: '1.000', 30: '1000',
+    20: '1', 21: '1', 22: '1', 23: '0', 24: '100.000', 25: '1500.000', 26: '250', 27: '1.000', 30: '1000',
     31: '0', 32: '0', 100: '400.000', 101: '400.000', 102: '400.000', 110: '2400.000', 111: '2400.000',
     112: '1200.000', 120: '200.000', 121: '200.000', 122: '200.000', 130: '120.000', 131: '120.000',
     132: '60.000',
 }  # fmt: skip
-"""A rig that has been set up: soft limits and homing on, motors kept on, 400 steps/mm, the world's room."""
+"""A rig that has been set up: limits and homing on, motors kept on, 400 steps/mm, the world's room."""
 
 
 @dataclass(frozen=True)

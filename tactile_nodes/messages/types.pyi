@@ -977,6 +977,13 @@ class RigState(Message):
     controller: str
     def __init__(self, header: Header = ..., state: int = ..., homed: bool = ..., position: Point = ..., depth: float = ..., press: int = ..., controller: str = ...) -> None: ...
 
+class SerialTraffic(Message):
+    header: Header
+    port: str
+    sent: bool
+    data: NDArray[Any]
+    def __init__(self, header: Header = ..., port: str = ..., sent: bool = ..., data: NDArray[Any] = ...) -> None: ...
+
 class StageTimes(Message):
     acquire: float
     flow: float

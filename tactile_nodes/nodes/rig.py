@@ -1,9 +1,9 @@
 """Presses the gel by a plan and tells what it measures: machine, force/torque sensor, and the images of a camera node.
 
-Publishes ``force_torque``, ``force_torque_counts``, ``rig_state``, ``sync_edge``, ``press``, ``press_image`` and
-``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and ``~/acknowledge``
-(std_srvs/Trigger). It ends by itself with the plan. Killed, it may be started again at once, and then asks a person
-before anything moves, unless ``after_kill`` is ``go_on``; where a run failed, a person has to look.
+Publishes ``force_torque``, ``force_torque_counts``, ``serial_traffic``, ``rig_state``, ``sync_edge``, ``press``,
+``press_image`` and ``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and
+``~/acknowledge`` (std_srvs/Trigger). It ends by itself with the plan. Killed, it may be started again at once, and then
+asks a person before anything moves, unless ``after_kill`` is ``go_on``; where a run failed, a person has to look.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
 IDENTITY = b'[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n'
 SETTINGS = (
-    b'$1=255\r\n$10=1\r\n$13=0\r\n$20=1\r\n$21=0\r\n$22=1\r\n$32=0\r\n$120=200.000\r\n$121=200.000\r\n'
+    b'$1=255\r\n$10=1\r\n$13=0\r\n$20=1\r\n$21=1\r\n$22=1\r\n$32=0\r\n$120=200.000\r\n$121=200.000\r\n'
     b'$122=200.000\r\n$130=120.000\r\n$131=120.000\r\n$132=60.000\r\nok\r\n'
 )
 IDLE = b'<Idle|MPos:-1.000,-1.000,-1.000|FS:0,0>\r\n'
@@ -309,6 +309,10 @@ def test_damaged_reports_are_none(line: str) -> None:
     ('change', 'text'),
     [
         ('$20=0', r'soft limits switched off \(\$20=0\); switch it on'),
+        (
+            '$21=0',
+            r"hard limits switched off \(\$21=0\); switch it on, or put 'no hard limits' into the setting accept",
+        ),
         ('$22=0', r'homing switched off \(\$22=0\)'),
         ('$32=1', r'laser or lathe mode \(\$32=1\)'),
     ],
@@ -324,7 +328,7 @@ def test_risks_can_be_accepted_in_words_only() -> None:
                     lowest_mm=(-60.0, -60.0, -55.0))  # fmt: skip
     assert rig.cnc.health.level == Level.WARN
     assert b'$H' not in rig.sent()
-    with pytest.raises(ValueError, match=r"accept knows 'no soft limits' and 'no homing', not yes"):
+    with pytest.raises(ValueError, match=r"accept knows 'no soft limits', 'no homing', 'no hard limits', not yes"):
         CncSettings(accept=('yes',))
 
 
