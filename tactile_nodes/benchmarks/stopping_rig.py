@@ -21,6 +21,7 @@ QUIET = {ord('?')}
 STEP_NS = NS_PER_S // 2000
 WATCHED_S = 2.0
 NEVER = -1
+NOISE = (2e-5, 2e-6)  # N and N m: a sensor without any would count as one that stands still, and more would be seen
 
 
 @dataclass
@@ -93,7 +94,7 @@ def serve(pipe: Connection, folder: Path, limit_n: float, divider: int) -> None:
     world = World()
     grbl = WatchedGrbl(world, clock)
     grbl.watch = watch
-    box = NetFtBox(WatchedForce(world, watch), NetFtConfig(divider=divider))
+    box = NetFtBox(WatchedForce(world, watch), NetFtConfig(divider=divider), noise=NOISE)
     with PtyPort(grbl, clock, folder / 'cnc'), NetFtServer(box, clock) as server:
         pipe.send((server.rdt_port, server.http_port))
         while (word := pipe.recv()) != 'end':

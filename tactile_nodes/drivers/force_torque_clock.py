@@ -55,7 +55,8 @@ class TickClock:
         self._most_drift = most_drift
         self._keeps_time = self._is_timed = True
         self._x = 0.0
-        self._arrived_ns = 0
+        self._first_ns = self._arrived_ns = 0
+        self._settled = False
         self._ticks: int | None = None
         self._origin = (0, 0)
         self._seen = 0
@@ -67,9 +68,8 @@ class TickClock:
 
     @property
     def settled(self) -> bool:
-        """Whether enough samples were seen for the stamps to be good."""
-        long_enough = self._elapsed_ns() >= SETTLED_AFTER_NS or self._arrived_ns >= SETTLED_AT_LAST_NS
-        return self._seen >= SETTLED_AFTER and long_enough
+        """Whether enough samples were seen for the stamps to be good; once they were, they are."""
+        return self._settled
 
     @property
     def drift_ppm(self) -> float:
@@ -108,19 +108,25 @@ class TickClock:
     def stamp(self, ticks: int, arrival_ns: int) -> int:
         """When the sample with these unwrapped ticks was measured; later than the one before, never after arrival."""
         if self._seen == 0:
-            self._origin = (ticks, arrival_ns)
+            self._first_ns = arrival_ns
+            self._begin(ticks, arrival_ns)
+        x, y = self._place(ticks, arrival_ns)
+        if self._is_ahead(x, y):
+            self._begin(ticks, arrival_ns)
+            x, y = 0.0, 0.0
         self._seen += 1
-        x = (ticks - self._origin[0]) * self._ns_per_tick
-        self._arrived_ns = arrival_ns - self._origin[1]
-        y = self._arrived_ns - x
-        if self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS:
-            self._begin_anew(y)
+        self._arrived_ns = arrival_ns - self._first_ns
         self._observe(x, y)
         late = min(y, self._line[0] + self._line[1] * x) if self._keeps_time else y
         line_ns = self._origin[1] + round(x + late) - self._delay_ns
         self._stamp_ns = max(self._stamp_ns + 1, line_ns)
         self._is_timed = self._keeps_time and self._stamp_ns - line_ns < JUMP_NS
+        self._settled = self._settled or self._has_seen_enough()
         return self._stamp_ns
+
+    def _has_seen_enough(self) -> bool:
+        long_enough = min(self._elapsed_ns(), self._arrived_ns) >= SETTLED_AFTER_NS
+        return self._seen >= SETTLED_AFTER and (long_enough or self._arrived_ns >= SETTLED_AT_LAST_NS)
 
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
@@ -134,10 +140,24 @@ class TickClock:
             self._block = (x, y)
             self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
 
-    def _begin_anew(self, y: float) -> None:
+    def _is_ahead(self, x: float, y: float) -> bool:
+        """Whether the counter has jumped, or what comes first had waited somewhere."""
+        if not self._settled:
+            return y < -JUMP_NS
+        return self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS
+
+    def _begin(self, ticks: int, arrival_ns: int) -> None:
+        """Lay the line anew from here."""
+        self._origin = (ticks, arrival_ns)
         self._blocks.clear()
-        self._block = None
-        self._line = (y, 0.0)
+        self._block, self._line = None, (0.0, 0.0)
+        self._x = 0.0
+        self._keeps_time = True
+
+    def _place(self, ticks: int, arrival_ns: int) -> tuple[float, float]:
+        """The counter since the origin in ns, and how much later it arrived."""
+        x = (ticks - self._origin[0]) * self._ns_per_tick
+        return x, arrival_ns - self._origin[1] - x
 
     def _end_block(self) -> None:
         if self._block is not None:

@@ -103,8 +103,8 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
     bench.world = station.world
     with contextlib.closing(station):
         hands = station.hands
-        hands.safety.watch(bench.clock.now_ns(), camera=False)
         hands.home()
+        hands.safety.watch(bench.clock.now_ns(), camera=False)
         try:
             hands.run(approached())
             hands.run(down(bench))

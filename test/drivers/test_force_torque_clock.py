@@ -165,6 +165,17 @@ def test_a_counter_that_jumps_ahead_is_followed_at_once() -> None:
     assert not clock.flags
 
 
+def test_old_samples_that_come_at_once_at_the_beginning_do_not_count() -> None:
+    """Half a second of them waited somewhere: they are not old because of the counter, and it keeps time afterwards."""
+    clock, errors = TickClock(7000), []
+    for number in range(400):
+        true_ns = START_NS + number * 5_000_000
+        arrival_ns = max(true_ns, START_NS + 500_000_000) + 200_000
+        errors.append(clock.stamp(number * 35, arrival_ns) - true_ns)
+        assert not clock.flags
+    assert max(errors[101:]) < 1e6
+
+
 @pytest.mark.parametrize('factor', [0.99, 1.01])
 def test_a_counter_of_another_rate_marks_its_stamps_as_no_measure_of_age(factor: float) -> None:
     clock = TickClock(1000)
