@@ -44,6 +44,13 @@ class Lie:
         return values
 
 
+@dataclass
+class Changed:
+    """Six values that come out as `of` makes them."""
+
+    of: Callable[[Values], Values]
+
+
 def frozen(last: Values) -> Values:
     """The last true values, again and again."""
     return last
@@ -68,7 +75,7 @@ class UdpProxy:
     def __init__(
         self,
         port: int,
-        lie: Lie | None = None,
+        lie: Lie | Changed | None = None,
         status: Callable[[], int] = lambda: 0,
         delay_s: Callable[[], float] = lambda: 0.0,
         every: Callable[[], int] = lambda: 1,

@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from liars import BotaLiar, Lie, TextLiar, UdpProxy, Values, frozen, zeros
+from liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import TrippedError
-from tactile_nodes.collection.safety import SENSOR, Trip
+from tactile_nodes.collection.safety import OVERLOAD, SENSOR, Trip
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import tare_of
@@ -35,7 +35,7 @@ SURFACE_MM, BEGINS_MM, COMMANDED_MM = -2.0, 0.3, 2.0
 NOISE = (0.005, 0.0001)
 SILENCE_MS = 300.0  # a computer with other work may falter for 50 ms, which would stop the tip for another reason
 MS = 1e-3
-Liar = Callable[['Bench', Lie | None], contextlib.AbstractContextManager[ForceTorqueSettings]]
+Liar = Callable[['Bench', Changed | None], contextlib.AbstractContextManager[ForceTorqueSettings]]
 
 
 class Bench:
@@ -59,7 +59,7 @@ class Bench:
 
 
 @contextlib.contextmanager
-def net_ft(bench: Bench, lie: Lie | None, **liar: Callable[[], float]) -> Iterator[ForceTorqueSettings]:
+def net_ft(bench: Bench, lie: Changed | None, **liar: Callable[[], float]) -> Iterator[ForceTorqueSettings]:
     box = NetFtBox(bench, NetFtConfig(divider=14), noise=NOISE)
     with NetFtServer(box, bench.clock) as server, UdpProxy(server.rdt_port, lie, now_s=monotonic_s, **liar) as proxy:
         ports = NetFtSettings(rdt_port=proxy.port, http_port=server.http_port)
@@ -67,14 +67,14 @@ def net_ft(bench: Bench, lie: Lie | None, **liar: Callable[[], float]) -> Iterat
 
 
 @contextlib.contextmanager
-def bota(bench: Bench, lie: Lie | None) -> Iterator[ForceTorqueSettings]:
+def bota(bench: Bench, lie: Changed | None) -> Iterator[ForceTorqueSettings]:
     assert lie is not None
     with PtySensor(BotaLiar(BotaSensor(bench), lie), bench.clock, bench.folder / 'bota') as device:
         yield ForceTorqueSettings(f'bota:{device.path}', rate_hz=200.0)
 
 
 @contextlib.contextmanager
-def text(bench: Bench, lie: Lie | None) -> Iterator[ForceTorqueSettings]:
+def text(bench: Bench, lie: Changed | None) -> Iterator[ForceTorqueSettings]:
     """A load cell for Fz."""
     assert lie is not None
     talker = TextLineSensor(bench, rate_hz=200.0)
@@ -184,3 +184,27 @@ def test_a_sensor_that_slows_down_step_by_step_stops_the_tip(bench: Bench) -> No
     assert trip is not None
     assert trip.kind == SENSOR
     assert depth_mm < 1.6
+
+
+def test_a_threshold_that_the_box_itself_has_latched_stops_the_tip(bench: Bench) -> None:
+    """Bit 16 and the summary, on sound counts: a limit of force that does not depend on this software."""
+    with net_ft(bench, None, status=lambda: 0x8001_0000 if bench.begins() else 0) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'threshold' in trip.reason) == (OVERLOAD, True), trip
+    assert depth_mm < 1.0
+
+
+def test_one_axis_of_six_that_stands_still_stops_the_tip(bench: Bench) -> None:
+    """Of 500 samples a second 120 are 0.24 mm."""
+    lie = Lie(bench.begins, lambda last: last)
+
+    def only_z(values: Values) -> Values:
+        told = lie.of(values)
+        return (*values[:2], told[2], *values[3:])
+
+    with net_ft(bench, Changed(only_z)) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'stalled' in trip.reason) == (SENSOR, True), trip
+    assert depth_mm < 1.2
