@@ -20,6 +20,7 @@ from jaxtyping import UInt8
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.paths import is_file, share_directory, write_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
@@ -38,6 +39,8 @@ REST_IMAGE = 'rest_image'
 FINER_MODEL = 'finer_model'
 TEXTURE_GAINS, TEXTURE_PICTURE = 'texture_gains', 'texture_picture'
 GAIN_UNIT = 0.01
+LARGEST_BYTES = 1 << 30
+"""No model is as large; those that ship have 3 to 8 MB."""
 NO_IMAGE = np.zeros((0, 0), np.uint8)
 
 
@@ -186,21 +189,21 @@ def _version(readout: Mapping[str, Any]) -> int:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_plain(path, LARGEST_BYTES)
     except FileNotFoundError as error:
         raise ModelError(
             f'there is no model file {path}; check the path, or make one with: tactile train -o {path}'
         ) from error
     except OSError as error:
-        raise ModelError(f'cannot read the model file {path} ({error.strerror}); check its permissions') from error
+        raise ModelError(f'cannot read the model file {path} ({error.strerror}); check it') from error
 
 
 def _entry(path: Path, data: bytes) -> dict[str, Any]:
     """Our entry in a safetensors file, which begins with 8 bytes of length and a JSON header of that length."""
     length = int.from_bytes(data[:8], 'little')
     try:
-        if not 2 <= length <= len(data) - 8:
-            raise ValueError('the header is longer than the file')
+        if not 2 <= length <= min(len(data) - 8, TEXT_BYTES):
+            raise ValueError('the header is longer than the file, or than any card')
         entry = json.loads(json.loads(data[8 : 8 + length])['__metadata__'][FORMAT])
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ModelError(_foreign(path, data)) from error

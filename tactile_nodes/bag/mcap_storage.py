@@ -17,6 +17,7 @@ from tactile_nodes.bag.content import BagMessage, Complain, Selection
 from tactile_nodes.bag.growing_file import MAGIC
 from tactile_nodes.bag.mcap_records import ChunkHead, Message, Record
 from tactile_nodes.bag.metadata import BagTopic, Extent
+from tactile_nodes.files import TEXT_BYTES, open_plain
 
 _RUN_BYTES = 4 << 20
 _INDEX_HEAD = struct.calcsize('<HI')
@@ -48,7 +49,7 @@ class McapStorage:
         self.extent = Extent()
         self._complain = complain
         self._size = path.stat().st_size
-        self._file = path.open('rb')
+        self._file = open_plain(path)
         self._schemas = {0: ('', '', '')}
         self._channels: dict[int, Channel] = {}
         self._blocks: list[_Block] = []
@@ -104,7 +105,7 @@ class McapStorage:
             self._blocks[-1].counts[channel] += count
         elif record.opcode == records.MESSAGE:
             self._add_message(record)
-        elif record.opcode in {records.SCHEMA, records.CHANNEL}:
+        elif record.opcode in {records.SCHEMA, records.CHANNEL} and record.length <= TEXT_BYTES:
             self._describe(record.opcode, self._read(record.start, record.length))
 
     def _add_chunk(self, record: Record) -> None:
@@ -177,11 +178,11 @@ class McapStorage:
                 self._describe(opcode, bytes(content))
 
     def _content(self, block: _Block) -> memoryview:
-        stored = self._read(block.start, block.length)
-        if block.head is None:
-            return memoryview(stored)
         try:
-            return records.unpack_chunk(block.head, stored)
+            if block.length > records.LARGEST_BYTES:
+                raise ValueError(f'it holds {block.length} bytes')
+            stored = self._read(block.start, block.length)
+            return memoryview(stored) if block.head is None else records.unpack_chunk(block.head, stored)
         except ValueError as error:
             self._complain(f'{self.path}: the chunk at byte {block.start} cannot be read ({error}) and is left out')
             return memoryview(b'')

@@ -15,6 +15,7 @@ from tactile_nodes.messages import definition, type_hash
 VERSION = 8  # the newest that ROS 2 Humble can read: from 9 on the quality of service is a list instead of a text
 NEWEST = 9
 FILE_NAME = 'metadata.yaml'
+LARGEST_METADATA_BYTES = 1 << 20  # of a thousand files and topics
 _ROOT = 'rosbag2_bagfile_information'
 
 

@@ -15,11 +15,13 @@ from tactile_nodes.bag import growing_file, sqlite_storage
 from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection, Storage
 from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
-from tactile_nodes.bag.metadata import FILE_NAME, BagMetadata, BagTopic, Extent
+from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
 from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
+from tactile_nodes.files import open_plain, read_plain
 
+_MOST_FILES = 1000  # each is held open
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 
 
@@ -113,7 +115,7 @@ class BagReader:
 
     def _from_metadata(self) -> tuple[BagMetadata, list[Path]]:
         source = self.path / FILE_NAME
-        text = source.read_bytes().decode(errors='replace')
+        text = read_plain(source, LARGEST_METADATA_BYTES).decode(errors='replace')
         if not text.strip('\0 \n') and self._storage_files():
             self._complain(f'{source} is empty; read the files beside it')
             return BagMetadata(storage_id=''), self._storage_files()
@@ -125,14 +127,16 @@ class BagReader:
                 f'the files of {self.path} are compressed whole; unpack them first (zstd -d FILE) and give one of those'
             )
         files = [self.path / name for name in metadata.files]
+        _check_number(files, source)
         if missing := [file.name for file in files if not file.exists()]:
-            raise BagError(f'{source} names {", ".join(missing)}, which is not in the folder; give another file of it')
+            raise BagError(f'{source} names {_listed(missing)}, which is not in the folder; give another file of it')
         if not files:
             raise BagError(f'{source} names no storage file')
         return metadata, files
 
     def _storage_files(self) -> list[Path]:
         found = [file for file in self.path.iterdir() if file.suffix in _SUFFIXES]
+        _check_number(found, self.path)
         return sorted(found, key=lambda file: (len(file.name), file.name))  # bag_10 after bag_9
 
     def _take_stock(self) -> None:
@@ -178,13 +182,24 @@ def _unpacked(data: bytes) -> bytes:
     return found
 
 
+def _check_number(files: list[Path], source: Path) -> None:
+    if len(files) > _MOST_FILES:
+        raise BagError(
+            f'{source} names {len(files)} files, and at most {_MOST_FILES} are read; give some of them alone'
+        )
+
+
+def _listed(names: list[str]) -> str:
+    return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')
+
+
 def _is_blank(file: Path) -> bool:
-    with file.open('rb') as opened:
+    with open_plain(file) as opened:
         return not opened.read(16).strip(b'\0')
 
 
 def _open(file: Path, complain: Callable[[str], None]) -> Storage:
-    with file.open('rb') as opened:
+    with open_plain(file) as opened:
         head = opened.read(16)
     if not head:
         raise BagError(f'{file} is empty')

@@ -13,9 +13,16 @@ from tactile_nodes.bag.content import BagMessage, Complain, Selection
 from tactile_nodes.bag.metadata import BagTopic, Extent
 from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.errors import BagError
+from tactile_nodes.files import open_plain
 
 MAGIC = b'SQLite format 3\x00'
 _NS_LIMITS = (-(2**63), 2**63 - 1)
+_MOST_TOPICS = 100_000
+_TOPIC_TEXTS = ('name', 'type', 'serialization_format')
+_KINDS = {'id': 'integer', 'topic_id': 'integer', 'timestamp': 'integer', 'data': 'blob'}
+_SOUND = ' AND '.join(f"typeof({name}) = '{kind}'" for name, kind in _KINDS.items())
+_WHOLE = f'FROM messages NOT INDEXED WHERE {_SOUND}'
+_OTHERS = f'SELECT count(*) FROM messages NOT INDEXED WHERE NOT ({_SOUND})'  # noqa: S608 - our own names
 
 
 class SqliteStorage:
@@ -32,10 +39,14 @@ class SqliteStorage:
             complain(f'{path} is cut off at byte {path.stat().st_size}; read what is left')
         self._connection = _connect(path)
         try:
+            self._connection.execute('PRAGMA trusted_schema = OFF')
             self._by_id = self._read_topics()
             self.topics = {topic.name: topic for topic in self._by_id.values()}
             self.counts, self.extent = self._count()
-        except sqlite3.Error as error:
+        except BagError:
+            self._connection.close()
+            raise
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             self._connection.close()
             raise BagError(f'{path} is damaged or no bag: {error}') from error
 
@@ -45,53 +56,68 @@ class SqliteStorage:
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
         """In order of receive times, up to where the file is damaged."""
         low, high = (min(max(limit, _NS_LIMITS[0]), _NS_LIMITS[1]) for limit in (selection.start_ns, selection.end_ns))
-        query = 'SELECT topic_id, timestamp, data FROM messages WHERE timestamp BETWEEN ? AND ? ORDER BY timestamp, id'
+        # Not by the index of times: where that is damaged, messages would be missing without a word.
+        query = f'SELECT id, topic_id, timestamp {_WHOLE} AND timestamp BETWEEN ? AND ? ORDER BY timestamp, id'
         try:
-            for topic_id, log_ns, data in self._connection.execute(query, (low, high)):
+            for row, topic_id, log_ns in self._connection.execute(query, (low, high)):
                 topic = self._by_id.get(topic_id)
                 if topic is not None and topic.encoding == 'cdr' and selection.wants(topic.name, log_ns):
-                    stamp_ns = header_stamp_ns(data, topic.type_name)
-                    yield BagMessage(
-                        topic.name, topic.type_name, log_ns, log_ns if stamp_ns is None else stamp_ns, data
-                    )
-        except sqlite3.Error as error:
+                    yield self._message(topic, row, log_ns)
+        except (sqlite3.Error, MemoryError, OverflowError) as error:
             self._complain(f'{self.path} is damaged ({error}); read up to there')
+
+    def _message(self, topic: BagTopic, row: int, log_ns: int) -> BagMessage:
+        found = self._connection.execute('SELECT data FROM messages WHERE id = ?', (row,)).fetchone()
+        if found is None:
+            raise sqlite3.DatabaseError('a message is not where it should be')
+        data = found[0]
+        stamp_ns = header_stamp_ns(data, topic.type_name)
+        return BagMessage(topic.name, topic.type_name, log_ns, log_ns if stamp_ns is None else stamp_ns, data)
 
     def _read_topics(self) -> dict[int, BagTopic]:
         definitions = self._read_definitions()
-        found = {}
+        found: dict[int, BagTopic] = {}
         for row in self._rows('topics'):
-            type_name = str(row['type'])
-            encoding, text = definitions.get(type_name, ('', ''))
-            found[int(row['id'])] = BagTopic(
-                str(row['name']),
-                type_name,
-                text,
-                str(row.get('type_description_hash') or ''),
-                str(row.get('offered_qos_profiles') or ''),
-                str(row['serialization_format']),
-                encoding,
+            if not isinstance(row['id'], int) or not all(isinstance(row[name], str) for name in _TOPIC_TEXTS):
+                self._complain(f'{self.path}: a topic is left out, because its description has cells of wrong types')
+                continue
+            encoding, text = definitions.get(row['type'], ('', ''))
+            type_hash, qos = (str(row.get(name) or '') for name in ('type_description_hash', 'offered_qos_profiles'))
+            found[row['id']] = BagTopic(
+                row['name'], row['type'], text, type_hash, qos, row['serialization_format'], encoding
             )
         return found
 
     def _read_definitions(self) -> dict[str, tuple[str, str]]:
-        tables = {row['name'] for row in self._rows('sqlite_master')}
+        # Tables proper: a view may go on for ever, and a computed column grow out of nothing.
+        made = self._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0")
+        tables = {name for (name,) in made}
         if not {'topics', 'messages'} <= tables:
             raise BagError(f'{self.path} is an SQLite file, but no bag: it has no tables topics and messages')
+        self._require('topics', {'id', *_TOPIC_TEXTS})
+        self._require('messages', set(_KINDS))
         if 'message_definitions' not in tables:
             return {}
+        self._require('message_definitions', {'topic_type', 'encoding', 'encoded_message_definition'})
         return {
             str(row['topic_type']): (str(row['encoding']), str(row['encoded_message_definition']))
             for row in self._rows('message_definitions')
         }
 
+    def _require(self, table: str, columns: set[str]) -> None:
+        found = self._connection.execute(f'PRAGMA table_xinfo({table})').fetchall()
+        if missing := columns - {str(row[1]) for row in found if row[6] == 0}:
+            raise BagError(f'{self.path} is no bag: its table {table} has no column {", ".join(sorted(missing))}')
+        if any(row[6] for row in found):
+            raise BagError(f'{self.path} is no bag: its table {table} has columns that are computed')
+
     def _rows(self, table: str) -> Iterator[dict[str, Any]]:
-        cursor = self._connection.execute(f'SELECT * FROM {table}')  # noqa: S608 - our own names
+        cursor = self._connection.execute(f'SELECT * FROM {table} LIMIT {_MOST_TOPICS}')  # noqa: S608 - our own names
         columns = [column[0] for column in cursor.description]
         return (dict(zip(columns, row, strict=True)) for row in cursor)
 
     def _count(self) -> tuple[dict[str, int], Extent]:
-        query = 'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY topic_id'
+        query = f'SELECT topic_id, count(*), min(timestamp), max(timestamp) {_WHOLE} GROUP BY topic_id'
         counts: dict[str, int] = {}
         parts = []
         for topic_id, count, start_ns, end_ns in self._connection.execute(query):
@@ -99,12 +125,15 @@ class SqliteStorage:
             if topic is not None and topic.encoding == 'cdr':
                 counts[topic.name] = count
                 parts.append(Extent(count, start_ns, end_ns))
+        (others,) = self._connection.execute(_OTHERS).fetchone()
+        if others:
+            self._complain(f'{self.path}: {others} messages are left out, because they have cells of wrong types')
         return counts, Extent.union(parts)
 
 
 def _is_cut_off(path: Path) -> bool:
     """SQLite reads a shortened file without a word, so compare its length with what its head says."""
-    with path.open('rb') as file:
+    with open_plain(path) as file:
         head = file.read(32)
     if len(head) < 32:
         return True

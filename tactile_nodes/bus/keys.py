@@ -10,6 +10,7 @@ from pathlib import Path
 import zmq
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import read_plain
 
 _KEY = re.compile(r'[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}')  # 32 bytes in Z85 (ZeroMQ RFC 32)
 _NAME = re.compile(r'[\w.-]+', re.ASCII)
@@ -94,7 +95,7 @@ def _file(name: str, ending: str) -> Path:
 
 def _lines(file: Path, advice: str) -> list[bytes]:
     try:
-        lines = file.read_text(encoding='ascii').split()
+        lines = read_plain(file, 4096).decode('ascii').split()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the key {file}; {advice}') from error
     if not all(map(_KEY.fullmatch, lines)):

@@ -24,8 +24,10 @@ from typing import Any
 
 from tactile_nodes.collection.plan import Plan, Point
 from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.files import read_plain
 
 VERSION = 1
+_LARGEST_BYTES = 256 << 20  # a million presses
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
 SUSPECT, ANCHORED, ASIDE = 'suspect', 'anchored', 'aside'
 BEGUN, ENDED, HALTED, ACKNOWLEDGED = 'begun', 'ended', 'halted', 'acknowledged'
@@ -179,7 +181,7 @@ class Journal:
             raise ConfigurationError(f'the journal {self.path} is in use; another run of this plan goes on') from error
 
     def _read(self) -> None:
-        data = self.path.read_bytes()
+        data = self._content()
         whole = data.rfind(b'\n') + 1
         if whole < len(data):
             self.repaired = f'took a line that was cut off after {len(data) - whole} bytes from the end of {self.path}'
@@ -192,6 +194,12 @@ class Journal:
         for number, line in enumerate(lines[1:], start=2):
             self._take(self._entry(line, number))
         self._rejects.clear()
+
+    def _content(self) -> bytes:
+        try:
+            return read_plain(self.path, _LARGEST_BYTES)
+        except OSError as error:
+            raise ConfigurationError(f'cannot read the journal {self.path}: {error.strerror}') from error
 
     def _check_head(self, head: Any) -> None:
         if head.get('plan') != self._plan.plan_id:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import yaml
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import read_text
 from tactile_nodes.params import from_mapping, load_mapping, parameter
 from tactile_nodes.paths import is_file, share_directory
 
@@ -178,7 +179,7 @@ def read_points(path: str | Path) -> list[Triple]:
     """
     file = Path(path)
     try:
-        text = file.read_text(encoding='utf-8')
+        text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the list of points {str(path)!r}: {error}') from error
     rows = _yaml_rows(text, file) if file.suffix.lower() in {'.yaml', '.yml'} else _csv_rows(text)

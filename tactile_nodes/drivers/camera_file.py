@@ -22,6 +22,7 @@ from tactile_nodes.drivers import opencv
 from tactile_nodes.drivers.camera import CameraSettings, Frame, Picture, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
+from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain
 
 IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
 FASTEST_CLAIM = 1000.0  # broken headers claim 90000 frames a second and more
@@ -250,7 +251,7 @@ def read_image(path: Path) -> Picture:
     """
     cv2 = opencv.load()
     try:
-        data = np.fromfile(path, np.uint8)
+        data = np.frombuffer(read_plain(path, PICTURE_BYTES), np.uint8)
     except OSError as error:
         raise ImageError(f'cannot read the image {path} ({error.strerror})') from error
     image = cv2.imdecode(data, cv2.IMREAD_ANYCOLOR) if data.size else None
@@ -261,7 +262,7 @@ def read_image(path: Path) -> Picture:
 
 def _check_readable(path: Path) -> None:
     try:
-        with path.open('rb'):
+        with open_plain(path):
             pass
     except OSError as error:
         raise ImageError(f'cannot read the video {path} ({error.strerror}); check its permissions') from error

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import PICTURE_BYTES, read_plain
 
 Picture = npt.NDArray[np.uint8]
 
@@ -22,7 +23,7 @@ def read_grey(file: str | Path) -> Picture:
     if not str(file):
         raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
     try:
-        data = np.frombuffer(Path(file).read_bytes(), np.uint8)
+        data = np.frombuffer(read_plain(file, PICTURE_BYTES), np.uint8)
     except OSError as error:
         raise ConfigurationError(f'cannot read the picture {file} ({error.strerror}); check the path') from error
     picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None

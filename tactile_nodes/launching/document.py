@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import yaml
 
 from tactile_nodes.errors import LaunchFileError
+from tactile_nodes.files import read_text
 from tactile_nodes.launching.template import Place, Template, parse_template, unescape
 
 Read = TypeVar('Read')
@@ -197,7 +198,7 @@ def _load(file: Path) -> Item | None:
         kind = 'Python' if file.suffix == '.py' else 'XML'
         raise LaunchFileError(f'cannot run {file}: {kind} launch files are not supported, only the YAML format is')
     try:
-        text = file.read_text(encoding='utf-8')
+        text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else 'it is not UTF-8 text'
         raise LaunchFileError(f'cannot read the launch file {file}: {reason}') from error

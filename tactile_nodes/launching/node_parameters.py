@@ -14,6 +14,7 @@ import yaml
 
 from tactile_nodes import params
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import read_text
 from tactile_nodes.launching import values
 from tactile_nodes.launching.document import Entity, Item, type_name
 from tactile_nodes.launching.template import Place, SubstitutionError, Template, parse_template
@@ -51,7 +52,7 @@ class ParameterFile:
     def _substituted(self, path: Path, context: Context) -> str:
         # ROS 2 makes substitutions in the file as YAML writes it again, comments gone and keys sorted.
         try:
-            text = yaml.safe_dump(yaml.safe_load(path.read_text(encoding='utf-8')))
+            text = yaml.safe_dump(yaml.safe_load(read_text(path)))
         except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError) as error:
             raise self.place.error(f'the parameter file {path} cannot be read as YAML: {error}') from error
         return parse_template(text, Place(path, 1)).evaluate(context)

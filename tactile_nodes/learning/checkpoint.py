@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.files import check_size
 
 if TYPE_CHECKING:
     import torch
 
 FORMAT = 'tactile_nodes.checkpoint'
+_LARGEST_BYTES = 4 << 30
 
 
 @dataclass
@@ -79,6 +81,7 @@ def read(path: Path) -> Snapshot | None:
     if not path.is_file():
         return None
     try:
+        check_size(path, _LARGEST_BYTES)
         with safe_open(path, framework='pt') as opened:
             counters: Mapping[str, object] = json.loads(opened.metadata()[FORMAT])
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118  (no mapping)

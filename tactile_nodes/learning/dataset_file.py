@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.files import open_plain
 from tactile_nodes.learning.recordings import OPTIONAL, REST_IMAGE, RecordedPresses, array_names, fingerprint_of
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.geometry import BinGrid
@@ -28,6 +30,9 @@ FORMAT_VERSION, OLDEST_VERSION = 2, 1
 _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', 'depth_reported_mm', 'force_n',
                 'force_rate_n_per_s', 'wrench', 'wrench_deviation'),
           'b': ('contact',), 'U': ('reference_id', 'tare_id')}  # fmt: skip
+_NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL}
+_ARRAY = b'\x93NUMPY'
+_LARGEST_RATIO = 20  # we do not compress; who does it again gains less
 _SHAPES = {
     'features': 4,
     'labels': 2,
@@ -93,11 +98,9 @@ def load_dataset(path: Path | str) -> RecordedPresses:
 
 def _entries(path: Path) -> dict[str, Any]:
     try:
-        with path.open('rb') as opened:  # numpy leaves a file open that it opened itself and cannot read
-            loaded = np.load(opened, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
-            with loaded:
+        with open_plain(path) as opened:  # numpy leaves a file open that it opened itself and cannot read
+            _check_entries(path, opened)
+            with np.load(opened, allow_pickle=False) as loaded:
                 return {name: loaded[name] for name in loaded.files}
     except FileNotFoundError as error:
         raise DatasetError(
@@ -108,6 +111,22 @@ def _entries(path: Path) -> dict[str, Any]:
     except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, SyntaxError, MemoryError,
             NotImplementedError, RuntimeError) as error:  # fmt: skip
         raise DatasetError(_damaged(path)) from error
+
+
+def _check_entries(path: Path, opened: BinaryIO) -> None:
+    """Names and sizes, before anything is unpacked: a file of 6 MB may unpack to 6 GB."""
+    if opened.read(len(_ARRAY)) == _ARRAY:
+        raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
+    with zipfile.ZipFile(opened) as archive:
+        entries = archive.infolist()
+    opened.seek(0)
+    if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
+        raise DatasetError(f'{path} is no data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
+    unpacked, stored = sum(entry.file_size for entry in entries), os.fstat(opened.fileno()).st_size
+    if unpacked > _LARGEST_RATIO * stored:
+        raise DatasetError(
+            f'{path} would unpack from {stored} to {unpacked} bytes, as no data set does; fetch it again'
+        )
 
 
 def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:

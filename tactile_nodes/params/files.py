@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import read_text
 
 Scalar = bool | int | float | str
 Value = Scalar | list[bool] | list[int] | list[float] | list[str]
@@ -72,7 +73,7 @@ def load_parameter_file(path: str | Path) -> list[NodeParameters]:
         ConfigurationError: no such file, no YAML, or not of the form ``node: ros__parameters: {…}``.
     """
     try:
-        text = Path(path).read_text(encoding='utf-8')
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the parameter file {path}: {error}') from error
     return parse_parameters(text, str(path))
@@ -95,7 +96,7 @@ def load_mapping(path: str | Path) -> dict[str, Located]:
         ConfigurationError: no such file, no YAML, not a mapping.
     """
     try:
-        root = compose(Path(path).read_text(encoding='utf-8'), str(path))
+        root = compose(read_text(path), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read {path}: {error}') from error
     if root is None:

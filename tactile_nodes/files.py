@@ -1,0 +1,57 @@
+"""How files from elsewhere are read: plain ones alone, and none that is larger than its like can be.
+
+What is refused is an OSError whose `strerror` says why, so that whoever reads translates one kind of error.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+TEXT_BYTES = 4 << 20
+"""No text that a person or this package writes is longer: parameters, launch files, lists, what describes a bag."""
+PICTURE_BYTES = 256 << 20
+"""No file of one picture is larger."""
+
+
+def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
+    """Open a file for reading; a named pipe is refused, which would wait for ever, and so is a folder or a device.
+
+    Raises:
+        OSError: it is no plain file, holds more than `largest` bytes, or cannot be opened.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        _check(os.fstat(descriptor), path, largest)
+        return os.fdopen(descriptor, 'rb')
+    except OSError:
+        os.close(descriptor)
+        raise
+
+
+def read_plain(path: str | Path, largest: int) -> bytes:
+    """All bytes of a file, if it holds no more than `largest`. Raises as `open_plain`."""
+    with open_plain(path, largest) as opened:
+        return opened.read(largest)
+
+
+def read_text(path: str | Path, largest: int = TEXT_BYTES) -> str:
+    """The UTF-8 text of a file. Raises as `open_plain`, and UnicodeDecodeError."""
+    return read_plain(path, largest).decode('utf-8').replace('\r\n', '\n')
+
+
+def check_size(path: str | Path, largest: int) -> None:
+    """Raise what `open_plain` raises, for a file that a library opens by its name."""
+    open_plain(path, largest).close()
+
+
+def _check(found: os.stat_result, path: str | Path, largest: int | None) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, 'it is no plain file', str(path))
+    if largest is not None and found.st_size > largest:
+        raise OSError(errno.EFBIG, f'it holds {found.st_size} bytes, and no such file more than {largest}', str(path))

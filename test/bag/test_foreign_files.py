@@ -1,0 +1,145 @@
+"""Bags that somebody made to harm, or that are no files at all: messages or a sentence, soon, and never a traceback."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+from pathlib import Path
+
+import pytest
+from bagging import START_NS, STRING, text
+from mcap.opcode import Opcode
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from tactile_nodes.bag import growing_file
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.errors import BagError
+
+COUNT = 200
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """An SQLite bag of texts, numbered."""
+    writer = Writer(tmp_path / 'press', version=8, storage_plugin=StoragePlugin.SQLITE3)
+    with writer:
+        connection = writer.add_connection('/text', STRING, typestore=get_typestore(Stores.ROS2_HUMBLE))
+        for number in range(COUNT):
+            writer.write(connection, START_NS + number, text(number))
+    return tmp_path / 'press' / 'press.db3'
+
+
+def numbers(path: Path) -> tuple[list[int], list[str]]:
+    with BagReader(path) as reader:
+        found = [message.log_ns - START_NS for message in reader.messages()]
+        return found, reader.problems
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(BagError) as caught:
+        BagReader(path)
+    return str(caught.value)
+
+
+def change(path: Path, *statements: str) -> None:
+    connection = sqlite3.connect(path)
+    for statement in statements:
+        connection.execute(statement)
+    connection.commit()
+    connection.close()
+
+
+def test_a_damaged_index_of_times_hides_no_message(bag: Path) -> None:
+    data = bytearray(bag.read_bytes())
+    connection = sqlite3.connect(bag)
+    (page,) = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'timestamp_idx'").fetchone()
+    connection.close()
+    data[page * 4096 - 600 : page * 4096] = bytes(600)  # where its first entries stand
+    bag.write_bytes(data)
+    assert numbers(bag) == (list(range(COUNT)), [])
+
+
+def test_messages_with_cells_of_wrong_types_are_left_out_and_told(bag: Path) -> None:
+    change(
+        bag,
+        "UPDATE messages SET data = 'no bytes' WHERE id = 1",
+        "UPDATE messages SET timestamp = 'noon' WHERE id = 2",
+        "UPDATE messages SET topic_id = x'00' WHERE id = 3",
+        'UPDATE messages SET timestamp = 1.5 WHERE id = 4',
+    )
+    assert numbers(bag) == (
+        list(range(4, COUNT)), [f'{bag}: 4 messages are left out, because they have cells of wrong types']
+    )  # fmt: skip
+
+
+def test_a_topic_with_cells_of_wrong_types_is_left_out_and_told(bag: Path) -> None:
+    change(bag, "UPDATE topics SET name = x'ff'")
+    assert numbers(bag) == (
+        [], [f'{bag}: a topic is left out, because its description has cells of wrong types']
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('made', 'said'),
+    [
+        (
+            'CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) '
+            "SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n",
+            'it has no tables topics and messages',
+        ),
+        (
+            'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, '
+            'data BLOB GENERATED ALWAYS AS (zeroblob(900000000)))',
+            'its table messages has no column data',
+        ),
+        (
+            'CREATE TABLE messages (id INTEGER PRIMARY KEY)',
+            'its table messages has no column data, timestamp, topic_id',
+        ),
+    ],
+)
+def test_what_only_looks_like_a_table_of_messages_is_refused(bag: Path, made: str, said: str) -> None:
+    change(bag, 'DROP TABLE messages', made)
+    assert said in refusal(bag)
+
+
+@pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'metadata.yaml'])
+def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path: Path, name: str) -> None:
+    (tmp_path / 'bag').mkdir()
+    os.mkfifo(tmp_path / 'bag' / name)
+    assert refusal(tmp_path / 'bag') == f'cannot read {tmp_path / "bag" / name}: it is no plain file'
+
+
+def test_metadata_of_a_length_that_no_bag_needs_are_not_read(tmp_path: Path) -> None:
+    with (tmp_path / 'metadata.yaml').open('wb') as file:
+        file.truncate(20 << 30)
+    assert refusal(tmp_path).endswith('it holds 21474836480 bytes, and no such file more than 1048576')
+
+
+def test_more_files_than_can_be_opened_are_refused_in_one_sentence(tmp_path: Path) -> None:
+    for number in range(1001):
+        (tmp_path / f'bag_{number}.mcap').touch()
+    assert refusal(tmp_path) == f'{tmp_path} names 1001 files, and at most 1000 are read; give some of them alone'
+
+
+def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path) -> None:
+    names = [f'bag_{number}.mcap' for number in range(500)]
+    (tmp_path / 'metadata.yaml').write_text(
+        'rosbag2_bagfile_information: {version: 8, storage_identifier: mcap, message_count: 0, '
+        f'topics_with_message_count: [], relative_file_paths: [{", ".join(names)}]}}'
+    )
+    assert 'names bag_0.mcap, bag_1.mcap, bag_2.mcap and 497 more, which is not' in refusal(tmp_path)
+
+
+@pytest.mark.parametrize('opcode', [Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL])
+def test_a_record_of_gigabytes_of_nothing_is_not_read(tmp_path: Path, opcode: Opcode) -> None:
+    length = 20 << 30
+    head = struct.pack('<QQQII', 0, 1, length, 0, 0) + struct.pack('<Q', length - 40)
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        file.write(growing_file.MAGIC + struct.pack('<BQ', opcode, length) + head)
+        file.truncate(file.tell() + length)
+    with BagReader(tmp_path / 'a.mcap') as reader:
+        assert list(reader.messages()) == []
+        assert reader.problems
