@@ -17,6 +17,7 @@ from types import FrameType
 
 from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.priority import take_priority
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq import ZmqBus
 from tactile_nodes.clock import monotonic_s
@@ -85,6 +86,7 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
         signal.signal(number, ending.on_signal)
     arguments = replace(arguments, ending=ending.done)
     nodes: list[Node] = []
+    take_priority()
     with ExitStack() as opened:
         opened.callback(ending.over, nodes)
         bus = open_bus()

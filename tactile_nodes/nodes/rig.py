@@ -18,6 +18,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.priority import lacking
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -48,6 +49,8 @@ class RigNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
+        if told := lacking():
+            self.log.info(told)
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
         self._session = Session(self.params, publishers, self.clock, self.log, answer)
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}

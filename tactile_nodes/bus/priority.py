@@ -1,0 +1,59 @@
+"""How urgently a process of nodes asks for the processor.
+
+What watches a machine, and what plays one, must not wait for a program that only computes. ``TACTILE_NICE`` names the
+niceness of a process (nice(1): -20 comes first, 0 is usual); the launch files of rigs set it. Linux gives sessions
+equal shares, whatever the niceness of their processes, so that of the session is set, too, if the process leads one, as
+those of a launch do (autogroup, sched(7)). An account may go below 0 only where it is permitted to (RLIMIT_NICE,
+limits.conf(5)); where it is not, the process stays as it is.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from tactile_nodes.errors import ConfigurationError
+
+VARIABLE = 'TACTILE_NICE'
+SESSION = Path('/proc/self/autogroup')
+
+
+def take_priority() -> None:
+    """For this thread and those that it starts.
+
+    Raises:
+        ConfigurationError: what is asked for is no niceness.
+    """
+    wanted = _wanted()
+    if wanted is None:
+        return
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, wanted)
+        if SESSION.exists() and os.getsid(0) == os.getpid():
+            SESSION.write_text(str(wanted), encoding='ascii')
+    except OSError:
+        return  # `lacking` says so to who has to know
+
+
+def lacking() -> str:
+    """What to tell a person when this thread did not get what was asked for; empty: it did."""
+    wanted, given = _wanted(), os.getpriority(os.PRIO_PROCESS, 0)
+    if wanted is None or given <= wanted:
+        return ''
+    return (
+        f'this account may not run anything before other programs (niceness {wanted}, it is {given}): on a loaded '
+        'computer devices may seem silent; see docs/collection.md'
+    )
+
+
+def _wanted() -> int | None:
+    text = os.environ.get(VARIABLE, '')
+    if not text:
+        return None
+    try:
+        wanted = int(text)
+    except ValueError:
+        wanted = 20
+    if not -20 <= wanted <= 19:
+        raise ConfigurationError(f'{VARIABLE} is {text!r}; set it to a whole number from -20 to 19, or leave it out')
+    return wanted
