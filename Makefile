@@ -1,5 +1,6 @@
 # make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
 # make test                                                                   run the tests
+# make fuzz                                                                   run the random ones with other examples, until Ctrl-C
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -7,13 +8,22 @@ SOURCE ?= simulated
 ARGS ?=
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
-.PHONY: live test lint docs clean
+.PHONY: live test fuzz lint docs clean
 
 live: $(VENV)/.live
 	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
 
 test: $(VENV)/.dev
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
+
+# The random tests, again and again with other examples until Ctrl-C or a failure; SEED=… tries those of that seed again.
+fuzz: $(VENV)/.dev
+	@for round in $$(seq $(if $(SEED),1,1000000)); do \
+	  seed=$(or $(SEED),$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')); \
+	  echo "round $$round: make fuzz SEED=$$seed"; \
+	  TACTILE_HYPOTHESIS=fuzz OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m hypothesis \
+	    --hypothesis-seed=$$seed --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS) || exit 1; \
+	done
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

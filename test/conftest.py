@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
+import hypothesis
 import jaxtyping
 import pytest
 from pauses import Pauses
@@ -20,6 +21,24 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
 jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED], 'beartype.beartype')
+
+# The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints.
+hypothesis.settings.register_profile('suite', database=None, deadline=None, print_blob=True)
+hypothesis.settings.register_profile('fuzz', database=None, deadline=None, print_blob=True)
+hypothesis.settings.load_profile(os.environ.get('TACTILE_HYPOTHESIS', 'suite'))
+
+LONGEST_ARGUMENT = 3000
+"""Characters of an argument as a failure of a random test shows it; more would hide the example that was found."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
+    """A random test gets no fixture that would fill its report."""
+    if pyfuncitem.get_closest_marker('hypothesis'):
+        given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+        long = [name for name, value in given.items() if len(repr(value)) > LONGEST_ARGUMENT]
+        assert not long, f'give {long} as a path, or keep what it holds out of its repr'
+    return (yield)
 
 
 @pytest.hookimpl(wrapper=True)

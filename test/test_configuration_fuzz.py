@@ -6,7 +6,7 @@ Real files of ours are altered: characters changed, put in, or cut away, values 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -110,18 +110,18 @@ def _move_line(draw: st.DrawFn, text: str) -> str:
 
 
 @pytest.fixture(scope='module', params=READERS, ids=str)
-def kind(request: pytest.FixtureRequest) -> Iterator[tuple[str, Callable[[Path], Any], str]]:
-    name = request.param
-    yield name, READERS[name], (share_directory() / 'config' / name).read_text(encoding='utf-8')
+def kind(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    return name
 
 
 @RELAXED
 @given(data=st.data())
 def test_a_spoilt_file_is_read_or_refused_in_a_sentence(
-    kind: tuple[str, Callable[[Path], Any], str], data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+    kind: str, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    name, read, text = kind
-    file = tmp_path_factory.getbasetemp() / f'spoilt_{Path(name).name}'
+    read, text = READERS[kind], (share_directory() / 'config' / kind).read_text(encoding='utf-8')
+    file = tmp_path_factory.getbasetemp() / f'spoilt_{Path(kind).name}'
     file.write_bytes(data.draw(spoilt(text)))
     try:
         read(file)

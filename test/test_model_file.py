@@ -81,10 +81,15 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope='module')
-def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp('model') / 'small.safetensors'
     save_model(path, small_model(), CARD)
-    return path.read_bytes()
+    return path
+
+
+@pytest.fixture
+def content(saved: Path) -> bytes:
+    return saved.read_bytes()
 
 
 def layered_model() -> ForceModel:
@@ -260,7 +265,8 @@ def test_nothing_is_left_beside_the_file(file: Path):
 
 @settings(max_examples=300, deadline=None)
 @given(st.data())
-def test_any_altered_byte_is_noticed(content: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject):
+def test_any_altered_byte_is_noticed(saved: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject):
+    content = saved.read_bytes()
     place = data.draw(st.integers(0, len(content) - 1))
     flip = data.draw(st.integers(1, 255))
     path = tmp_path_factory.getbasetemp() / 'altered.safetensors'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ class Sample:
 
     topic: str
     log_ns: int
-    data: bytes
+    data: bytes = field(repr=False)
 
 
 def force(number: int, stamp_ns: int, **fields) -> bytes:

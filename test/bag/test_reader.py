@@ -151,11 +151,11 @@ CONTENT = samples(12)
 
 
 @pytest.fixture(scope='module')
-def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp('whole')
     for compression in ('none', 'lz4', 'zstd'):
         write(folder / compression, CONTENT, compression)
-    return {name: (folder / name / f'{name}_0.mcap').read_bytes() for name in ('none', 'lz4', 'zstd')}
+    return {name: folder / name / f'{name}_0.mcap' for name in ('none', 'lz4', 'zstd')}
 
 
 @pytest.fixture(scope='module')
@@ -170,7 +170,7 @@ def all_data(content: list[Sample]) -> set[bytes]:
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1), compression=st.sampled_from(['none', 'lz4', 'zstd']))
 def test_file_cut_anywhere_is_read_up_to_the_cut(whole, scratch: Path, where: float, compression: str) -> None:
-    data = whole[compression]
+    data = whole[compression].read_bytes()
     scratch.write_bytes(data[: int(where * len(data))])
     try:
         found, problems = read(scratch)
@@ -182,7 +182,7 @@ def test_file_cut_anywhere_is_read_up_to_the_cut(whole, scratch: Path, where: fl
 
 
 def test_uncompressed_file_gives_every_message_that_is_there_in_full(whole, scratch: Path) -> None:
-    data = whole['none']
+    data = whole['none'].read_bytes()
     for number, sample in enumerate(CONTENT):
         end = data.index(sample.data) + len(sample.data)
         scratch.write_bytes(data[:end])
@@ -192,7 +192,7 @@ def test_uncompressed_file_gives_every_message_that_is_there_in_full(whole, scra
 
 
 def test_a_topic_of_which_a_cut_leaves_no_message_has_none(whole, scratch: Path) -> None:
-    data = whole['none']
+    data = whole['none'].read_bytes()
     first = CONTENT[0]
     scratch.write_bytes(data[: data.index(first.data) + len(first.data)])
     with BagReader(scratch) as reader:
@@ -204,7 +204,7 @@ def test_a_topic_of_which_a_cut_leaves_no_message_has_none(whole, scratch: Path)
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), compression=st.sampled_from(['none', 'zstd']))
 def test_flipped_bit_never_makes_up_a_message(whole, scratch: Path, where: float, bit: int, compression: str) -> None:
-    data = bytearray(whole[compression])
+    data = bytearray(whole[compression].read_bytes())
     data[int(where * len(data))] ^= 1 << bit
     scratch.write_bytes(data)
     try:
@@ -215,16 +215,17 @@ def test_flipped_bit_never_makes_up_a_message(whole, scratch: Path, where: float
 
 
 @pytest.fixture(scope='module')
-def sqlite_bag(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Sample]]:
+def sqlite_bag(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sample]]:
     folder = tmp_path_factory.mktemp('sqlite') / 'other'
     content = rosbags_bag(folder, StoragePlugin.SQLITE3)
-    return (folder / 'other.db3').read_bytes(), content
+    return folder / 'other.db3', content
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1))
 def test_sqlite_file_cut_anywhere_gives_messages_or_a_sentence(sqlite_bag, scratch: Path, where: float) -> None:
-    data, content = sqlite_bag
+    file, content = sqlite_bag
+    data = file.read_bytes()
     scratch.write_bytes(data[: int(where * len(data))])
     try:
         found, problems = read(scratch)

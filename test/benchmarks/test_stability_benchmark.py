@@ -168,7 +168,7 @@ def test_a_network_holds_in_altered_pictures(world: World, name: str, level: flo
     assert found.rmse_n < 0.030
 
 
-@settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     shift_px=draw.just(0.0) | draw.floats(0, 6),
     light=draw.just(1.0) | draw.floats(0.3, 1.9),

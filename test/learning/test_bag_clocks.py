@@ -256,7 +256,7 @@ def edges_of(seen: Sequence[tuple[int, bool]], half_s: float) -> Edges:
     return Edges(np.array(stamps, np.int64), np.array(levels, bool), np.full(len(stamps), half_s))
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 10_000),
     presses=st.integers(9, 150),
@@ -279,7 +279,7 @@ def test_what_the_rig_switches_brings_a_recorder_to_its_clock_within_2_ms(
         assert abs(clocks.corrected_ns(read(clock, time_ns), 'other') - time_ns) < 2_000_000
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(seed=st.integers(0, 10_000))
 def test_a_recorder_of_another_run_is_refused(seed: int) -> None:
     ours = edges_of(seen_by(None, line(20)), 0.001)

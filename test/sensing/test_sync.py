@@ -15,7 +15,7 @@ from tactile_nodes.sensing.sync_match import nearest, without_bounces
 from tactile_nodes.sensing.sync_robust import bend, overlooked, robust_line
 
 HOST_ZERO_NS = 1_795_000_000_000_000_000
-SOME = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+SOME = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def line(count: int, rng: np.random.Generator, low_s: float = 0.5, high_s: float = 3.0) -> np.ndarray:

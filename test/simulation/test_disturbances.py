@@ -53,7 +53,7 @@ def test_a_warm_sensor_ends_at_the_longer_lens_the_knock_and_the_dimmer_lamp_and
     assert warm.light_gain == pytest.approx(0.95)
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(share=draw.floats(0.0, 0.9), seed=draw.integers(0, 1000))
 def test_so_many_markers_go_and_clusters_are_whole_holes(share: float, seed: int) -> None:
     markers, _ = place_markers(LINEAR)
@@ -96,7 +96,7 @@ def test_a_hot_spot_is_brightest_at_its_place() -> None:
     assert spot.max() == pytest.approx(60)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(sigma_px=draw.floats(0.0, 3.0))
 def test_blur_keeps_the_light(sigma_px: float) -> None:
     point = np.zeros((41, 41), np.float32)
