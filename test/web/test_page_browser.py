@@ -29,6 +29,8 @@ from tactile_nodes.nodes.recorder import RecorderNode
 from tactile_nodes.params import Located, NodeParameters
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.viewing.reasons import sentences
+from tactile_nodes.web import accounts
 
 playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed: pip install .[dev]')
 expect = playwright.expect
@@ -162,6 +164,7 @@ def text(page: Any, place: str) -> Any:
 
 def test_the_force_of_a_known_press_is_shown(page: Any) -> None:
     text(page, '#total').to_have_text('0.730')
+    text(page, '#answer').to_contain_text('Tare with nothing touching')
     text(page, '#status').to_have_text('OK')
     row = page.locator('#contacts tr').first
     expect(row.locator('td').nth(1)).to_have_text('4.00, −2.00 ± 0.03')
@@ -246,11 +249,156 @@ def test_a_bag_is_recorded_from_the_page(page: Any, running: Running, tmp_path: 
     running.start(RecorderNode, autostart=False, bag=f'{tmp_path}/')
     page.click('#record')
     text(page, '#recording-mark').to_be_visible()
-    text(page, '#answer').to_contain_text('recording into')
+    text(page, '#bag').to_contain_text('recording into')
     page.click('#record')
-    text(page, '#answer').to_contain_text('wrote')
     text(page, '#recording-mark').to_be_hidden()
-    assert len(list(tmp_path.glob('rosbag2_*/*.mcap'))) == 1
+    (bag,) = tmp_path.glob('rosbag2_*')
+    expect(page.locator('#bag li').first).to_contain_text(f'into {bag}')
+    assert len(list(bag.glob('*.mcap'))) == 1
+
+
+def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(page: Any, running: Running) -> None:
+    said = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
+    lines = [
+        'wrote 7283 messages (118.3 MB, 12.2 s) into /home/somebody/recordings/of/the/day/rosbag2_2030_01_31-13_59_59',
+        'lost on the way: 72 of /image_raw, 3 of /camera_info',
+        '/image_raw: forces of those instants cannot be computed again',
+        '/camera_info: nothing that is computed needs them',
+    ]
+    values = {'bag': lines[0].rpartition(' ')[2], 'messages': '7283', 'lost': '75', 'lost_of': '/image_raw 72'}
+    status = types.DiagnosticStatus(
+        level=1, name='recorder: bag', message='; '.join(lines),
+        values=[types.KeyValue(key=key, value=value) for key, value in values.items()],
+    )  # fmt: skip
+    said.publish(types.DiagnosticArray(status=[status]))
+    expect(page.locator('#bag li')).to_have_text(lines)
+    expect(page.locator('#nodes')).not_to_contain_text('lost on the way')  # once is enough
+    assert is_whole(page, '#bag')
+
+
+WARNING = (
+    'The light has changed since the rest image was taken, and frames are not trusted as far as they differ: shield '
+    'the sensor from outside light, or press "Tare: new rest image" while nothing touches the gel, and look here again.'
+)
+
+
+@pytest.mark.parametrize('width', [1280, 390])
+def test_a_warning_shows_its_remedy_whole(page: Any, running: Running, sensor: Sensor, width: int) -> None:
+    page.set_viewport_size({'width': width, 'height': 720})
+    health = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
+    health.publish(
+        types.DiagnosticArray(status=[types.DiagnosticStatus(level=1, name='camera: camera', message=WARNING)])
+    )
+    said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
+    said.publish(types.Log(level=30, name='camera', msg=WARNING))
+    sensor.status = types.ForceDistribution.STATUS_DEGRADED
+    sensor.reasons = (1 << 20) - 1  # all there are
+    text(page, '#reason').to_contain_text(sentences(sensor.reasons)[-1])
+    text(page, '#nodes').to_contain_text(WARNING)
+    text(page, '#logs').to_contain_text(WARNING)
+    assert [place for place in ('#reason', '#nodes', '#logs') if not is_whole(page, place)] == []
+    assert page.evaluate('document.documentElement.scrollWidth') == width
+
+
+def is_whole(page: Any, place: str) -> bool:
+    """Whether no part of a text is cut off: of none of its elements, nor of those around it."""
+    return bool(
+        page.evaluate(
+            """(place) => {
+                const found = document.querySelector(place);
+                const inside = [found, ...found.querySelectorAll('*')];
+                const cut = (each) =>
+                    each.scrollWidth > each.clientWidth + 1 || each.scrollHeight > each.clientHeight + 1;
+                const flat = inside.filter((each) => getComputedStyle(each).display !== 'inline');
+                for (let outer = found.parentElement; outer; outer = outer.parentElement) {
+                    const [box, frame] = [found.getBoundingClientRect(), outer.getBoundingClientRect()];
+                    const hides = getComputedStyle(outer).overflow !== 'visible';
+                    if (hides && (box.bottom > frame.bottom + 1 || box.right > frame.right + 1)) return false;
+                }
+                return !flat.some(cut);
+            }""",
+            place,
+        )
+    )
+
+
+def test_a_touch_of_a_twentieth_of_a_newton_is_seen_without_choosing_a_scale(page: Any, sensor: Sensor) -> None:
+    sensor.total_n = 0.05
+    text(page, '#total').to_have_text('0.050')
+    expect(page.locator('#scale')).to_have_value('auto')
+    page.wait_for_function(bin_is_bright(), arg=0.5)
+
+
+def test_the_scale_follows_a_stronger_press_and_comes_back_after_it(page: Any, sensor: Sensor) -> None:
+    text(page, '#total').to_have_text('0.730')
+    page.wait_for_function(bin_is_bright(), arg=0.5)  # on 0 to 1 N: beyond the middle of the colours
+    sensor.total_n = 0.05
+    page.wait_for_function(bin_is_bright(), arg=0.5)
+
+
+def bin_is_bright() -> str:
+    """JavaScript: whether some 300 pixels of the map are at least so bright (0 to 1)."""
+    return """(least) => {
+        const canvas = document.getElementById('map');
+        const width = canvas.width * 0.8; // without the bar of the colours
+        const data = canvas.getContext('2d').getImageData(0, 0, width, canvas.height).data;
+        let count = 0;
+        for (let at = 0; at < data.length; at += 4) {
+            // "inferno": red and yellow, not the bluish ring of the contact
+            count += data[at] > 255 * least && data[at] > data[at + 2] + 60;
+        }
+        return count > 300;
+    }"""
+
+
+def test_the_course_of_the_force_begins_before_the_page_was_opened(
+    chromium: Any, running: Running, sensor: Sensor
+) -> None:
+    node = running.start(LiveViewNode, port=0)
+    assert isinstance(node, LiveViewNode)
+    while len(node.server._audience._history) < 30:
+        threading.Event().wait(0.05)
+    sensor.total_n = 0.0
+    with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
+        page = context.new_page()
+        page.goto(node.server.url)
+        text(page, '#total').to_have_text('0.000')
+        page.wait_for_function(
+            """() => {
+                const canvas = document.querySelector('#chart canvas');
+                const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height * 0.6).data;
+                let count = 0;
+                for (let at = 0; at < data.length; at += 4)
+                    count += data[at] > 200 && data[at + 1] > 120 && data[at + 2] < 120 && data[at + 3] > 100;
+                return count > 10; // orange, far above nought
+            }"""
+        )
+
+
+@pytest.mark.usefixtures('sensor')
+def test_a_guest_watches_and_finds_the_buttons_closed(
+    chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
+    running.bus.serve('/flow_features/capture_reference', services.TRIGGER, lambda request, reply: None)
+    node = running.start(LiveViewNode, port=0, guests='watch')
+    with chromium.new_context() as context:
+        page = context.new_page()
+        page.goto(node.server.url)
+        text(page, '#total').to_have_text('0.730')
+        text(page, '#answer').to_contain_text('Only the account that started the sensor')
+        expect(page.locator('#rest')).to_be_disabled()
+
+
+def test_another_account_reads_why_it_sees_nothing(
+    chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
+    node = running.start(LiveViewNode, port=0)
+    with chromium.new_context() as context:
+        page = context.new_page()
+        page.goto(node.server.url)
+        text(page, 'body').to_contain_text('This is served to the account that started it')
 
 
 @pytest.mark.parametrize(('width', 'height'), [(1280, 720), (1920, 1080), (390, 844)])

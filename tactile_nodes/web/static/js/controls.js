@@ -2,11 +2,13 @@
 
 const $ = (id) => document.getElementById(id);
 const RESTS_MS = 8000;
+const GUEST = 'You may watch. Only the account that started the sensor may record and tare.';
 
 export class Controls {
   constructor(link) {
     this.link = link;
     this.recording = null;
+    this.bag = '';
     this.busy = false;
     this.idle = $('answer').textContent;
     $('record').addEventListener('click', () => this.act(this.recording?.on ? 'recording_stop' : 'recording_start'));
@@ -24,8 +26,26 @@ export class Controls {
     $('record').classList.toggle('on', on);
     $('record-word').textContent = on ? `Stop recording, ${recording.seconds.toFixed(0)} s` : 'Record a bag';
     $('recording-mark').hidden = !on;
-    if (recording && !recording.well) this.answer(recording.text, 'refused');
-    else if (recording?.bag && !this.answered) this.answer(recording.text, '', false);
+    this.showBag(recording);
+    if (recording && !recording.well && !recording.bag) this.answer(recording.text, 'refused');
+    else if (isOpen && this.link.mayAct === false && !this.answered) this.answer(GUEST, '', false);
+  }
+
+  /** Where the bag is, what of it is lost and what for that is needed: the recorder's sentence, a line a clause. */
+  showBag(recording) {
+    const text = recording?.bag ? recording.text : '';
+    const where = !text || text.includes(recording.bag) ? [] : [`recording into ${recording.bag}`];
+    const lines = text ? [...where, ...text.split('; ')] : [];
+    $('bag').hidden = !text;
+    $('bag').classList.toggle('lost', Boolean(recording?.lost));
+    if (lines.join('\n') === this.bag) return;
+    this.bag = lines.join('\n');
+    $('bag').replaceChildren(...lines.map((line) => {
+      const made = document.createElement('li');
+      made.textContent = line;
+      return made;
+    }));
+    if (text && !this.answered) this.answer('', '', false);
   }
 
   async act(action, insist = false) {
@@ -33,7 +53,8 @@ export class Controls {
     $('record').disabled = $('rest').disabled = true;
     const outcome = await this.link.act(action, insist);
     this.busy = false;
-    this.answer(outcome.text, outcome.done ? 'done' : 'refused');
+    if (outcome.done && action !== 'rest_image') this.answer('', '', false); // the recorder says it, in its own place
+    else this.answer(outcome.text, outcome.done ? 'done' : 'refused');
     if (outcome.insistable) this.offer(action);
   }
 
@@ -55,7 +76,7 @@ export class Controls {
     clearTimeout(this.answered);
     this.answered = setTimeout(() => {
       this.answered = undefined;
-      this.answer(this.idle, '', false);
+      this.answer(this.bag ? '' : this.idle, '', false);
     }, RESTS_MS);
   }
 }

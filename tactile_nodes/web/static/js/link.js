@@ -8,7 +8,7 @@ export class Link {
     this.open = false;
     this.onPacket = onPacket;
     this.onChange = onChange;
-    this.mayAct = false;
+    this.mayAct = undefined; // until the node has said it
     this.failures = 0;
     this.connect();
   }

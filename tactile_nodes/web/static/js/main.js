@@ -7,6 +7,7 @@ import { Link } from './link.js';
 import { drawMap } from './map.js';
 import { takeApart } from './packet.js';
 import { showContacts, showSlow, showStatus, showTotal } from './panels.js';
+import { Scale } from './scale.js';
 
 const OLD_S = 0.6; // a force older than this is no reading any more
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
@@ -17,6 +18,7 @@ const page = {
   bitmap: null, imageStamp: 0, imageAt: 0, shown: [], slow: '',
 };
 let taken = 0;
+const scale = new Scale();
 const chart = new Chart($('chart'));
 const link = new Link(take, () => watch());
 const controls = new Controls(link);
@@ -35,6 +37,7 @@ async function take(buffer) {
 
 function show(packet, bitmap, number) {
   Object.assign(page, { number, told: packet.told, bins: packet.bins, motion: packet.motion, at: performance.now() });
+  if (packet.told.force && packet.told.force.status !== 'invalid') scale.fit(packet.bins, packet.told.force.stamp_s);
   if (!bitmap) return;
   page.bitmap?.close();
   Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
@@ -50,13 +53,18 @@ async function bitmapOf({ told, jpeg }) {
   }
 }
 
+/** Newtons of the brightest colour. */
+function fullScale() {
+  return Number($('scale').value) || scale.full;
+}
+
 function draw() {
   const { told } = page;
   page.shown.push(performance.now());
   page.shown = page.shown.filter((at) => at > performance.now() - 2000);
   const longest = drawCamera($('camera'), page.bitmap, told.motion, page.motion, Number($('gain').value));
   $('longest').textContent = Number.isFinite(longest) ? longest.toFixed(1) : '–';
-  drawMap($('map'), told.force, page.bins, Number($('scale').value));
+  drawMap($('map'), told.force, page.bins, fullScale());
   chart.draw();
   $('true-key').hidden = !chart.hasTruth;
   const isLive = watch();
@@ -72,7 +80,7 @@ function watch() {
   const age = told?.force ? told.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
   showStatus(...statusOf(told, age, isLive), !isLive);
-  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age, Number($('scale').value));
+  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age, fullScale());
   showContacts(told?.force ?? null, isLive);
   controls.show(told?.slow, link.open);
   document.body.classList.toggle('cut', !link.open);
@@ -131,5 +139,5 @@ for (const id of ['gain', 'scale']) {
 }
 setInterval(watch, 250);
 showContacts(null, false);
-drawMap($('map'), null, page.bins, Number($('scale').value));
+drawMap($('map'), null, page.bins, fullScale());
 window.addEventListener('resize', () => page.told && draw());

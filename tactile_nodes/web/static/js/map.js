@@ -1,10 +1,12 @@
-// The force on each bin in newtons, on a scale that does not move, with its colour bar, and the contacts.
+// The force on each bin in newtons, with the bar of its colours, and the contacts.
 
 import { fitted } from './canvas.js';
 import { colour, ink } from './palette.js';
 
 const LEFT = 34, BOTTOM = 34, TOP = 6, BAR_GAP = 16, BAR = 16, BAR_TEXT = 40;
-const SHOWN = 0.005; // N: smaller forces would read 0.00
+const SHOWN = 0.005; // N: smaller forces would read 0.00,
+const SHOWN_SHARE = 0.04; // or, on a small scale with its third digit, be noise
+const FINE = 0.1; // N: a full scale of which the third digit counts
 const BAR_STEPS = 64;
 const BORDER = '#2b2640'; // between bins
 
@@ -40,10 +42,11 @@ function writeBins(context, { left, top, cell, rows, cols }, bins, fullScale, lo
   context.font = `600 ${size}px ${look.font}`;
   context.textAlign = 'center';
   context.textBaseline = 'middle';
+  const least = Math.min(SHOWN, SHOWN_SHARE * fullScale), digits = fullScale <= FINE ? 3 : 2;
   for (let index = 0; index < Math.min(bins.length, rows * cols); index += 1) {
-    if (!(Math.abs(bins[index]) >= SHOWN)) continue;
+    if (!(Math.abs(bins[index]) >= least)) continue;
     context.fillStyle = ink(bins[index], fullScale);
-    const text = bins[index].toFixed(2).replace(/^(-?)0/, '$1').replace('-', '−');
+    const text = bins[index].toFixed(digits).replace(/^(-?)0/, '$1').replace('-', '−');
     context.fillText(text, left + ((index % cols) + 0.5) * cell, top + (Math.floor(index / cols) + 0.5) * cell);
   }
 }

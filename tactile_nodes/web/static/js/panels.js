@@ -84,7 +84,7 @@ export function showSlow(slow, updates, isLive) {
   say('losses', `${lost} lost on the way here, ${skipped} skipped before${damaged}`);
   showStages(slow.latency_ms);
   showProvenance(slow.provenance, slow.calibration);
-  showNodes(slow.health, slow.logs);
+  showNodes(slow.health, slow.logs, slow.recording);
 }
 
 function showStages(stages) {
@@ -126,17 +126,19 @@ function calibrated(known, state) {
   return told || (known.model ? 'none of its own' : '');
 }
 
-function showNodes(health, logs) {
+/** Each node, and the last warning; what the recorder says of its bag stands below its button already. */
+function showNodes(health, logs, recording) {
+  const isOfBag = (text) => Boolean(recording?.bag) && text.includes(recording.text);
   $('nodes').replaceChildren(...health.map((entry) => {
     const row = element('li');
     const level = entry.silent_s !== null ? 'stale' : entry.level;
     const text = entry.silent_s !== null ? `silent for ${entry.silent_s.toFixed(0)} s` : entry.text || entry.level;
     row.append(element('span', undefined, `lamp ${level}`), element('span', entry.node.split('/').at(-1)));
-    if (level !== 'ok') row.append(element('span', text));
+    if (level !== 'ok') row.append(element('span', isOfBag(text) ? 'see the bag, at the right' : text));
     row.title = `${entry.node}, ${level}: ${text}`;
     return row;
   }));
-  const last = element('li', logs.at(-1) ?? 'none');
+  const last = element('li', logs.findLast((text) => !isOfBag(text)) ?? 'none');
   last.title = logs.join('\n');
   $('logs').replaceChildren(last);
 }
