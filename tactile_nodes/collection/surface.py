@@ -84,7 +84,23 @@ def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Su
         found = yield from _corner(settings, safe_z_mm, (x, y))
         places.append((x * reach, y * reach, float(np.median([line.touch_mm for line in found]))))
         lines += found
-    return replace(plane(places, settings), softest=min(lines, key=lambda line: line.slope))
+    return replace(plane(places, settings), softest=softest(lines, settings.limits.least_share))
+
+
+def softest(lines: Sequence[Loading], least_share: float) -> Loading:
+    """The loading line that gives the least force.
+
+    Raises:
+        DeviceFaultError: less than `least_share` of what the stiffest gives at the same depth.
+    """
+    soft, stiff = (least(lines, key=lambda line: line.slope) for least in (min, max))
+    if soft.force_n(1.0) < least_share * stiff.force_n(1.0):
+        raise DeviceFaultError(
+            f'the gel gave {soft.force_n(1.0):.2f} N at 1 mm when its surface was felt once, and '
+            f'{stiff.force_n(1.0):.2f} N another time: does the sensor tell the truth? '
+            'A gel like that needs a smaller limits.least_share'
+        )
+    return soft
 
 
 def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSettings) -> Surface:
@@ -113,12 +129,12 @@ def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float,
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
-    touched = (yield from _search(settings, tare, surface.top_mm, surface.step_mm)).touch_mm
+    first = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
     found = []
     for _ in range(surface.repeats):
-        start = min(surface.top_mm, touched + BACK_OFF_STEPS * surface.fine_step_mm)
+        start = min(surface.top_mm, first.touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)
         yield Go(z=start, feed_mm_min=motion.press_mm_min)
-        found.append((yield from _search(settings, tare, start, surface.fine_step_mm)))
+        found.append((yield from _search(settings, tare, start, surface.fine_step_mm, first)))
     yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
     low, high = min(line.touch_mm for line in found), max(line.touch_mm for line in found)
     if high - low > surface.spread_mm:
@@ -129,8 +145,13 @@ def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float,
     return found
 
 
-def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float) -> Procedure[Loading]:
-    """From `start_mm` down to the touch and some steps on; how the force grew, and where it would begin."""
+def _search(
+    settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, known: Loading | None = None
+) -> Procedure[Loading]:
+    """From `start_mm` down to the touch and some steps on; how the force grew, and where it would begin.
+
+    Where it is `known` how it grew there before, a force that stays too small ends the search.
+    """
     surface = settings.surface
     loading: list[tuple[float, float]] = []
     for step in range(1, 100_000):
@@ -143,6 +164,8 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         if math.isnan(force):
             raise DeviceFaultError('the sensor measures no force along z, so it cannot find the surface; set its axes')
         noise = tare.noise_n / math.sqrt(len(seen.samples))
+        if known is not None:
+            _require_rise(known, settings, z, force + 5 * noise)
         if loading or force > 5 * noise + surface.least_n:
             loading.append((seen.place_mm[2], force))
         if len(loading) > surface.beyond:
@@ -151,6 +174,16 @@ def _search(settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: 
         f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
         'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
     )
+
+
+def _require_rise(known: Loading, settings: CollectionSettings, z_mm: float, most_n: float) -> None:
+    """Raise DeviceFaultError where less than `least_share` of the force is felt that was felt there before."""
+    gave_n = known.force_n(known.touch_mm - settings.surface.flat_mm - z_mm)
+    if most_n + settings.surface.least_n < settings.limits.least_share * gave_n:
+        raise DeviceFaultError(
+            f'no more than {most_n:.2f} N are felt at z {z_mm:.2f} mm, where the gel gave {gave_n:.2f} N just before: '
+            'does the sensor tell the truth, does z move?'
+        )
 
 
 def _felt(dwell_s: float) -> Procedure[Seen]:

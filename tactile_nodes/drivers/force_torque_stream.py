@@ -8,7 +8,7 @@ from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.force_torque import UNUSABLE, Flag, ForceTorqueSettings, Listener, Sample
-from tactile_nodes.drivers.force_torque_check import SampleCheck, permitted_ms, too_old
+from tactile_nodes.drivers.force_torque_check import NS_PER_MS, SampleCheck, permitted_ms, too_old
 from tactile_nodes.drivers.force_torque_queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
@@ -167,11 +167,11 @@ class StreamedForceTorque:
         thread.join(JOIN_S)
 
     def _health(self, connection: Connection, newest: Sample) -> Health:
-        limit_ms = permitted_ms(self._settings.silence_ms, self._expected_hz)
-        if wrong := too_old(newest, 0, self._clock.now_ns(), limit_ms):
-            return Health(Level.ERROR, f'{self.name} {wrong}')
-        if newest.flags & UNUSABLE:
+        now_ns, limit_ms = self._clock.now_ns(), permitted_ms(self._settings.silence_ms, self._expected_hz)
+        if newest.flags & UNUSABLE and now_ns - newest.arrival_ns <= limit_ms * NS_PER_MS:
             return Health(Level.ERROR, f'{self.name}: {told(newest.flags)} (status {newest.status:#x})')
+        if wrong := too_old(newest, 0, now_ns, limit_ms):
+            return Health(Level.ERROR, f'{self.name} {wrong}')
         counted = f'{connection.rate_hz:.0f} samples/s, {self._queue.dropped} lost'
         if newest.flags & (Flag.THRESHOLD | Flag.WARNING | Flag.UNTIMED) or connection.complaint:
             words = connection.complaint or f'{told(newest.flags)} (status {newest.status:#x})'

@@ -10,7 +10,7 @@ import pytest
 from rehearsing import SAFE_Z_MM, Run, changed
 
 from tactile_nodes.collection.rising import rising
-from tactile_nodes.collection.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.surface import HERTZ, Loading, Surface, softest
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.drivers.force_torque import Sample, Wrench
 from tactile_nodes.emulators.world import World
@@ -89,3 +89,33 @@ def test_z_that_does_not_follow_its_motor_ends_the_run_on_the_way_down(tmp_path:
     with pytest.raises(DeviceFaultError, match='does z move'):
         run.campaign.run()
     assert math.isclose(run.height_mm, -30.31, abs_tol=0.02)
+
+
+def test_corners_that_differ_by_more_than_half_are_told_and_not_taken_for_a_soft_gel() -> None:
+    """A sensor that told a part of the force at one corner would make every other force enough."""
+    lines = [Loading(-30.0, 0.5, HERTZ), Loading(-30.0, 0.48, HERTZ)]
+    assert softest(lines, 0.5).slope == 0.48
+    with pytest.raises(DeviceFaultError, match=r'0\.09 N at 1 mm .* 0\.35 N another time'):
+        softest([*lines, Loading(-30.0, 0.2, HERTZ)], 0.5)
+
+
+def test_surface_that_is_not_felt_where_it_was_just_before_ends_the_search(tmp_path: Path) -> None:
+    """The first search goes to 0.6 mm; the second stops where half of 0.11 N of it are not felt, not at the bottom."""
+    run = Run(tmp_path)
+    run.world.__class__ = Liar
+    deepest = [0.0]
+
+    def look() -> None:
+        depth_mm = run.world.press_at(run.rig.clock.now_ns()).depth_mm
+        if run.world.tells is not None:  # type: ignore[attr-defined]
+            deepest[0] = max(deepest[0], depth_mm)
+        elif deepest and depth_mm < 0.25 < reached[0]:  # drawn back after the first search
+            run.world.tells = lambda _: 0.0  # type: ignore[attr-defined]
+        reached[0] = max(reached[0], depth_mm)
+
+    reached = [0.0]
+    run.rig.clock.every(0.01, look)
+    with pytest.raises(DeviceFaultError, match='where the gel gave'):
+        run.campaign.run()
+    assert deepest[0] < 0.5
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
