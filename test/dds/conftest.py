@@ -39,6 +39,20 @@ def other(cyclone: None, domain: int) -> Iterator[Other]:
 
 
 @pytest.fixture
+def later(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
+    """Start a process with the bridge's own Cyclone DDS, at a time of the test's choice."""
+    started: list[Other] = []
+
+    def start() -> Other:
+        started.append(Other())
+        return started[-1]
+
+    yield start
+    for made in started:
+        made.end()
+
+
+@pytest.fixture
 def older(cyclone: None, domain: int) -> Iterator[Callable[[], Other]]:
     """Start a process with the Cyclone DDS of ROS 2 Jazzy (0.10), at a time of the test's choice."""
     try:

@@ -78,3 +78,12 @@ def test_a_late_reader_of_the_older_cyclone_gets_a_wrench(older: StartOther, bri
             publisher.publish(message)
         got = late.ask('take', topic=TOPIC, wait_s=0.2)
     assert got == {'frame_id': 'gel_surface', 'sec': 5, 'nanosec': 6, 'values': [0.5, 0.0, -2.25, 0.0, 0.0, 0.0]}
+
+
+def test_a_program_of_the_bridges_own_version_that_starts_after_it_sees_its_nodes(
+    later: StartOther, bridge: Start, bus: InProcessBus
+) -> None:
+    offered(bus)
+    bridge()
+    nodes = later().ask('nodes', wanted=['/skin/force_estimator'])['nodes']
+    assert nodes['/skin/force_estimator']['topics'].keys() == {TOPIC}
