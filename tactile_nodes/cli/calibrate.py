@@ -43,6 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--layer', type=Path, metavar='FILE', help="of a network: how the paper's layer is fitted")
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    parser.add_argument(
+        '--force', action='store_true', help='write the model also if it reads held-out presses no better than before'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,7 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
     print(f'form {made.reason}')
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
+    _say_objection(made.objection)
     return 0
+
+
+def _say_objection(objection: str) -> None:
+    if objection:
+        print(f'written by --force: {objection}')
 
 
 def _require_used(arguments: argparse.Namespace) -> None:
@@ -88,13 +97,16 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
     from tactile_nodes.learning.transfer import Source
 
     source = Source.find(arguments.model)
-    model_id, made = calibrate_by_hand(source, arguments.pictures, arguments.gel, arguments.output, progress, command)
-    print(f'{arguments.output}: model {model_id}, from {made.weights} weights at unknown places, {made.pens} pens')
+    model_id, made = calibrate_by_hand(
+        source, arguments.pictures, arguments.gel, arguments.output, progress, command, forced=arguments.force
+    )
+    print(f'{arguments.output}: model {model_id}, from {made.told_presses}')
     print(f'form {made.reason}')
     for when, errors in (('before', made.before), ('after', made.after)):
         force, place = errors.force_rmse_n, errors.place_median_mm
         unknown = '' if math.isfinite(force + place) else ' (nan: not known)'
         print(f'{when}: force RMSE {force:.4f} N, place {place:.3f} mm{unknown}')
+    _say_objection(made.objection)
     return 0
 
 
@@ -105,7 +117,9 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
 
     model, output = find_model(arguments.model), arguments.output
     layer = load_layer_config(arguments.layer) if arguments.layer else None
-    return calibrate(model, arguments.dataset, output, layer=layer, progress=progress, command=command)
+    return calibrate(
+        model, arguments.dataset, output, layer=layer, progress=progress, command=command, forced=arguments.force
+    )
 
 
 def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
@@ -119,7 +133,8 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
     # The fits of a curve are told in a line each; the one fit of all presses shows its own progress.
     fitting = None if arguments.curve else progress
-    with closing(Calibrator(source.loaded, gel_told(arguments.gel), all_of_them, fitting)) as calibrator:
+    gel = gel_told(arguments.gel)
+    with closing(Calibrator(source.loaded, gel, all_of_them, fitting, forced=arguments.force)) as calibrator:
         written = Written(source, calibrator, command)
         with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
             if arguments.curve:

@@ -44,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--runs', type=Path, default=Path('runs'), metavar='DIR', help='where the folders of runs are (default: runs)'
     )
     parser.add_argument('--fresh', action='store_true', help='forget what an earlier start of this run reached')
+    parser.add_argument(
+        '--force',
+        action='store_true',
+        help='write the model also if recorded presses are read no better than their mean',
+    )
     parser.add_argument('--compare', nargs='+', type=Path, metavar='RUN', help='compare folders of runs; train nothing')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='with --compare: also draw their curves')
 
@@ -64,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         command=shlex.join(['tactile', *sys.argv[1:]]),
         runs=arguments.runs,
         fresh=arguments.fresh,
+        forced=arguments.force,
     )
     return 0
 

@@ -112,6 +112,7 @@ class Calibrator:
         gel: what is known of the gel, at least its id.
         rule: when to stop.
         progress: shown while a fit is under way.
+        forced: whether a calibration counts that reads held-out presses no better than the model, or their mean.
 
     Raises:
         ModelError: the model is a calibration for this gel already.
@@ -124,9 +125,12 @@ class Calibrator:
         gel: Mapping[str, Any],
         rule: StopRule | None = None,
         progress: Progress | None = None,
+        *,
+        forced: bool = False,
     ) -> None:
         require_source(loaded, str(gel['id']))
         self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
+        self._forced = forced
         flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
         crop = loaded.image_size[0]
         options = BuildOptions(
@@ -209,7 +213,8 @@ class Calibrator:
             self.recordings = self._builder.recordings(told, bags, command=command)
             attempts = _attempts(self.recordings)
             if self.made is None or attempts != self._fitted:
-                self.made, self.objection = transferred(self.loaded, self.recordings, self._progress), ''
+                self.made = transferred(self.loaded, self.recordings, self._progress, forced=self._forced)
+                self.objection = ''
                 after, self._fitted = self.made.after, attempts
                 self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
         except DatasetError as error:

@@ -1,14 +1,12 @@
 """Presses by hand: pictures of the camera, and a table that says what is known of each. No rig, no bag.
 
-A row of the table names a picture (beside the table) and tells `x_mm`, `y_mm` and `grams`, each left empty where
-nobody knows it: `rest.png,,,0` is the gel untouched, `a.png,,,50` a weight of 50 g somewhere, `b.png,-8,3,` a pen.
+A row of the table names a picture (beside the table) and tells x, y and the force, each left empty where nobody knows
+it: `rest.png,,,0` is the gel untouched, `a.png,,,50` a weight of 50 g somewhere, `b.png,-8,3,` a pen.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +22,9 @@ from tactile_nodes.learning.building import gel_told
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.evaluate import config_of
+from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.measuring import Measurer
+from tactile_nodes.learning.press_tables import read_table
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer import CALIBRATION, Source, require_source
 from tactile_nodes.learning.transfer_checks import source_readout
@@ -35,20 +35,21 @@ from tactile_nodes.sensing.outline import OutlineMap, outline_map
 from tactile_nodes.sensing.reference import average
 from tactile_nodes.simulation.optics import Optics
 
-COLUMNS = 'picture', 'x_mm', 'y_mm', 'grams'
-NEWTON_PER_GRAM = 9.81e-3
 REST_SEED = 1
-SURFACE_MM = 16.0
 
 
 @dataclass(frozen=True)
 class HandPresses:
-    """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows)."""
+    """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows).
+
+    `told` says how the columns of their table were read.
+    """
 
     rest: list[UInt8[np.ndarray, 'h w']]
     pressed: list[UInt8[np.ndarray, 'h w']]
     contacts: Float[np.ndarray, 'n 3']
     fingerprint: str
+    told: str
 
     @classmethod
     def read(cls, table: Path) -> HandPresses:
@@ -58,19 +59,19 @@ class HandPresses:
             DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
             ConfigurationError: a picture cannot be read.
         """
-        rows = _rows(table)
+        told, rows = read_table(table)
         pictures = [read_grey(table.parent / name) for name, _ in rows]
         contacts = np.array([told for _, told in rows]).reshape(-1, 3)
         untouched = contacts[:, 2] == 0
         if not untouched.any():
-            raise DatasetError(f'{table} has no picture of the gel untouched; add one with 0 grams, better twelve')
+            raise DatasetError(f'{table} has no picture of the gel untouched; add one with a force of 0, better twelve')
         if len({picture.shape for picture in pictures}) > 1:
             raise DatasetError(f'the pictures of {table} differ in size; take all with one setting of the camera')
         digest = hashlib.sha256(contacts.tobytes() + b''.join(picture.tobytes() for picture in pictures))
         chosen: tuple[list[Any], list[Any]] = ([], [])
         for picture, at_rest in zip(pictures, untouched, strict=True):
             chosen[0 if at_rest else 1].append(picture)
-        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16])
+        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16], f'{table}: {told}')
 
     @property
     def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
@@ -89,43 +90,6 @@ class HandPresses:
             np.stack([each.values for each in measured]), presses, np.arange(len(measured)),
             np.stack([each.confidence for each in measured]), self.fingerprint,
         )  # fmt: skip
-
-
-def _rows(table: Path) -> list[tuple[str, tuple[float, float, float]]]:
-    try:
-        with table.open(encoding='utf-8', newline='') as file:
-            reader = csv.DictReader(file)
-            if tuple(reader.fieldnames or ()) != COLUMNS:
-                raise DatasetError(f'{table}: the first line must be {",".join(COLUMNS)}')
-            return [_row(row, f'{table}, line {reader.line_num}') for row in reader]
-    except OSError as error:
-        raise DatasetError(f'cannot read {table} ({error.strerror}); give a table of pictures') from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DatasetError(f'{table} is no table of pictures; its first line must be {",".join(COLUMNS)}') from error
-
-
-def _row(row: dict[str, str | None], where: str) -> tuple[str, tuple[float, float, float]]:
-    x, y, grams = (_number(row[name], f'{where}: {name}') for name in COLUMNS[1:])
-    if not row['picture']:
-        raise DatasetError(f'{where}: no picture is named')
-    if grams < 0 or max(abs(x), abs(y)) > SURFACE_MM:
-        raise DatasetError(
-            f'{where}: grams must not be negative, and places lie within {SURFACE_MM:g} mm of the middle'
-        )
-    return row['picture'], (x, y, grams * NEWTON_PER_GRAM)
-
-
-def _number(text: str | None, what: str) -> float:
-    """NaN where nothing is written."""
-    if not (text or '').strip():
-        return math.nan
-    try:
-        number = float(text or '')
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise DatasetError(f'{what} is {text!r}, and must be a number, or empty where nobody knows it')
-    return number
 
 
 def source_rest(loaded: LoadedModel, like: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2'] | None:
@@ -157,19 +121,32 @@ def outline_between(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w']) -> Outl
 
 
 def calibrate_by_hand(
-    source: Source, table: Path, gel: str, output: Path, progress: Progress, command: str = ''
+    source: Source,
+    table: Path,
+    gel: str,
+    output: Path,
+    progress: Progress,
+    command: str = '',
+    *,
+    forced: bool = False,
 ) -> tuple[str, PartialTransfer]:
     """Write the model of the gel that the table's pictures show; its id, and how it came about.
 
+    With `forced` also one that reads held-out presses no better than the source, or than their mean.
+
     Raises:
         ModelError: the model cannot be transferred, or is a calibration for this gel already.
-        DatasetError: the pictures cannot be used.
+        DatasetError: the pictures cannot be used, or the calibration would not pay.
         ImageError: a picture cannot be measured.
     """
     begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
     require_source(loaded, str(told['id']))
     presses = HandPresses.read(table)
+    progress.say(presses.told)
     made, rest = _fitted(loaded, presses, progress)
+    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
+    require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
+    made = replace(made, objection=said)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     samples = len(presses.rest) + len(presses.pressed)
     card = {

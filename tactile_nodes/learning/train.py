@@ -16,6 +16,7 @@ from tactile_nodes.learning.blurred_fit import with_blurs
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.dragged_fit import with_drag
+from tactile_nodes.learning.judgement import objection, of_the_mean, poor, require_worth
 from tactile_nodes.learning.network_fit import fit_network
 from tactile_nodes.learning.network_inputs import judging_samples
 from tactile_nodes.learning.network_layers import import_torch
@@ -25,12 +26,18 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.learning.runs import Run, RunFolder
 from tactile_nodes.learning.source import TrainingData, training_data
+from tactile_nodes.learning.transfer_errors import Errors
+from tactile_nodes.learning.transfer_fit import live_errors
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 
+CALIBRATE = (
+    'to train on they are too few or too unlike one another; a model of another gel takes ten to a hundred: '
+    'tactile calibrate BAG --model portable -o FILE'
+)
 NETWORK_THRESHOLD_N = 0.05
 """Above what a network that is trained as published reads while nothing touches."""
 
@@ -42,6 +49,7 @@ def train(
     command: str = '',
     runs: Path | None = None,
     fresh: bool = False,
+    forced: bool = False,
 ) -> Path:
     """Get the presses, fit the readout, and write the model file that the configuration names.
 
@@ -53,7 +61,8 @@ def train(
         ConfigurationError: torch is not installed, the configuration contradicts the recorded presses or the finer
             model, or another process trains the same run.
         ModelError: the finer model is missing or damaged.
-        DatasetError: the presses cannot be used, or are too few.
+        DatasetError: the presses cannot be used, or are too few; recorded ones also if held-out ones are read no better
+            than by answering their mean, unless `forced`.
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
@@ -64,6 +73,7 @@ def train(
     run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
     with run:
         readout, report = fit(data, progress, run)
+        warning = require_learned(readout, data, forced=forced)
         model = ForceModel(
             layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
             bins=data.config.bins,
@@ -75,7 +85,26 @@ def train(
         model_id = save_model(config.output, model, card, data.rest_image, data.texture, finer)
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
+    if warning:
+        progress.say(warning)
     return config.output
+
+
+def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = False) -> str:
+    """What a person should know of a model trained on recorded presses; nothing where these are enough.
+
+    Raises:
+        DatasetError: it reads presses that were held out no better than by answering their mean, and is not `forced`.
+    """
+    presses = data.dataset.presses
+    judges = np.flatnonzero(data.held_out & (presses[:, 2] > 0))
+    if not (data.config.data.file and len(judges)):
+        return ''
+    after, mean = Errors.of(live_errors(readout, data.dataset, judges)), of_the_mean(presses[judges][:, [0, 1, 3]])
+    said = objection('model', after, None, mean)
+    require_worth(said, CALIBRATE, forced=forced, command='tactile train')
+    said = said or poor(after, mean)
+    return f'warning: {said}; {CALIBRATE}' if said else ''
 
 
 def finer_file(config: TrainConfig) -> Path | None:

@@ -54,10 +54,11 @@ def calibrate(
     layer: LayerConfig | None = None,
     progress: Progress | None = None,
     command: str = '',
+    forced: bool = False,
 ) -> tuple[str, Made]:
     """Write the model of the gel that was pressed; its id, and how it came about.
 
-    A response is warped; a network gets the paper's layer, fitted as `layer` says.
+    A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -68,23 +69,29 @@ def calibrate(
     source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
     if network or layer:
-        made: Made = _with_layer(source.loaded, recordings, layer, progress)
+        made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
     else:
-        made = transferred(source.loaded, recordings, progress)
+        made = transferred(source.loaded, recordings, progress, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, made, output, seconds=seconds, command=command), made
 
 
 def _with_layer(
-    loaded: LoadedModel, recordings: RecordedPresses, layer: LayerConfig | None, progress: Progress | None
+    loaded: LoadedModel,
+    recordings: RecordedPresses,
+    layer: LayerConfig | None,
+    progress: Progress | None,
+    forced: bool,
 ) -> NetworkTransfer:
     network_readout(loaded)
     require_same_features(loaded, recordings)
-    return transfer_network(loaded, recordings.as_samples(), layer, progress)
+    return transfer_network(loaded, recordings.as_samples(), layer, progress, forced=forced)
 
 
-def transferred(loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None) -> Transfer:
-    """A model fitted to the presses on another gel.
+def transferred(
+    loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None, *, forced: bool = False
+) -> Transfer:
+    """A model fitted to the presses on another gel; `forced` as for `transfer`.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -92,7 +99,7 @@ def transferred(loaded: LoadedModel, recordings: RecordedPresses, progress: Prog
     """
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)
-    return transfer(source_readout(loaded), recordings.as_samples(), progress)
+    return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.transfer_errors import Errors
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.axisymmetric_readout import LEAST_REGIONS, AxisymmetricReadout
 from tactile_nodes.sensing.network import InputScaling, NetworkReadout
@@ -94,21 +93,4 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
     if abs(offset_n) > MOST_OFFSET_N + spread_n:
         raise DatasetError(
             f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and press again'
-        )
-
-
-def require_better(before: Errors, after: Errors) -> None:
-    """Refuse what does not pay, on balance of places and forces; by medians: of few presses one alone rules a mean.
-
-    Any calibration pays where nothing can be read before (NaN).
-
-    Raises:
-        DatasetError: says by how much held-out presses are off.
-    """
-    ratio = after.force_median_n * after.place_median_mm / (before.force_median_n * before.place_median_mm)
-    if ratio >= 1:
-        raise DatasetError(
-            f'the calibration would not pay: held-out presses are read {after.force_median_n:.4f} N and '
-            f'{after.place_median_mm:.3f} mm off with it, {before.force_median_n:.4f} N and '
-            f'{before.place_median_mm:.3f} mm without (medians); keep the model, or press at more places'
         )

@@ -13,7 +13,7 @@ from jaxtyping import Float
 class Errors:
     """Of held-out presses: root mean square and median of the force's error, median distance of the place.
 
-    NaN of none.
+    NaN of none that is known.
     """
 
     force_rmse_n: float
@@ -22,11 +22,11 @@ class Errors:
 
     @classmethod
     def of(cls, errors: Float[np.ndarray, 'n 3']) -> Errors:
-        if not len(errors):
-            return cls(math.nan, math.nan, math.nan)
+        """Of x, y (mm) and force (N); NaN counts for none."""
         away = np.hypot(errors[:, 0], errors[:, 1])
-        off = np.abs(errors[:, 2])
-        return cls(float(np.sqrt(np.mean(off**2))), float(np.median(off)), float(np.median(away)))
+        off, away = np.abs(errors[np.isfinite(errors[:, 2]), 2]), away[np.isfinite(away)]
+        force = (float(np.sqrt(np.mean(off**2))), float(np.median(off))) if len(off) else (math.nan, math.nan)
+        return cls(*force, float(np.median(away)) if len(away) else math.nan)
 
     def as_dict(self) -> dict[str, float | None]:
         """For a model's card; JSON knows no NaN."""

@@ -28,12 +28,12 @@ from tactile_nodes.learning.axisymmetric_regions import (
 from tactile_nodes.learning.axisymmetric_unsure import with_unsure
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.holds import still_holds
+from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.response_fit import LEAST_UNTOUCHED, rest_and_gain
 from tactile_nodes.learning.transfer_calibration import calibration_of
 from tactile_nodes.learning.transfer_checks import (
     MOST_OFFSET_N,
-    require_better,
     require_motion,
     require_presses,
     require_tared,
@@ -66,6 +66,7 @@ class Transfer:
     """A calibrated readout, and how it came about.
 
     `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
+    `objection` is why it is not worth to be used, if it was forced.
     `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer_whole.SIZES`.
     """
 
@@ -77,6 +78,7 @@ class Transfer:
     presses: int
     force_offset_n: float
     whole: Mapping[str, float]
+    objection: str = ''
 
     @property
     def reason(self) -> str:
@@ -90,12 +92,16 @@ class Transfer:
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
-def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = None) -> Transfer:
+def transfer(
+    source: AnyReadout, dataset: Dataset, progress: Progress | None = None, *, forced: bool = False
+) -> Transfer:
     """The readout for the gel of a data set; `source` is an axisymmetric one, or a response that one follows from.
+
+    With `forced` also one that reads held-out presses no better than the source, or than their mean.
 
     Raises:
         ModelError: the source cannot be transferred.
-        DatasetError: presses from which no calibration follows, or which it would read worse than without.
+        DatasetError: presses from which no calibration follows, or which it would read no better than that.
     """
     progress = progress or Progress()
     known = axisymmetric_source(source)
@@ -128,10 +134,11 @@ def transfer(source: AnyReadout, dataset: Dataset, progress: Progress | None = N
     read = live_errors(source, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
-    require_better(before, after)
+    said = objection('calibration', after, before, of_the_mean(other.presses.contacts))
+    require_worth(said, 'keep the model, or press at more places', forced=forced)
     readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
     told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
-    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told)
+    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told, said)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from jaxtyping import Int
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.network_calibration import fit_limit, fit_spread
 from tactile_nodes.learning.network_scores import Validation
 from tactile_nodes.learning.progress import Progress
@@ -46,6 +47,7 @@ class NetworkTransfer:
     presses: int
     judged: int
     settings: LayerConfig
+    objection: str = ''
 
     @property
     def form(self) -> str:
@@ -63,15 +65,22 @@ class NetworkTransfer:
     def as_dict(self) -> dict[str, Any]:
         """What a model's card says of it."""
         scores = {name: asdict(getattr(self, name)) for name in ('before', 'after', 'before_paper', 'after_paper')}
-        counts = {'presses': self.presses, 'judged': self.judged}
+        counts = {'presses': self.presses, 'judged': self.judged, 'objection': self.objection}
         settings = {'settings': asdict(self.settings), 'fit': self.fitted.as_dict()}
         return {'form': self.form, 'reason': self.reason, **counts, **scores, **settings}
 
 
 def transfer_network(
-    loaded: LoadedModel, dataset: Dataset, config: LayerConfig | None = None, progress: Progress | None = None
+    loaded: LoadedModel,
+    dataset: Dataset,
+    config: LayerConfig | None = None,
+    progress: Progress | None = None,
+    *,
+    forced: bool = False,
 ) -> NetworkTransfer:
     """The network of a model with a layer for the gel of a data set, and a witness of that gel.
+
+    With `forced` also one that reads held-out presses no better than without the layer, or than their mean.
 
     Raises:
         ModelError: the model is none that the layer can be put before; says which can.
@@ -88,11 +97,22 @@ def transfer_network(
     judges = presses.take(split.test)
     made = stated_anew(replace(source, layer=fitted.layer), judges)
     before, after = (_read(readout, judges) for readout in (source, made))
-    _require_better(before.paper, after.paper)
+    said = _objection(before, after, of_the_mean(judges.presses[:, [0, 1, 3]]))
+    advice = 'keep the model, press at more places, or take a smaller learning rate'
+    require_worth(said, advice, forced=forced)
     held_out = np.isin(np.arange(len(dataset.presses)), touched[split.test])
     made = with_witness(made, dataset, held_out, ENCODING, progress or Progress())
     return NetworkTransfer(
-        made, fitted, before.errors, after.errors, before.paper, after.paper, len(touched), len(split.test), config
+        made,
+        fitted,
+        before.errors,
+        after.errors,
+        before.paper,
+        after.paper,
+        len(touched),
+        len(split.test),
+        config,
+        said,
     )
 
 
@@ -183,10 +203,11 @@ def _read(readout: NetworkReadout, judges: Dataset) -> _Scores:
     return _Scores(errors, Validation.of(judges.labels(readout.bins), found_n, readout.bins))
 
 
-def _require_better(before: Validation, after: Validation) -> None:
-    """By the paper's metric, which is what the layer was fitted to."""
-    if after.armse_n >= before.armse_n:
-        raise DatasetError(
-            f'the calibration would not pay: at places held out the aRMSE is {after.armse_n:.4f} N with it, '
-            f'{before.armse_n:.4f} N without; keep the model, press at more places, or take a smaller learning rate'
+def _objection(before: _Scores, after: _Scores, mean: Errors) -> str:
+    """Against the network without a layer by the paper's metric, which is what the layer was fitted to."""
+    if after.paper.armse_n >= before.paper.armse_n:
+        return (
+            f'the calibration would not pay: at places held out the aRMSE is {after.paper.armse_n:.4f} N with it, '
+            f'{before.paper.armse_n:.4f} N without'
         )
+    return objection('calibration', after.errors, None, mean)

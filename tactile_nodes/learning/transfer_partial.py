@@ -70,6 +70,17 @@ class PartialTransfer:
     held: tuple[str, ...]
     whole: Mapping[str, float]
     presses: int = 0
+    objection: str = ''
+
+    @property
+    def told_presses(self) -> str:
+        """What was known of how many presses: '3 pens', '10 weights at unknown places'."""
+        whole = self.presses - self.weights - self.pens
+        counts = (
+            (self.weights, 'weights at unknown places'), (self.pens, 'pens'),
+            (whole, 'presses of known place and force'),
+        )  # fmt: skip
+        return ', '.join(f'{count} {name}' for count, name in counts if count) or 'the outline of the gel'
 
     @property
     def reason(self) -> str:
@@ -179,7 +190,7 @@ def transfer_partial(
     readout = replace(readout, calibration=replace(calibration, least_gain=max(calibration.least_gain, noise)))
     free = unknown(gel.presses)
     return PartialTransfer(
-        readout, form, misfits, _errors(live_errors(known, dataset, gel.other.rows)), _errors(held),
+        readout, form, misfits, Errors.of(live_errors(known, dataset, gel.other.rows)), Errors.of(held),
         int(free[:, 0].sum()), int(free[:, 2].sum()), outline is not None, gel.held,
         {name: float(value) for name, value in zip(SIZES, whole.whole.numbers, strict=True)}, len(gel.presses),
     )  # fmt: skip
@@ -278,12 +289,6 @@ def _left_over(response: AxisymmetricResponse, out: Presses, reach_mm: float) ->
     size = np.square(out.motion).sum(axis=-1, keepdims=True)
     weight = out.certainty / (1 + out.certainty * 0.01 * size)
     return np.asarray((np.square(out.motion - response.motion(contacts)) * weight).ravel())
-
-
-def _errors(errors: Float[np.ndarray, 'n 3']) -> Errors:
-    """Of what is known; NaN of force or place where it is known of no press."""
-    of_force, of_place = (Errors.of(errors[np.isfinite(errors[:, column])]) for column in (2, 0))
-    return replace(of_force, place_median_mm=of_place.place_median_mm)
 
 
 def _calibration(readout: AxisymmetricReadout, held: Float[np.ndarray, 'n 3'], outline: bool) -> Calibration:

@@ -125,6 +125,20 @@ def test_presses_that_made_the_model_do_not_judge_it(
     assert 'may have seen these' in capsys.readouterr().err
 
 
+def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same, output = tmp_path / 'same.npz', tmp_path / 'same.safetensors'
+    save_dataset(same, recorded(pressed(42, 4, 1.0, 0.0), 'same'))  # as the gel of the model itself
+    words = ['calibrate', '--model', str(model), '--dataset', str(same), '-o', str(output)]
+    assert main(words) == 1
+    assert 'the calibration would not pay: held-out presses are read' in capsys.readouterr().err
+    assert not output.exists()
+    assert main([*words, '--force']) == 0
+    assert 'written by --force: the calibration would not pay' in capsys.readouterr().out
+    assert 'would not pay' in load_model(output).card['training']['calibration']['objection']
+
+
 def test_a_calibration_for_this_gel_is_not_calibrated_again(
     calibrated: Path, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
+from test_calibrate import pressed, recorded
 
 from tactile_nodes.cli import train as verb
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.dataset_file import save_dataset
 
 GRID = 'data: {plan: paper}\n'
 
@@ -90,3 +94,39 @@ def test_a_run_is_trained_kept_and_compared(
     assert len(runs) == 2
     assert main(['train', '--compare', *runs]) == 0
     assert 'training.seed' in capsys.readouterr().out
+
+
+def words_of(folder: Path, noise_px: float) -> list[str]:
+    """A hundred presses and more of a gel whose motion is seen with noise, and what trains on them."""
+    dataset = pressed(150, 2, 1.0, 0.0)
+    noise = noise_px * np.random.default_rng(1).normal(size=dataset.features.shape)
+    noisy = dataclasses.replace(dataset, features=(dataset.features + noise).astype(np.float16))
+    save_dataset(folder / 'presses.npz', recorded(noisy, 'mine'))
+    (folder / 'run.yaml').write_text('readout: response\nresponse: {components: 12, spacing_mm: 3.0, levels: 3}\n')
+    named = ['--dataset', str(folder / 'presses.npz'), '-o', str(folder / 'mine.safetensors')]
+    return ['train', str(folder / 'run.yaml'), *named, '--runs', str(folder / 'runs')]
+
+
+def test_a_model_of_too_few_presses_says_so_and_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(words_of(tmp_path, noise_px=0.15)) == 0
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'warning: held-out presses are read' in said
+    assert 'tactile calibrate BAG --model portable' in said
+
+
+def test_a_model_of_enough_presses_is_not_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(words_of(tmp_path, noise_px=0.0)) == 0
+    assert 'warning' not in capsys.readouterr().out
+
+
+def test_a_model_that_is_no_better_than_the_mean_is_written_only_if_forced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = words_of(tmp_path, noise_px=5.0)
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert 'the model would not pay: held-out presses are read' in said
+    assert 'tactile train … --force writes it all the same' in said
+    assert not (tmp_path / 'mine.safetensors').exists()
+    assert main([*words, '--force']) == 0
+    assert (tmp_path / 'mine.safetensors').exists()

@@ -191,7 +191,7 @@ def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path,
     from tactile_nodes.learning.train import train
     from tactile_nodes.model_file import load_model
 
-    model = train(run_config(tmp_path, file, split))
+    model = train(run_config(tmp_path, file, split), forced=True)
     card = load_model(model).card
     assert (card['data']['origin'], card['data']['split'], card['gel']) == ('recorded', split, {'id': 'gel-7'})
     assert card['data']['fingerprint'] == load_dataset(file).fingerprint
@@ -208,7 +208,7 @@ def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_pat
     from tactile_nodes.learning.evaluate import evaluate_recorded
     from tactile_nodes.learning.train import train
 
-    model = train(run_config(tmp_path, file))
+    model = train(run_config(tmp_path, file), forced=True)
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
         evaluate_recorded(model, tmp_path / 'each.npz')
