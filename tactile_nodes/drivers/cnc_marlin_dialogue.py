@@ -270,19 +270,22 @@ class MarlinDialogue:
             request.answered_ns = self._clock.now_ns()
             return
         request.attempts += 1
-        if wanted != request.number or request.attempts > MOST_RESENDS:
+        if wanted == 1 < request.number and self.connected:
+            self.lose_place('has restarted, so its place is not known; look at its supply, then connect again')
+            self._break_off(f'was broken off, because the machine {self.fault}')
+        elif wanted != request.number or request.attempts > MOST_RESENDS:
             request.error = DeviceFaultError(
                 f'{self.name} asks again for line {wanted}, sent was {request.number} ({request.text!r}); '
                 'the line is too noisy or somebody else talks to it'
             )
-            return
-        self._send(request)
+        else:
+            self._send(request)
 
     def _started(self) -> None:
         self.starts += 1
         if self.connected:
             self.lose_place('restarted by itself, so its place is not known; look at its supply, then connect again')
-        self._break_off('was lost in a restart of the controller')
+        self._break_off(f'was lost, because the machine {self.fault or "was restarted"}')
         self._unanswered.clear()
 
     def _halted(self, line: str) -> None:

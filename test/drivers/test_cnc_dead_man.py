@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cnc_rigs import coarse_table, device_of, settings_of
+from cnc_rigs import coarse_table, device_of, pty_rig, settings_of
 
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.drivers.serial_port import open_port
@@ -90,3 +90,19 @@ def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm:
             clock.sleep_until(clock.now_ns() + 20_000_000)
         assert opened is not None
         opened.close()
+
+
+def test_after_a_restart_nobody_sends_the_tip_to_a_height_that_is_up_no_more(tmp_path: Path) -> None:
+    """A controller that has restarted is at 0 by its own word: its safe height would be 5 mm deeper."""
+    with pty_rig('grbl', tmp_path) as rig:
+        rig.cnc.home()
+        watch = rig.cnc._dead_man
+        rig.device.power_cycle()
+        deadline_s = monotonic_s() + 15.0
+        while rig.cnc.status().homed and monotonic_s() < deadline_s:
+            rig.clock.sleep_until(rig.clock.now_ns() + 20_000_000)
+        assert not rig.cnc.status().homed
+        assert watch._process.wait(15.0) == 0
+        rig.cnc.home()
+        assert rig.cnc._dead_man is not watch
+        assert rig.cnc._dead_man.on_watch

@@ -16,6 +16,7 @@ from tactile_nodes.collection.safety import Safety
 from tactile_nodes.collection.settings import LimitSettings, MotionSettings
 from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncStatus
 from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.drivers.cnc_marlin import MarlinCnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.emulators.serial_faults import FaultyPort, LineFaults
 from tactile_nodes.emulators.serial_ports import DirectPort
@@ -78,14 +79,15 @@ class WatchingClock(JumpingClock):
 
 def press_rig(kind: str = 'grbl', changes: tuple[str, ...] = (), **more: Any) -> PressRig:
     clock = WatchingClock(START_NS)
-    start_mm = (-60.0, -60.0, -20.0)
+    start_mm, marlin = (-60.0, -60.0, -20.0), kind == 'marlin'
     world = World(WorldSettings(start_mm=start_mm), table=coarse_table())
     device = device_of(kind, world, clock, changes)
-    settings = settings_of(kind, boot_s=0.2, **{'safe_z_mm': -25.0, **more})
+    settings = settings_of(kind, boot_s=0.2, **{'safe_z_mm': 35.0 if marlin else -25.0, **more})
     faults, direct = LineFaults(), DirectPort(device, clock)
     direct.read(1.0)  # its banner was said long before anybody listened
-    cnc = GrblCnc(settings, clock, lambda: FaultyPort(direct, faults), threaded=False)
-    zero = start_mm if changes else (0.0, 0.0, 0.0)
+    driver = MarlinCnc if marlin else GrblCnc
+    cnc = driver(settings, clock, lambda: FaultyPort(direct, faults), threaded=False)
+    zero = start_mm if changes else (-120.0, -120.0, -60.0) if marlin else (0.0, 0.0, 0.0)
     rig = PressRig(cnc, world, clock, (0.0 - zero[0], 0.0 - zero[1], 0.0 - zero[2]), device, direct)
     rig.faults = faults
     safety = Safety(LimitSettings())
@@ -99,29 +101,35 @@ def press_rig(kind: str = 'grbl', changes: tuple[str, ...] = (), **more: Any) ->
     return rig
 
 
+@pytest.fixture(params=['grbl', 'grblhal', 'marlin'])
+def any_rig(request: pytest.FixtureRequest) -> PressRig:
+    return press_rig(request.param)
+
+
 @pytest.fixture(params=['grbl', 'grblhal'])
 def rig(request: pytest.FixtureRequest) -> PressRig:
     return press_rig(request.param)
 
 
-def test_undisturbed_it_presses_two_millimetres(rig: PressRig) -> None:
-    rig.press()
-    assert rig.rest() == pytest.approx(2.0, abs=0.01)
-    rig.hands.retreat()
-    assert rig.tip[2] == pytest.approx(-25.0, abs=0.01)
+def test_undisturbed_it_presses_two_millimetres(any_rig: PressRig) -> None:
+    any_rig.press()
+    assert any_rig.rest() == pytest.approx(2.0, abs=0.01)
+    any_rig.hands.retreat()
+    assert any_rig.world.tip_at(any_rig.clock.now_ns())[2] == pytest.approx(-25.0, abs=0.01)
 
 
 # A controller that restarts.
 
 
-def test_a_banner_in_mid_press_is_a_restart_also_of_a_board_that_showed_none_on_opening(rig: PressRig) -> None:
+def test_a_banner_in_mid_press_is_a_restart_also_of_a_board_that_showed_none_on_opening(any_rig: PressRig) -> None:
     with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
-        rig.press(rig.device.power_cycle)
-    assert rig.rest() < 0.5
-    assert not rig.cnc.status().homed
-    assert rig.cnc.health.level is Level.ERROR
+        any_rig.press(any_rig.device.power_cycle)
+    assert any_rig.rest() < 0.5
+    with contextlib.suppress(DeviceFaultError):  # a Marlin answers nothing more
+        assert not any_rig.cnc.status().homed
+    assert any_rig.cnc.health.level is Level.ERROR
     with pytest.raises(DeviceFaultError, match='place is not known'):
-        rig.hands.retreat()
+        any_rig.hands.retreat()
 
 
 def test_a_restart_whose_banner_is_lost_shows_in_its_reports(rig: PressRig) -> None:
@@ -153,6 +161,30 @@ def test_idle_at_zero_after_a_restart_unheard_is_not_up() -> None:
     assert rig.rest() < 0.6
     assert SURFACE_MM - rig.world.tip_at(rig.clock.now_ns())[2] > 0.2
     assert not rig.cnc.status().homed
+
+
+def test_a_marlin_that_restarted_unheard_is_known_by_the_line_that_it_asks_for() -> None:
+    rig = press_rig('marlin')
+
+    def restart_unheard() -> None:
+        rig.faults.change('<', b'start\n', b'')
+        rig.device.power_cycle()
+
+    with pytest.raises(DeviceFaultError, match='has restarted, so its place is not known'):
+        rig.press(restart_unheard)
+    assert rig.faults.done == 1
+    assert rig.rest() < 0.6
+    with pytest.raises(DeviceFaultError, match='has restarted'):
+        rig.hands.retreat()
+
+
+def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
+    """Twice: once would be a damaged answer."""
+    rig = press_rig('marlin')
+    with pytest.raises(DeviceFaultError, match=r'says that it is at x 6.*, where it cannot have gone'):
+        rig.press(lambda: rig.faults.change('<', b'X:60.00 ', b'X:68.00 ', times=2))
+    assert rig.faults.done == 2
+    assert rig.rest() < 0.8
 
 
 def test_after_a_restart_nothing_moves_but_up() -> None:
@@ -241,28 +273,28 @@ def test_a_controller_that_repeats_what_it_heard_is_taken_at_its_word() -> None:
 # A controller that says nothing.
 
 
-def test_a_mute_controller_is_noticed_and_stopped_within_half_a_second(rig: PressRig) -> None:
+def test_a_mute_controller_is_noticed_and_stopped_within_half_a_second(any_rig: PressRig) -> None:
     since_ns: list[int] = []
 
     def fall_silent() -> None:
-        since_ns.append(rig.clock.now_ns())
-        rig.faults.mute = True
+        since_ns.append(any_rig.clock.now_ns())
+        any_rig.faults.mute = True
 
     with pytest.raises(DeviceError):
-        rig.press(fall_silent)
-    assert rig.clock.now_ns() - since_ns[0] < 0.55e9  # with the time that a cancelled jog needs
-    assert 'silent' in rig.cnc.health.message
-    assert rig.rest() < 0.3 + 0.1 + 0.5 + 0.1  # seen late, noticed late, braked late
+        any_rig.press(fall_silent)
+    assert any_rig.clock.now_ns() - since_ns[0] < 0.55e9  # with the time that a cancelled jog needs
+    assert 'silent' in any_rig.cnc.health.message
+    assert any_rig.rest() < 0.3 + 0.1 + 0.5 + 0.1  # seen late, noticed late, braked late
 
 
-def test_a_hung_controller_is_noticed_within_half_a_second(rig: PressRig) -> None:
+def test_a_hung_controller_is_noticed_within_half_a_second(any_rig: PressRig) -> None:
     since_ns: list[int] = []
 
     def hang() -> None:
-        since_ns.append(rig.clock.now_ns())
-        rig.device.faults.hung = True
+        since_ns.append(any_rig.clock.now_ns())
+        any_rig.device.faults.hung = True
 
     with pytest.raises(DeviceError):
-        rig.press(hang)
-    assert rig.clock.now_ns() - since_ns[0] < 0.55e9
-    assert rig.cnc.health.level is Level.ERROR
+        any_rig.press(hang)
+    assert any_rig.clock.now_ns() - since_ns[0] < 0.55e9
+    assert any_rig.cnc.health.level is Level.ERROR
