@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,9 +17,11 @@ from liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, ze
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import TrippedError
-from tactile_nodes.collection.safety import OVERLOAD, SENSOR, Trip
+from tactile_nodes.collection.rising import rising
+from tactile_nodes.collection.safety import MACHINE, OVERLOAD, SENSOR, Trip
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.surface import HERTZ, Loading, Surface
 from tactile_nodes.collection.wrench import tare_of
 from tactile_nodes.drivers.cnc import CncSettings
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, TextLineSettings
@@ -32,6 +35,7 @@ from tactile_nodes.emulators.world import NOTHING, World, WorldSettings, Wrench
 
 WORLD = WorldSettings(start_mm=(-3.0, -3.0, -1.5), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-2.0)
 SURFACE_MM, BEGINS_MM, COMMANDED_MM = -2.0, 0.3, 2.0
+GEL = Surface(SURFACE_MM, softest=Loading(SURFACE_MM, 0.577, HERTZ))  # as the surface of the paper's gel is felt
 NOISE = (0.005, 0.0001)
 SILENCE_MS = 300.0  # a computer with other work may falter for 50 ms, which would stop the tip for another reason
 MS = 1e-3
@@ -86,7 +90,8 @@ def down(bench: Bench) -> Procedure[None]:
     tare = tare_of((yield Look(0.3)).samples)
     yield SetTare(tare)
     bench.descending = True
-    yield Go(z=SURFACE_MM - COMMANDED_MM, feed_mm_min=60.0)
+    expect = rising(GEL, tare, CollectionSettings(), 0.0, 0.0)
+    yield Go(z=SURFACE_MM - COMMANDED_MM, feed_mm_min=60.0, expect=expect)
 
 
 def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SILENCE_MS) -> tuple[Trip | None, float]:
@@ -193,6 +198,20 @@ def test_a_threshold_that_the_box_itself_has_latched_stops_the_tip(bench: Bench)
     assert trip is not None
     assert (trip.kind, 'threshold' in trip.reason) == (OVERLOAD, True), trip
     assert depth_mm < 1.0
+
+
+def test_an_old_force_with_the_noise_of_a_sound_sensor_stops_the_tip(bench: Bench) -> None:
+    """Nothing of it repeats, is late, or is no number; but at 0.6 mm the gel gave twice as much."""
+    noise = random.Random(1)
+
+    def replayed(last: Values) -> Values:
+        return tuple(value + noise.gauss(0.0, 5000.0 if axis < 3 else 100.0) for axis, value in enumerate(last))
+
+    with net_ft(bench, Lie(bench.begins, replayed)) as settings:
+        trip, depth_mm = pressed(bench, settings)
+    assert trip is not None
+    assert (trip.kind, 'where the gel gave' in trip.reason) == (MACHINE, True), trip
+    assert depth_mm < 1.3
 
 
 def test_one_axis_of_six_that_stands_still_stops_the_tip(bench: Bench) -> None:
