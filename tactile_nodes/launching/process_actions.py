@@ -146,7 +146,8 @@ class Node:
     def _label(self, context: Context, program: list[str]) -> str | None:
         if self.label is not None:
             return self.label.evaluate(context)
-        return self.executable.evaluate(context) if len(program) > 1 else None
+        name = self.executable.evaluate(context)
+        return name if Path(program[-1]).name != name and self.package is not None else None
 
     def _ros_arguments(self, run: Interpreter) -> list[str]:
         context = run.context

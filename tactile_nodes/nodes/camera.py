@@ -44,6 +44,7 @@ class CameraParams(CameraSettings, NodeParams):
     wait_s: float = parameter(
         0.0, 'wait so long at most for somebody to listen before starting the source', minimum=0.0, maximum=10.0
     )
+    wait_for: str = parameter('', 'node that has to listen before the source starts; empty: anybody')
     open_within_s: float = parameter(
         0.0, 'try so long to open a source that is not there yet or answers nothing', minimum=0.0, maximum=60.0
     )
@@ -83,9 +84,16 @@ class CameraNode(Node):
 
     def _wait_for_listener(self) -> None:
         deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
-        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._image.listeners:
+        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._is_heard():
             self.still_wanted()
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
+
+    def _is_heard(self) -> bool:
+        if not (self._image.listeners and self.params.wait_for):
+            return bool(self._image.listeners)
+        wanted = self._image.topic, f'{self.names.namespace.rstrip("/")}/{self.params.wait_for}'
+        ends = (end for each in self.bus.graph().participants for end in each.subscriptions)
+        return any((end.name, end.node) == wanted for end in ends)
 
     def _waiting(self, error: DeviceError) -> None:
         self.still_wanted()

@@ -188,3 +188,22 @@ def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(
     made.append(start('source:=simulated'))
     made[0]._reader.join(PATIENCE_S)
     assert not made[0]._reader.is_alive()
+
+
+def test_a_source_waits_for_the_node_that_it_is_told_to_wait_for(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
+    somebody = bus.subscribe('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/live_view', lambda: None)
+    waited: list[bool] = []
+
+    class Later(SystemClock):
+        def sleep_until(self, at_ns: int) -> None:
+            if not waited:
+                bus.subscribe('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/flow_features', lambda: None)
+            waited.append(True)
+
+    words = ['--ros-args', '-p', f'source:={tmp_path}', '-p', 'wait_for:=flow_features', '-p', 'wait_s:=10.0']
+    CameraNode(bus, parse_arguments(words), Later()).close()
+    assert waited
+    somebody.close()
