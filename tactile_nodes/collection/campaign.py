@@ -119,7 +119,8 @@ class Campaign:
         finally:
             self.now = None
             self._leave()
-        return f'{ended or "the plan is done"}: {self.progress.summary(self._journal)}'
+        done = 'the plan is done but for what was put aside' if self._journal.aside else 'the plan is done'
+        return f'{ended or done}: {self.progress.summary(self._journal)}'
 
     def _left(self) -> list[Point]:
         """What is still to be done; when that is nothing, what the bags do not hold after all."""

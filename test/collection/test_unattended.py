@@ -43,6 +43,7 @@ def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_th
     ended = run.campaign.run()
     assert sorted(record.point.press for record in run.told) == ALL  # each once, attempts is 3
     assert [press for press, step in steps(run) if step == 'aside'] == [r.point.press for r in run.told if r.reason]
+    assert ended.startswith('the plan is done but for what was put aside: 6 of 12 presses recorded')
     assert f'6 put aside until the next run (press {", ".join(map(str, DEEP))})' in ended
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
