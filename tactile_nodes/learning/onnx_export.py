@@ -61,7 +61,13 @@ def export_onnx(loaded: LoadedModel, file: Path) -> int:
         ModelError: writing failed, as on a full disk.
     """
     check_output(file)
-    content = onnx_bytes(loaded)
+    try:
+        content = onnx_bytes(loaded)
+    except (ArithmeticError, LookupError, TypeError, ValueError, MemoryError) as error:
+        reason = ' '.join(str(error).split())
+        raise ModelError(
+            f'model {loaded.model_id} holds what no gel has and cannot be exported ({reason}); train it again'
+        ) from error
     try:
         write_whole(file, content)
     except OSError as error:

@@ -16,8 +16,9 @@ from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.network import ACTIVATIONS, CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.reading import Readout
+from tactile_nodes.sensing.readout_numbers import check_numbers
 from tactile_nodes.sensing.response import Response
 from tactile_nodes.sensing.response_readout import ResponseReadout
 from tactile_nodes.sensing.splines import SplineAxis
@@ -48,11 +49,21 @@ def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins
     """What `readout_arrays` took apart.
 
     Raises:
-        KeyError, TypeError: a part is missing.
+        KeyError, TypeError, ValueError: a part is missing, or is none.
     """
+    made: AnyReadout
     if said['kind'] == NetworkReadout.kind:
-        return _network(arrays, said, bins)
-    return (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
+        made = _network(arrays, said, bins)
+    else:
+        made = (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
+    check_numbers(made)
+    return made
+
+
+def _known_activation(name: str) -> str:
+    if name not in ACTIVATIONS:
+        raise ValueError(f'hidden units cannot be {name!r:.40}')
+    return name
 
 
 def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
@@ -96,7 +107,7 @@ def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: Bi
     network = Mlp(
         tuple(arrays[f'layer{i}.weight'].astype(np.float32) for i in layers),
         tuple(arrays[f'layer{i}.bias'] for i in layers),
-        said['hidden'],
+        _known_activation(said['hidden']),
     )
     spread = TotalSpread(**{name: value for name, value in said['spread'].items() if value is not None})
     likeness = _likeness(arrays, said['likeness'])

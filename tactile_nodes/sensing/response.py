@@ -9,6 +9,7 @@ several contacts add up (superposition), as they nearly do in a soft layer.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -44,6 +45,10 @@ class Response:
     coefficients: Float32[np.ndarray, 'nx ny ns components']
     growth: Float32[np.ndarray, ' components']
     power: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.power < math.inf:
+            raise ValueError(f'the power is {self.power}, and not above 0')
 
     @property
     def axes(self) -> tuple[SplineAxis, SplineAxis, SplineAxis]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,10 @@ class SplineAxis:
     low: float
     high: float
     intervals: int
+
+    def __post_init__(self) -> None:
+        if not (-math.inf < self.low < self.high < math.inf and self.intervals >= 1):
+            raise ValueError(f'no axis goes from {self.low} to {self.high} in {self.intervals} intervals')
 
     @property
     def count(self) -> int:

@@ -13,7 +13,7 @@ import mcap.writer
 import pytest
 import zstandard
 from bagging import FORCE, START_NS, STRING, Sample, samples, text, until, write
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -223,6 +223,7 @@ def sqlite_bag(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sam
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1))
+@example(where=0.99913646972118)  # in the index of times, whose first entry stands last
 def test_sqlite_file_cut_anywhere_gives_messages_or_a_sentence(sqlite_bag, scratch: Path, where: float) -> None:
     file, content = sqlite_bag
     data = file.read_bytes()

@@ -18,6 +18,7 @@ pytest.importorskip('onnxruntime')
 import onnx
 from onnx.reference import ReferenceEvaluator
 
+from tactile_nodes import model_file
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.onnx_check import compare
@@ -76,6 +77,43 @@ def response(power: float = 0.6, *, gain: float = 0.0, contacts: int = 1) -> Loa
     whitening = np.asarray(np.diag(np.linspace(1, 2, 6)), np.float32)
     readout = ResponseReadout(scaling(), likeness, whitening, made, BINS, calibration, contacts)
     return LoadedModel(ForceModel(LAYOUT, BINS, readout, 0.05, 'abc'), CARD)
+
+
+@pytest.mark.parametrize(
+    ('make', 'part', 'value'),
+    [
+        (network, 'hidden', 'x'),
+        (network, 'hidden', []),
+        (network, 'output_scale_n', 'x'),
+        (response, 'power', 0),
+        (response, 'power', None),
+        (response, 'axes', [{'low': 0, 'high': 0, 'intervals': 3}] * 3),
+        (response, 'axes', [{'low': 0, 'high': 1, 'intervals': 'x'}] * 3),
+        (response, 'calibration', {'place_factors': 1}),
+    ],
+)
+def test_a_card_with_odd_numbers_is_refused_in_a_sentence(
+    make: Callable[[], LoadedModel], part: str, value: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    apart = model_file.readout_arrays
+
+    def odd(readout: object) -> object:
+        arrays, said = apart(readout)
+        return arrays, {**said, part: value}
+
+    monkeypatch.setattr(model_file, 'readout_arrays', odd)
+    made = make()
+    save_model(tmp_path / 'odd.safetensors', made.model, CARD)
+    with pytest.raises(ModelError, match='has one that cannot be'):
+        load_model(tmp_path / 'odd.safetensors')
+
+
+def test_numbers_that_overflow_are_refused_in_a_sentence(tmp_path: Path) -> None:
+    made = response()
+    readout = replace(made.model.readout, calibration=Calibration(force_floor_n=1e308))
+    with pytest.raises(ModelError, match='holds what no gel has and cannot be exported'):
+        export_onnx(replace(made, model=replace(made.model, readout=readout)), tmp_path / 'odd.onnx')
+    assert not (tmp_path / 'odd.onnx').exists()
 
 
 def shown(loaded: LoadedModel, count: int = 30, confidence: float = 1.0) -> list[Features]:

@@ -1,0 +1,81 @@
+"""Files from elsewhere: what they are and how large is known before a byte of them is read."""
+
+from __future__ import annotations
+
+import os
+import tracemalloc
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.collection.plan import read_points
+from tactile_nodes.drivers.camera_file import read_image
+from tactile_nodes.drivers.pictures import read_grey
+from tactile_nodes.errors import TactileError
+from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.model_file import load_model
+from tactile_nodes.params import load_parameter_file
+
+READERS: dict[str, Callable[[Path], object]] = {
+    'a.npz': load_dataset,
+    'a.safetensors': load_model,
+    'a.yaml': load_parameter_file,
+    'a.csv': read_points,
+    'a.png': read_grey,
+    'b.png': read_image,
+}
+
+
+def refusal(read: Callable[[Path], object], file: Path) -> str:
+    """What a reader says, that must not have taken memory for it."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(TactileError) as caught:
+            read(file)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert most < 16 << 20
+    return str(caught.value)
+
+
+@pytest.mark.parametrize('name', READERS)
+def test_a_named_pipe_is_refused_and_not_waited_for(name: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / name)
+    assert 'it is no plain file' in refusal(READERS[name], tmp_path / name)
+
+
+@pytest.mark.parametrize('name', sorted(READERS.keys() - {'a.npz'}))
+def test_twenty_gigabytes_of_nothing_are_not_read(name: str, tmp_path: Path) -> None:
+    with (tmp_path / name).open('wb') as file:
+        file.truncate(20 << 30)
+    assert 'it holds 21474836480 bytes' in refusal(READERS[name], tmp_path / name)
+
+
+def zipped(file: Path, names: tuple[str, ...]) -> Path:
+    """Entries of 64 MB of zeros, packed to 64 kB each."""
+    with zipfile.ZipFile(file, 'w', zipfile.ZIP_DEFLATED) as archive:
+        for name in names:
+            with archive.open(f'{name}.npy', 'w') as entry:
+                np.lib.format.write_array(entry, np.zeros(16 << 20, np.float32))
+    return file
+
+
+def test_a_data_set_with_names_of_others_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    said = refusal(load_dataset, zipped(tmp_path / 'a.npz', ('card', 'fingerprint', 'bomb')))
+    assert "it holds 'bomb.npy'" in said
+
+
+def test_a_data_set_that_would_unpack_to_a_thousand_times_its_size_is_refused_before(tmp_path: Path) -> None:
+    said = refusal(load_dataset, zipped(tmp_path / 'a.npz', ('card', 'fingerprint', 'features')))
+    assert 'would unpack from' in said
+
+
+def test_a_single_array_of_gigabytes_is_no_data_set(tmp_path: Path) -> None:
+    with (tmp_path / 'a.npz').open('wb') as file:
+        np.lib.format.write_array_header_1_0(file, {'descr': '<f4', 'fortran_order': False, 'shape': (5 << 30,)})
+        file.truncate(20 << 30)
+    assert 'but a single array of numbers' in refusal(load_dataset, tmp_path / 'a.npz')
