@@ -101,7 +101,7 @@ class Rig:
 
     def _film(self) -> None:
         image = self._bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
-        picture = np.full((32, 32), 100, np.uint8)
+        picture = np.full((48, 64), 100, np.uint8)  # whole, as of somebody else's camera node
         while not self._over.wait(0.005):
             head = conversions.header(self.node.clock.now_ns(), 'camera')
             image.publish(conversions.image_message(picture, head))
@@ -155,7 +155,9 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
     assert rig.node.failure is None
     told = drained(presses)
     assert [press.press for press in sorted(told, key=lambda press: press.press)] == [1, 2]
-    stamps = [messages.stamp_ns(image.header.stamp) for image in drained(images)]
+    pictures = drained(images)
+    assert {(image.width, image.height) for image in pictures} == {(40, 40)}
+    stamps = [messages.stamp_ns(image.header.stamp) for image in pictures]
     forces = {messages.stamp_ns(each.header.stamp): each.wrench.force.z for each in drained(samples)}
     for press in told:
         assert press.status == types.Press.STATUS_RECORDED, press.reason
