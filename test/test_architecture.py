@@ -85,5 +85,5 @@ def test_share_folder_of_a_source_tree_is_its_root() -> None:
 def test_versions_agree() -> None:
     version = re.search(r"__version__ = '(.*)'", (PACKAGE / '__init__.py').read_text(encoding='utf-8'))
     assert version is not None
-    assert f"version='{version.group(1)}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert f"VERSION = '{version.group(1)}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert f'<version>{version.group(1)}</version>' in (ROOT / 'package.xml').read_text(encoding='utf-8')
