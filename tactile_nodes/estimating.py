@@ -13,14 +13,14 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
-from tactile_nodes.force_status import ALTERED, INVALID, UNMEASURED, StillUnlike, status_of, told_sigma_n
+from tactile_nodes.force_status import ALTERED, INVALID, UNMEASURED, judged
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import is_file
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.likeness import alike
+from tactile_nodes.sensing.likeness import known
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.quality import ContactDetector
 from tactile_nodes.sensing.reading import Contact
@@ -143,6 +143,17 @@ class Ready:
             sharpness=float(features.rest_sharpness),
         )  # fmt: skip
 
+    def mended(self, features: types.FlowFeatures) -> bool:
+        """Whether features of an altered picture are read as fits it: by the finer model, if there is one.
+
+        Of one that has changed both in light and in sharpness or noise the model must know the blur: bands, strong
+        compression and noise beyond use look like that, and nothing in the motion tells by how much it is read short.
+        """
+        if features.reasons & ALTERED == ALTERED:
+            reads = self.finer if features.finer and self.finer is not None else self.own
+            return reads.estimator.knows_blur(float(features.rest_sharpness))
+        return bool(features.finer) or self.finer is None
+
     @classmethod
     def read(cls, name: str) -> Ready:
         """From a file, or one that ships. Raises ModelError."""
@@ -171,7 +182,7 @@ class Estimating:
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
         self._free_n: float | None = None
-        self._steady, self._unlike = SteadyForce(), StillUnlike()
+        self._steady = SteadyForce()
         self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
@@ -237,22 +248,18 @@ class Estimating:
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
         touching, begun_n = self._contact_now(found, reasons)
-        unlike = bool(reasons & FORCE.REASON_UNLIKE_TRAINING)
-        if self._unlike.told(stamp_ns(features.header.stamp), unlike=unlike, touching=touching):
-            reasons |= FORCE.REASON_UNLIKE_TRAINING
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
-        sigma_n, unsure = told_sigma_n(found, reasons, begun_n)
-        reasons |= unsure
-        steady = average_noise and touching and status_of(reasons) != FORCE.STATUS_INVALID
-        found, averaged_s = self._averaged(features, found, wanted=steady)
+        usable = not reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID)
+        found, averaged_s = self._averaged(features, found, wanted=average_noise and touching and usable)
+        verdict = judged(found, reasons, begun_n, mended=self.now.mended(features))
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s,
+            total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
-            status=status_of(reasons),
-            reasons=reasons,
+            status=verdict.status,
+            reasons=verdict.reasons,
             provenance=replace(self.now.provenance, reference_id=features.reference_id),  # type: ignore[type-var]
             stages=replace(stages, predict=predict_s, transport=stages.transport + age_s),  # type: ignore[type-var]
             **fields,
@@ -301,11 +308,11 @@ class Estimating:
         return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
     def _reasons(self, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
-        size, kind = (features.image_width, features.image_height), self.now.loaded.model.readout.kind
+        size = features.image_width, features.image_height
         faults = {
             FORCE.REASON_NOT_FINITE: not (features.reasons & UNMEASURED or math.isfinite(found.total_n)),
             FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-            FORCE.REASON_UNLIKE_TRAINING: not (features.untouched or alike(kind, found.unlikeness, found.contacts)),
+            FORCE.REASON_UNLIKE_TRAINING: not (features.untouched or known(found.unlikeness, found.contacts)),
             FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
         }
         return sum(bit for bit, present in faults.items() if present)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from tactile_nodes.messages import types
-from tactile_nodes.sensing.model import ForceMap
+from tactile_nodes.sensing.model import OK_TIMES, ForceMap
 
 FORCE = types.ForceDistribution
 
@@ -24,14 +25,14 @@ ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
 
 INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
-SHARE_IN_DOUBT = {
-    FORCE.REASON_LOW_CONFIDENCE: 0.1,
-    FORCE.REASON_FOREIGN_MOTION: 0.1,
-    FORCE.REASON_LIGHT_CHANGED: 0.3,
-    FORCE.REASON_BLURRED: 0.3,
-}
-"""Share of the total, and of the least force called a contact, that it may be off by for a reason."""
+WITHOUT_A_NUMBER = (
+    FORCE.REASON_STALE | FORCE.REASON_REST_DOUBTFUL | FORCE.REASON_CALIBRATION_AGEING | FORCE.REASON_UNLIKE_TRAINING
+)
+"""By how much a force is off for these nobody can say, so they alone are enough not to call it ok."""
 
+KNOCKED_SHARE = UNMENDED_SHARE = 0.1
+"""Share of the total, and of the least force called a contact, that it may be off by after a knock, and where light has
+changed and motion is still read as if it had not."""
 
 BEGINNING_SHARE = 0.1
 """Share of the force by which it is off where contact began within the exposure, as a standard deviation.
@@ -40,26 +41,42 @@ The picture is the mean of an exposure in which force came from nothing: by half
 in one picture tells, and frames before it do not, either; the next one does.
 """
 
-DOUBTFUL = 2.0
-"""Times the uncertainty that the model states by itself, from which a force is not ok."""
+
+@dataclass(frozen=True)
+class Judged:
+    """The standard deviation of the total with all that is known of a frame, its status, and the reasons if not ok."""
+
+    sigma_n: float
+    status: int
+    reasons: int
 
 
-def told_sigma_n(found: ForceMap, reasons: int, begun_n: float = 0.0) -> tuple[float, int]:
-    """The standard deviation of the total with what the model cannot know, and the reason if that is most of it.
+def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, mended: bool = True) -> Judged:
+    """How far a force may be off, and so whether it is ok: within twice the model's usual error.
 
-    It is NaN where the model states none. It grows with the unlikeness above 1, as errors do, with the share of the
-    regions that are lost (what presses there is not seen), with `begun_n` that began in this frame, and for light, blur
-    and knocks by shares that stand for the errors in docs/results/stability.md.
+    `reasons` are what is known of the frame; `begun_n` is what force began in it; `mended`: motion is read as fits
+    the picture. The uncertainty that the model states grows with the unlikeness above 1, as errors do, and with the
+    share of the regions that are lost (what presses there is not seen). What makes no difference to the status is no
+    reason; where the model is unsure by itself the frame is `UNLIKE_TRAINING`. The standard deviation is NaN where the
+    model states none, and then any reason counts.
     """
     stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N
-    told = [share * at_most_n for reason, share in SHARE_IN_DOUBT.items() if reasons & reason]
-    untold = {
+    knocked, other_light = (bool(reasons & each) for each in (FORCE.REASON_FOREIGN_MOTION, FORCE.REASON_LIGHT_CHANGED))
+    off_n = {
         FORCE.REASON_LOW_CONFIDENCE: max(0.0, KNOWN_SHARE - found.confidence) * at_most_n,
+        FORCE.REASON_FOREIGN_MOTION: KNOCKED_SHARE * at_most_n * knocked,
+        FORCE.REASON_LIGHT_CHANGED: UNMENDED_SHARE * at_most_n * (other_light and not mended),
         FORCE.REASON_BEGINNING: BEGINNING_SHARE * begun_n,
     }
-    unsure = sum(reason for reason, off_n in untold.items() if math.hypot(stated_n, off_n) > DOUBTFUL * stated_n)
-    return math.hypot(stated_n, *told, *untold.values()), int(unsure)
+    sigma_n, limit_n = math.hypot(stated_n, *off_n.values()), OK_TIMES * found.nominal_n
+    if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
+        return Judged(sigma_n, FORCE.STATUS_INVALID, reasons)
+    unsure = sigma_n > limit_n or (math.isnan(sigma_n) and bool(reasons))
+    if not unsure and not reasons & WITHOUT_A_NUMBER:
+        return Judged(sigma_n, FORCE.STATUS_OK, 0)
+    reasons |= sum(reason for reason, each in off_n.items() if each > 0 and math.hypot(stated_n, each) > limit_n)
+    return Judged(sigma_n, FORCE.STATUS_DEGRADED, int(reasons or FORCE.REASON_UNLIKE_TRAINING))
 
 
 def calibration_reasons(state: types.CalibrationState) -> int:
@@ -72,32 +89,3 @@ def calibration_reasons(state: types.CalibrationState) -> int:
     moved = FORCE.REASON_FOREIGN_MOTION if state.reasons & kind.REASON_PICTURE_MOVED else 0
     dented = FORCE.REASON_REST_DOUBTFUL if state.reasons & kind.REASON_DENTED_REST else 0
     return int(by_level.get(state.level, 0) | moved | dented)
-
-
-def status_of(reasons: int) -> int:
-    """What some reasons make of a force: ok, degraded or invalid."""
-    if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
-        return FORCE.STATUS_INVALID
-    return FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK
-
-
-STAYS_NS = 400_000_000
-"""No longer: a contact that rolls on may well become one that is known."""
-
-
-class StillUnlike:
-    """Whether a contact was called unlike the training a moment ago: what presses is no other body since.
-
-    Noise alone decides of single frames of a contact near the limit, and now and then of a wrong force that it is ok.
-    """
-
-    def __init__(self) -> None:
-        self._seen_ns: int | None = None
-
-    def told(self, stamp_ns: int, *, unlike: bool, touching: bool) -> bool:
-        """Whether a frame is to be called unlike: it is itself, or one of the same contact was in the last 0.4 s."""
-        if not touching:
-            self._seen_ns = None
-        elif unlike:
-            self._seen_ns = stamp_ns
-        return unlike or (self._seen_ns is not None and 0 <= stamp_ns - self._seen_ns <= STAYS_NS)

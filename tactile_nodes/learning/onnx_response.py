@@ -29,6 +29,7 @@ from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, LARGEST_STEP_M
 from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM
 
+_SOME_RIM = 1e-6
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
@@ -197,8 +198,9 @@ def _beside_training(response: Response, components: Value, place: Value, invers
     inner = high[:2] - steps, low[:2] + steps
     across = place.take(np.array([0, 1]))
     rim = ((across - inner[0]).most(inner[1] - across) / steps).most(0).sum()
-    near_limit = (place[2] >= (1 - rim) * response.hard).where(limit, wide.where(limit, within))
-    return at_end.where(place, moved), at_end.where(beyond, near_limit), wide.where(off, 0.0)
+    near_ends = (rim >= _SOME_RIM) & (place[2] >= (1 - rim) * response.hard)
+    at_least = at_end.where(beyond, near_ends.where(beyond, wide.where(limit, within)))
+    return at_end.where(place, moved), at_least, wide.where(off, 0.0)
 
 
 def _width(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value, Value]:

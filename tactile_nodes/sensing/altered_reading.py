@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.picture_noise import left_over, usual_noise, with_noise
-from tactile_nodes.sensing.reading import Reading, spread_over_bins
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Reading, spread_over_bins
 from tactile_nodes.sensing.response import CONVERGED_MM, Fit, damping
 from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
 from tactile_nodes.sensing.splines import laplacian, value_and_slopes
@@ -71,34 +71,31 @@ def read_altered(
     seen = readout.seen(values, confidence)
     components = np.asarray(readout.whitening @ seen.scores, float)
     left = left_over(readout, values, confidence, seen.scores)
-    moved = readout.scaling(values, confidence).astype(float)
+    moved = np.square(readout.scaling(values, confidence).astype(float)).mean(axis=-1)
+    doubt = np.square(DOUBT * np.clip(1 - confidence / BADLY_FOUND, 0, 1))
     missing = np.repeat(readout.scaling.missing(confidence).reshape(-1), values.shape[-1])
     asked = not measured and (blurred or not missing.any())
     noise = noise_variance(readout, left, seen.size) if asked else 1.0
-    spread = spread_of(readout, missing, noise, _off(moved, confidence).reshape(-1))
+    channels = values.shape[-1]
+    counted = np.repeat(moved * (ALTERED_SHARE**2 + doubt), channels)
+    spread = spread_of(readout, missing, min(noise, MOST_NOISE), counted)
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])
     fit, answers = _refined(readout, components, begin, spread, 0.0 if blurred and noise < NOISY else USUAL_MM2)
-    contacts = with_noise(readout.contacts(fit), readout, fit, answers, usual_noise(readout, confidence))
-    sigma_n = max(plain.total_sigma_n, math.hypot(*(each.sigma_n for each in contacts)))
+    seen_spread = spread_of(readout, missing, noise, np.repeat(moved * doubt, channels))
+    more = np.einsum('nc,cd,nd->n', answers, seen_spread - np.eye(len(spread)), answers).reshape(-1, 3)
+    contacts = with_noise(readout.contacts(fit, more), readout, fit, answers, usual_noise(readout, confidence))
+    width_n = max(plain.total_sigma_n**2 - math.fsum(each.sigma_n**2 for each in plain.contacts), 0.0) ** 0.5
+    beyond = readout.beyond(fit.contacts)
     return replace(
-        plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, total_sigma_n=sigma_n,
-        left_over=left,
+        plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, left_over=left,
+        total_sigma_n=math.hypot(width_n, *(each.sigma_n for each in contacts)),
+        unlikeness=BEYOND_UNLIKENESS if beyond else plain.unlikeness / math.sqrt(noise),
     )  # fmt: skip
 
 
-def _off(
-    moved: Float[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
-) -> Float[np.ndarray, 'rows cols channels']:
-    """Variance of each input by what its region moved and how surely that was found."""
-    doubt = DOUBT * np.clip(1 - confidence / BADLY_FOUND, 0, 1)
-    share = np.square(moved).mean(axis=-1) * (ALTERED_SHARE**2 + np.square(doubt))
-    off: np.ndarray = np.broadcast_to(share[:, :, None], moved.shape)
-    return off
-
-
 def noise_variance(readout: ResponseReadout, left: Float32[np.ndarray, ' inputs'], size: float) -> float:
-    """Variance of an input by noise, in units of that at rest in training: 1 at least and `MOST_NOISE` at most.
+    """Variance of an input by noise, in units of that at rest in training: 1 at least.
 
     It is that of the middle one of all inputs by what directions leave over of them (see `left_over`), without what
     they leave over of a press that is seen with this `size` (root mean square). Of noise of 2 and little of a press it
@@ -108,7 +105,7 @@ def noise_variance(readout: ResponseReadout, left: Float32[np.ndarray, ' inputs'
     if not len(known):
         return 1.0
     middle = float(np.median(np.square(known))) / MIDDLE_SQUARE
-    return min(max(middle - (LEFT_OVER * readout.likeness.share * size) ** 2, 1.0), MOST_NOISE)
+    return max(middle - (LEFT_OVER * readout.likeness.share * size) ** 2, 1.0)
 
 
 def spread_of(
@@ -140,12 +137,14 @@ def _refined(
 ) -> tuple[Fit, Float[np.ndarray, 'n components']]:
     """Gauss-Newton with the covariance of all components: `spread`, and what the splines miss.
 
-    `width_mm2` is the standard deviation of each contact's width. With the fit comes what it answers to each component.
+    `width_mm2` is the standard deviation of each contact's width. With the fit comes what it answers to each component;
+    its information is that of the same contacts in a picture like those of the training.
     """
     response = readout.response
     _, largest, low, high = response.limits_array
     bends = width_mm2 * np.array([laplacian(response.axes, response.coefficients, each) for each in begin.tolist()])
-    missed = np.diag(1 / response.certainty(float(begin[:, 2].max())) - 1)
+    certainty = response.certainty(float(begin[:, 2].max()))
+    missed = np.diag(1 / certainty - 1)
     sure = np.linalg.inv(spread + missed + bends.T @ bends)
     here, granted = begin, damping(len(begin))
     for _ in range(STEPS):
@@ -160,5 +159,5 @@ def _refined(
         here = moved
         if done:
             break
-    fit = Fit(here, information, float(left @ sure @ left) / len(components))
+    fit = Fit(here, (slopes * certainty) @ slopes.T, float(left @ sure @ left) / len(components))
     return fit, np.linalg.solve(information + granted, weighted)

@@ -8,6 +8,7 @@ over the surface, a polynomial corrects in the end.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -37,6 +38,8 @@ START_FORCES = np.array([0.15, 0.5, 0.9])
 MARGIN = 1.1
 """How much harder than the hardest known press a contact may come out."""
 LEAST_REGIONS = 12
+NOMINAL_STEPS = 5
+"""Places along x and along y, and forces, at which the nominal error is asked for."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,23 @@ class AxisymmetricReadout:
                 f'an axisymmetric response of {regions} known regions, {self.scaling.mean.size} features and '
                 f'{self.bins} does not fit {features} features and {bins}; train it again or use another model file'
             )
+
+    def nominal_n(self, _total_n: float) -> float:
+        """Root mean square of the uncertainty that it states of presses all over its places and forces."""
+        return self._nominal_n
+
+    @cached_property
+    def _nominal_n(self) -> float:
+        reach_mm = self.correction.reach_mm * self.response.width
+        across = np.linspace(-reach_mm, reach_mm, 2 * NOMINAL_STEPS + 1)[1::2].tolist()
+        forces = [self.response.highest_n * (step + 0.5) / NOMINAL_STEPS for step in range(NOMINAL_STEPS)]
+        stated = [self._stated(np.array([at])) for at in itertools.product(across, across, forces)]
+        return float(np.sqrt(np.mean(np.square(stated))))
+
+    def _stated(self, contact: Float[np.ndarray, '1 3']) -> float:
+        """The uncertainty of the force of such a contact."""
+        fit, _, _ = self._compare(Seen(self.response.motion(contact)[0], self._certainty), contact)
+        return self.contacts(fit)[0].sigma_n
 
     @cached_property
     def _known(self) -> np.ndarray:

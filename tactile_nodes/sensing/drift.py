@@ -227,7 +227,7 @@ class DriftMonitor:
         self._since_calibration = change = self._calibration.of(picture)
         if change.same:
             self._calibrated.set(change.size_px)
-            self._dented.set(change.apart_px)
+            self._dented.set(change.dented_px)
         else:
             self._calibrated.clear()
             self._dented.clear()

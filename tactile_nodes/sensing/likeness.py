@@ -10,24 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32
 
-from tactile_nodes.sensing.reading import Contact
-
-LIKE = {'response': 0.6}
-"""Unlikeness up to which a readout of a kind is as good as in training; 1 of the others.
-
-A response is a sharper test than what networks learned from: of 80 presses at random places it calls 76 less unlike.
-Tips of other shapes (0.5 to 0.9), a drag of 0.1 mm (0.6 to 1.5) and presses at the rim of the training lie above it.
-"""
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact
 
 CLOSE_MM = 15.0
 """Contacts that are nearer to each other do not just add up."""
 
 
-def alike(kind: str, unlikeness: float, contacts: Sequence[Contact]) -> bool:
-    """Whether a readout of a kind knows such contacts from its training; where it cannot tell it does."""
+def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
+    """Whether a readout can say how far off it is of such contacts; where it does not know their unlikeness it can."""
     pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0]
     close = any(math.dist(*pair) < CLOSE_MM for pair in itertools.combinations(pressing, 2))
-    return not close and not unlikeness > (LIKE.get(kind, 1.0) if pressing else 1.0)
+    return not close and not unlikeness >= BEYOND_UNLIKENESS
 
 
 @dataclass(frozen=True)

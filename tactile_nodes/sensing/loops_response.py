@@ -197,15 +197,15 @@ def _stay_at_ends(contacts, limits, converged, moved):
 
 
 @compiled()
-def _near_an_end(contacts, axes, hard):
-    """As `Response.near_an_end`: whether any contact is."""
+def _near_ends(contacts, axes, hard):
+    """As `Response.near_ends`: whether any contact is."""
     for n in range(contacts.shape[0]):
         rim = 0.0
         for axis in range(2):
             low, high, place = axes[axis, 0], axes[axis, 1], contacts[n, axis]
             step = (high - low) / axes[axis, 2]
             rim += max(max(low + step - place, place - (high - step)) / step, 0.0)
-        if contacts[n, 2] >= hard * (1 - rim):
+        if rim > 0 and contacts[n, 2] >= hard * (1 - rim):
             return True
     return False
 
@@ -266,9 +266,9 @@ def read(
     elif touching:
         told = np.empty_like(found)
         surely, total = off_by_width(components, found, response, power, numbers[15:], told)
-        if _stay_at_ends(found, limits, ends[0], told):
+        if _stay_at_ends(found, limits, ends[0], told) or _near_ends(found, axes, hard):
             unlike = max(unlike, beyond)
-        elif surely or _near_an_end(found, axes, hard):
+        elif surely:
             unlike = max(unlike, near)
     _tell(told, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
     if not touching:

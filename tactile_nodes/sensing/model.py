@@ -56,6 +56,10 @@ class ForceModel:
             raise ModelError(f'model {self.model_id}: {error}') from error
 
 
+OK_TIMES = 2.0
+"""Times the nominal error up to which a force is ok."""
+
+
 @dataclass(frozen=True)
 class ForceMap:
     """The normal force on the surface, positive into the gel.
@@ -63,6 +67,7 @@ class ForceMap:
     `contacts` are in the surface frame, strongest first; `contact_mm` is the first one's place. `position_sigma_mm` is
     that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` above 1 says that
     the frame is unlike what the model learned from. All three are NaN for models that do not know.
+    `nominal_n` is the standard deviation of a total that is usual of the model, of such contacts.
     `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `left_over`
     is that of the reading.
     """
@@ -77,6 +82,7 @@ class ForceMap:
     position_sigma_mm: float = UNKNOWN
     unlikeness: float = UNKNOWN
     left_over: Float32[np.ndarray, ' inputs'] | None = None
+    nominal_n: float = UNKNOWN
 
 
 class ForceEstimator:
@@ -122,7 +128,28 @@ class ForceEstimator:
             reading = readout.read(*seen)
         scaling = readout.scaling
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
-        return _force_map(reading, float(textured) / self._trusted)
+        found = _force_map(reading, float(textured) / self._trusted)
+        return replace(found, nominal_n=self._nominal_n(found, altered=altered))
+
+    def _nominal_n(self, found: ForceMap, *, altered: bool) -> float:
+        """What is usual of the model, or what it states of such contacts in pictures like those of its training.
+
+        That is up to twice as much: of a press that it knows less well than that no error is usual. Where the picture
+        is altered presses seem a little harder than they are, and there is no such limit.
+        """
+        readout = self.model.readout
+        usual_n = readout.nominal_n(found.total_n)
+        most_n = OK_TIMES * usual_n
+        if not (altered and isinstance(readout, ResponseReadout)):
+            stated_n = math.hypot(*(each.sigma_n for each in found.contacts))
+            return stated_n if usual_n < stated_n <= most_n else usual_n
+        stated_n = math.hypot(*(readout.stated_n(each.x_mm, each.y_mm, each.force_n) for each in found.contacts))
+        return min(max(stated_n, usual_n), most_n)
+
+    def knows_blur(self, sharpness: float) -> bool:
+        """Whether training measured how the gel responds in pictures of this sharpness, less than its own."""
+        readout = self.model.readout
+        return isinstance(readout, ResponseReadout) and self._of_blurred(readout, sharpness) is not None
 
     def _of_blurred(self, readout: ResponseReadout, sharpness: float) -> ResponseReadout | None:
         """What reads pictures of this sharpness, made once for each rest image; None where training did not measure."""

@@ -174,6 +174,10 @@ class NetworkReadout:
         if self.witness is not None:
             self.witness.require_fit(features, bins)
 
+    def nominal_n(self, total_n: float) -> float:
+        """What it states of such a force by itself."""
+        return self.spread.sigma_n(total_n)
+
     def inputs(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Float32[np.ndarray, ' inputs']:
@@ -202,10 +206,7 @@ class NetworkReadout:
     def read_altered(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        """Of a picture of another light or sharpness, in which a witness is less far off: its forces, if there is one.
-
-        They are no surer than those of the network.
-        """
+        """What a witness says, if there is one: in a picture of another light or sharpness it is less far off."""
         inputs = self.inputs(values, confidence)
         if self.witness is None or not np.isfinite(inputs).all():
             return self.read(values, confidence)
@@ -213,8 +214,7 @@ class NetworkReadout:
         force_n = heard.contacts[0].force_n
         if not math.isfinite(force_n):
             return self.read(values, confidence)
-        sigma_n = float(np.fmax(self.spread.sigma_n(force_n), heard.total_sigma_n))
-        return replace(heard, total_sigma_n=sigma_n, unlikeness=_largest(self._left_over(inputs), heard.unlikeness))
+        return replace(heard, unlikeness=_largest(self._left_over(inputs), heard.unlikeness))
 
     def _left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> float:
         return self.likeness.unlikeness(inputs) if self.likeness is not None else UNKNOWN

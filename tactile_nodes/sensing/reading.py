@@ -16,7 +16,7 @@ BEYOND_UNLIKENESS = 2.0
 """At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond."""
 
 LIMIT_UNLIKENESS = 1.0
-"""At least so unlike it is one that is nearly as hard as the training went, or wider than any contact of it."""
+"""At least so unlike it is one that is wider than any contact of it, or drags the skin."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,10 @@ class Readout(Protocol):
     @property
     def parameter_count(self) -> int:
         """Numbers that were learned."""
+        ...
+
+    def nominal_n(self, total_n: float) -> float:
+        """The error of the total that is usual of it, as a standard deviation; NaN where it does not know."""
         ...
 
     def require_fit(self, features: int, bins: BinGrid) -> None:

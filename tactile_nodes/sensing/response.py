@@ -79,11 +79,11 @@ class Response:
         """The s at which the last interval of the splines begins: borne from one side, they are off twice as far."""
         return self.s.high - (self.s.high - self.s.low) / self.s.intervals
 
-    def near_an_end(self, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
-        """Which contacts are as hard as `hard` or, where the last interval along x or y has begun, less hard by its
-        share that they have gone: those that are near an end twice over are off by several times as much."""
+    def near_ends(self, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
+        """Which contacts lie where the last interval along x or y has begun, and are as hard as `hard` less the share
+        of it that they have gone: those that are near an end twice over are off by several times as much."""
         rim = sum(_last_interval(axis, contacts[:, number]) for number, axis in enumerate((self.x, self.y)))
-        which: np.ndarray = contacts[:, 2] >= self.hard * (1 - rim)
+        which: np.ndarray = (rim > 0) & (contacts[:, 2] >= self.hard * (1 - rim))
         return which
 
     def force_n(self, s: float) -> float:

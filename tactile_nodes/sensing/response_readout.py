@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,8 +29,11 @@ from tactile_nodes.sensing.reading import (
     spread_over_bins,
 )
 from tactile_nodes.sensing.response import START_LEVELS, Fit, Response, at_an_end, ends, gained, locate
-from tactile_nodes.sensing.splines import value_and_slopes
+from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM, Calibration, factor_at
+
+NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
+"""Places along x and along y, and forces, at which the nominal error is asked for."""
 
 SURE_OF_DIRECTIONS = 1e-3
 """Keeps directions that only missing regions could tell apart at zero."""
@@ -228,10 +232,13 @@ class ResponseReadout:
         response, surely = self.response, widths.wide
         slopes = [response.force_slope(s) for s in fit.contacts[surely, 2].tolist()]
         off_n = float(np.linalg.norm(widths.off[surely] * slopes))
-        if at_an_end(response, fit.contacts).any():
+        if self.beyond(fit.contacts):
             return BEYOND_UNLIKENESS, off_n
-        near = bool(response.near_an_end(fit.contacts).any())
-        return LIMIT_UNLIKENESS * (near or bool(surely.any())), off_n
+        return LIMIT_UNLIKENESS * bool(surely.any()), off_n
+
+    def beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether any contact lies at the end of what was trained, or near two ends at once."""
+        return bool((at_an_end(self.response, contacts) | self.response.near_ends(contacts)).any())
 
     def mended(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
         """A fit's contacts as they are told; see `contact_width`."""
@@ -241,16 +248,52 @@ class ResponseReadout:
         """See `gained`."""
         return gained(self.response, components, fit)
 
-    def contacts(self, fit: Fit) -> tuple[Contact, ...]:
-        """The contacts of a fit with their uncertainties, strongest first."""
-        found = [self._contact(*each) for each in zip(fit.contacts.tolist(), fit.variances.tolist(), strict=True)]
-        return tuple(sorted(found, key=lambda contact: -contact.force_n))
+    def contacts(self, fit: Fit, more: Float[np.ndarray, 'contacts 3'] | None = None) -> tuple[Contact, ...]:
+        """The contacts of a fit with their uncertainties, strongest first.
 
-    def _contact(self, place: list[float], variance: list[float]) -> Contact:
+        `more` is the variance of each one's numbers beside that of pictures like those of the training.
+        """
+        beside = np.zeros((len(fit.contacts), 3)) if more is None else np.maximum(more, 0.0)
+        numbers = zip(fit.contacts.tolist(), fit.variances.tolist(), beside.tolist(), strict=True)
+        return tuple(sorted((self._contact(*each) for each in numbers), key=lambda contact: -contact.force_n))
+
+    def _contact(self, place: list[float], variance: list[float], more: list[float]) -> Contact:
         (x, y, s), c = place, self.calibration
         height = s / self.response.s.high
         fitted_mm = math.sqrt((variance[0] + variance[1]) / 2)
         fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
         sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
         sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        sigma_mm = math.hypot(sigma_mm, math.sqrt((more[0] + more[1]) / 2))
+        sigma_n = math.hypot(sigma_n, self.response.force_slope(s) * math.sqrt(more[2]))
         return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
+
+    def nominal_n(self, _total_n: float) -> float:
+        """Root mean square of the uncertainty that it states of presses all over what training bears from both sides.
+
+        That is less hard, and further in, than where the last intervals of the splines begin.
+        """
+        return self._nominal_n
+
+    @cached_property
+    def _nominal_n(self) -> float:
+        x, y, _ = self.response.axes
+        places = [_inner(each) for each in (x, y)]
+        hardest_n = self.response.force_n(self.response.hard)
+        forces = [hardest_n * (step + 1) / NOMINAL_FORCES for step in range(NOMINAL_FORCES)]
+        stated = [self.stated_n(*at) for at in itertools.product(*places, forces)]
+        return float(np.sqrt(np.mean(np.square(stated))))
+
+    def stated_n(self, x_mm: float, y_mm: float, force_n: float) -> float:
+        """The uncertainty that it states of the force of such a press in a picture like those of the training."""
+        at = [x_mm, y_mm, force_n**self.response.power]
+        slopes = np.asarray(value_and_slopes(self.response.axes, self.response.coefficients, at)[1:], np.float64)
+        information = (slopes * self.response.certainty(at[2])) @ slopes.T
+        return self.contacts(Fit(np.array([at]), information, 0.0))[0].sigma_n
+
+
+def _inner(axis: SplineAxis) -> list[float]:
+    """Places at even distances, from the end of the first interval of an axis to the beginning of the last one."""
+    step = (axis.high - axis.low) / axis.intervals
+    places: list[float] = np.linspace(axis.low + step, axis.high - step, NOMINAL_PLACES).tolist()
+    return places

@@ -70,7 +70,8 @@ class SteadyForce:
     ) -> tuple[ForceMap, float]:
         """The map of a frame in which something touches, averaged, and over which time, in s (0: it is as it was).
 
-        The sum of the bins, total, peak and contacts are those of one another; uncertainties are those of the frame.
+        The sum of the bins, total, peak and contacts are those of one another; the total's uncertainty is that of the
+        frame less what the mean takes away of its noise.
 
         Args:
             stamp_ns: of the frame. It begins anew with one that is older than the one before; the same stamp again is
@@ -89,8 +90,11 @@ class SteadyForce:
         numbers = np.stack([each.numbers for each in self._frames])
         now = self._frames[0].contacts
         sigma = noise * np.array([(each.noise_mm, each.noise_mm, each.noise_n) for each in now]).reshape(-1)
-        count, estimate = steady(back_s, numbers, sigma)
-        return _moved(found, now, estimate, bins), float(back_s[count - 1])
+        count, estimate, left = steady(back_s, numbers, sigma)
+        moved = _moved(found, now, estimate, bins)
+        gone = float(np.square(sigma[2::3]) @ (1 - left[2::3]))
+        sigma_n = math.sqrt(max(found.total_sigma_n**2 - gone, found.total_sigma_n**2 * float(left[2::3].max())))
+        return replace(moved, total_sigma_n=sigma_n), float(back_s[count - 1])
 
     def _take(self, stamp_ns: int, found: ForceMap, beside: Hashable) -> None:
         """As the first of the frames kept, the newest of which come first."""
@@ -118,15 +122,16 @@ class SteadyForce:
 
 def steady(
     back_s: Float[np.ndarray, ' frames'], numbers: Float[np.ndarray, 'frames n'], sigma: Float[np.ndarray, ' n']
-) -> tuple[int, Float[np.ndarray, ' n']]:
-    """Over how many of the frames, the newest first, numbers are averaged, and what comes of it.
+) -> tuple[int, Float[np.ndarray, ' n'], Float[np.ndarray, ' n']]:
+    """Over how many of the frames, the newest first, numbers are averaged, what comes of it, and which share of a
+    frame's variance by noise is left of each.
 
     Args:
         back_s: how long ago each frame was taken; the first one is now.
         sigma: standard deviation of each number in one frame.
     """
     if len(numbers) == 1:
-        return 1, numbers[0]
+        return 1, numbers[0], np.ones_like(sigma)
     mean, rise, rise_sigma = _lines(back_s, numbers - numbers[0])
     many = np.arange(2, len(numbers) + 1)
     spread = INTERVAL * sigma * np.hypot(1 / np.sqrt(many), rise_sigma)[:, None]
@@ -134,10 +139,11 @@ def steady(
     agree = np.maximum.accumulate(low) <= np.minimum.accumulate(high)
     last = int(np.logical_and.accumulate(agree.all(axis=1)).sum()) - 1
     if last < 0:  # of a noise that is not known
-        return 1, numbers[0]
+        return 1, numbers[0], np.ones_like(sigma)
     size = np.square(rise[last] / np.maximum(rise_sigma[last] * sigma, TINY))
     kept = np.maximum(1 - SHRUNK_BY / np.maximum(size, TINY), 0.0)
-    return last + 2, numbers[0] + mean[last] + rise[last] * kept
+    left = 1 / many[last] + np.square(kept * rise_sigma[last])
+    return last + 2, numbers[0] + mean[last] + rise[last] * kept, np.minimum(left, 1.0)
 
 
 def _lines(

@@ -37,6 +37,9 @@ class Witness:
     def parameter_count(self) -> int:
         return self.readout.parameter_count
 
+    def nominal_n(self, total_n: float) -> float:
+        return self.readout.nominal_n(total_n)
+
     @property
     def hardest_n(self) -> float:
         """The largest force of the training."""

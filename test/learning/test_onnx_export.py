@@ -207,7 +207,7 @@ def test_a_response_answers_as_numpy_does(power: float) -> None:
     assert max(found.sigma_share, found.unlikeness_share) < 1e-3
 
 
-def test_wide_and_hard_contacts_are_as_unlike_the_training_as_in_numpy() -> None:
+def test_wide_contacts_and_those_near_two_ends_are_as_unlike_the_training_as_in_numpy() -> None:
     loaded = response(1.0)
     readout = loaded.model.readout
     frames = []
@@ -216,19 +216,19 @@ def test_wide_and_hard_contacts_are_as_unlike_the_training_as_in_numpy() -> None
         return value_and_slopes(readout.response.axes, readout.response.coefficients, at)[0]
 
     # A quarter of the force in each corner of a square makes a contact wider. The training went hardly beyond an s of
-    # 0.9, and never beyond 1.2: there the response goes on as from 1.1 to 1.2. At 8 mm half of the last interval along
-    # x has begun, so that half of 0.9 is hard.
+    # 0.9, which alone is no matter, and never beyond 1.2: there the response goes on as from 1.1 to 1.2. At 8 mm half
+    # of the last interval along x has begun, so that half of 0.9 is hard.
     narrow, wide = value(1, 2, 0.5), sum(value(1 + x, 2 + y, 0.5) for x in (-4, 4) for y in (-4, 4)) / 4
     hardest = 2 * value(-3, 4, 1.2) - value(-3, 4, 1.1)
-    for components in (narrow, value(-8, 4, 0.4), wide, value(-3, 4, 1.0), value(-8, 4, 0.5), hardest):
+    for components in (narrow, value(-8, 4, 0.4), value(-3, 4, 1.0), wide, value(-8, 4, 0.5), hardest):
         inputs = np.linalg.solve(readout.whitening, components) @ readout.likeness.directions
         values = inputs.reshape(SHAPE) / readout.scaling.gain + readout.scaling.mean
         frames.append(Features('cartesian_mean', values.astype(np.float32), np.ones((4, 5), np.float32)))
     told = [ForceEstimator(loaded.model).predict(each) for each in frames]
     assert told[0].unlikeness < 0.5
-    assert told[1].unlikeness < LIMIT_UNLIKENESS
-    assert [each.unlikeness for each in told[2:]] == [*3 * [LIMIT_UNLIKENESS], BEYOND_UNLIKENESS]
-    assert told[2].total_sigma_n > told[0].total_sigma_n
+    assert max(each.unlikeness for each in told[1:3]) < LIMIT_UNLIKENESS
+    assert [each.unlikeness for each in told[3:]] == [LIMIT_UNLIKENESS, *2 * [BEYOND_UNLIKENESS]]
+    assert told[3].total_sigma_n > told[0].total_sigma_n
     found = compare(loaded, onnx_bytes(loaded), frames)
     assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
 

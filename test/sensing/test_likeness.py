@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.likeness import LIKE, Likeness, alike
-from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.sensing.likeness import Likeness, known
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact
 
 MEAN = np.array([1, 1, 1, 1], np.float32)
 AXES = Likeness(MEAN, np.eye(2, 4, dtype=np.float32), floor=0.5, share=0.1)
@@ -52,18 +52,14 @@ def test_inputs_that_are_no_numbers_have_no_likeness(value: float) -> None:
     assert not math.isfinite(AXES.unlikeness(np.array([0, 0, value, 0], np.float32)))
 
 
-def test_a_response_is_alike_up_to_less_than_one_and_a_network_up_to_one() -> None:
+def test_contacts_are_known_up_to_the_ends_of_the_training() -> None:
     pressed = [Contact(0.0, 0.0, 0.3)]
-    assert alike('response', LIKE['response'], pressed) and not alike('response', LIKE['response'] + 0.01, pressed)
-    assert alike('network', 1.0, pressed) and not alike('network', 1.01, pressed)
-    assert alike('network', math.nan, pressed)  # it cannot tell
+    assert known(BEYOND_UNLIKENESS - 0.01, pressed) and not known(BEYOND_UNLIKENESS, pressed)
+    assert known(math.nan, pressed)  # it cannot tell
 
 
-def test_where_nothing_presses_noise_alone_is_left_over_and_that_is_alike_up_to_one() -> None:
-    assert alike('response', 0.9, [Contact(0.0, 0.0, 0.0)])
-
-
-def test_contacts_that_are_close_are_unlike_the_single_ones_of_a_training() -> None:
+def test_contacts_that_are_close_are_not_known_from_the_single_ones_of_a_training() -> None:
     far, near = ([Contact(-apart / 2, 0.0, 0.3), Contact(apart / 2, 0.0, 0.2)] for apart in (16.0, 14.0))
-    assert alike('response', 0.4, far)
-    assert not alike('response', 0.4, near)
+    assert known(0.4, far)
+    assert not known(0.4, near)
+    assert known(0.4, [near[0], Contact(7.0, 0.0, 0.0)])  # one that does not press is none

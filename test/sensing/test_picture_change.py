@@ -72,6 +72,20 @@ def test_a_dent_does_not_move_the_picture(comparison: PictureComparison, speckle
     assert np.hypot(*change.shift_px) < 0.03
 
 
+def test_lost_markers_are_no_dent_and_a_dent_is_one(comparison: PictureComparison, speckle: np.ndarray) -> None:
+    """Spots go dark at random, so patches show the mean of others: nothing has moved."""
+    random = np.random.default_rng(4)
+    small = (random.random((speckle.shape[0] // 8, speckle.shape[1] // 8)) < 0.2).astype(np.uint8)
+    gone = cv2.resize(small, speckle.shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+    lost = comparison.of(np.where(gone, np.uint8(np.median(speckle)), speckle))
+    assert lost.alike < 0.9
+    assert lost.apart_px > 0.02
+    assert lost.dented_px < lost.apart_px - 0.02
+    dented = comparison.of(shifted(speckle, 0.1, 0.0))
+    assert dented.alike > 0.95
+    assert dented.dented_px == pytest.approx(dented.apart_px, abs=0.01)
+
+
 def test_another_pattern_is_not_found(comparison: PictureComparison, speckle: np.ndarray) -> None:
     change = comparison.of(np.ascontiguousarray(speckle[::-1]))
     assert change.found < 0.1

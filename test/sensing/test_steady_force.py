@@ -78,7 +78,7 @@ def test_whatever_comes_an_average_stays_near_the_frame_itself(seen: list[list[f
     INTERVAL about it. Each line's is no wider and meets it, and what shrinks its slope moves it by no more than
     sqrt(SHRUNK_BY) of the slope's noise, which is less than a frame's."""
     back_s = np.cumsum([0.0, *gaps_s])[: len(seen)]
-    _, estimate = steady(back_s, np.array(seen), np.ones(3))
+    _, estimate, _ = steady(back_s, np.array(seen), np.ones(3))
     assert np.abs(estimate - seen[0]).max() <= 2 * INTERVAL + math.sqrt(SHRUNK_BY) + 1e-6
 
 
@@ -88,7 +88,7 @@ def test_whatever_comes_an_average_stays_near_the_frame_itself(seen: list[list[f
 )
 def test_what_does_not_change_is_told_as_it_is(number: float, gaps_s: list[float]) -> None:
     back_s = np.cumsum([0.0, *gaps_s])
-    count, estimate = steady(back_s, np.full((MOST_FRAMES, 3), number), np.ones(3))
+    count, estimate, _ = steady(back_s, np.full((MOST_FRAMES, 3), number), np.ones(3))
     assert count == MOST_FRAMES
     assert estimate == pytest.approx(number, abs=1e-9)
 
@@ -101,7 +101,7 @@ def test_all_numbers_must_agree() -> None:
 
 
 def test_what_is_not_known_to_be_noisy_is_averaged_with_nothing() -> None:
-    count, estimate = steady(np.arange(4) * 0.016, np.array([[1.0], [2.0], [1.0], [2.0]]), np.array([math.nan]))
+    count, estimate, _ = steady(np.arange(4) * 0.016, np.array([[1.0], [2.0], [1.0], [2.0]]), np.array([math.nan]))
     assert (count, estimate.tolist()) == (1, [1.0])
 
 
@@ -144,9 +144,16 @@ def test_total_peak_map_and_contacts_are_those_of_one_another() -> None:
     assert found.contact_mm == (found.contacts[0].x_mm, found.contacts[0].y_mm)
 
 
-def test_how_sure_a_force_is_stays_what_it_is_of_a_frame() -> None:
-    found, _ = course([0.500, 0.504, 0.498])[-1]
-    assert (found.total_sigma_n, found.position_sigma_mm, found.unlikeness) == (0.002, 0.02, 0.3)
+def test_a_mean_takes_away_what_noise_makes_of_the_uncertainty() -> None:
+    """Of three frames two thirds of the variance by noise, here (1 mN)², and of no more than all of it."""
+    one = SteadyForce()
+    for number, force in enumerate([0.5000, 0.5004, 0.4998]):
+        seen = force_map((1.0, -2.0, force), noise=2.0, seed=number, noise_n=0.0005)
+        found, _ = one.averaged(PERIOD_NS * number, replace(seen, total_sigma_n=0.005), BINS)
+    assert found.total_sigma_n == pytest.approx(math.sqrt(0.005**2 - 0.001**2 * 2 / 3), rel=0.01)
+    assert (found.position_sigma_mm, found.unlikeness) == (0.02, 0.3)
+    noisiest, _ = course([0.500, 0.504, 0.498])[-1]
+    assert noisiest.total_sigma_n == pytest.approx(0.002 / math.sqrt(3), rel=0.01)
 
 
 def test_a_contact_that_slides_is_told_where_it_is() -> None:
