@@ -112,13 +112,6 @@ def test_a_wide_contact_is_unlike_the_training_and_less_sure() -> None:
     assert broad.total_sigma_n == pytest.approx(abs(off_n), rel=0.3)
 
 
-def test_a_contact_in_the_last_interval_of_the_splines_is_at_the_limit_of_the_training() -> None:
-    """Four intervals from 0 to 1: from 0.75 on."""
-    below, beyond = (READER.read(features(READER, components(GEL, (0.0, 3.0, s))), SURE) for s in (0.74, 0.76))
-    assert below.unlikeness < 0.5
-    assert beyond.unlikeness == 1.0
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 300.0))
 def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_told_as_mended(seed: int, size: float) -> None:
