@@ -1,5 +1,6 @@
 # make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
 # make test                                                                   run the tests
+# make documents                                                              run the commands of the documents, the long ones too
 # make fuzz                                                                   run the random ones with other examples, until Ctrl-C
 PYTHON ?= python3
 VENV ?= .venv
@@ -8,7 +9,7 @@ SOURCE ?= simulated
 ARGS ?=
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
-.PHONY: live test fuzz lint docs clean
+.PHONY: live test fuzz documents lint docs clean
 
 live: $(VENV)/.live
 	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
@@ -24,6 +25,10 @@ fuzz: $(VENV)/.dev
 	  TACTILE_HYPOTHESIS=fuzz OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m hypothesis \
 	    --hypothesis-seed=$$seed --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS) || exit 1; \
 	done
+
+# Every command of README and the how-to pages that needs no device, the long ones too.
+documents: $(VENV)/.dev
+	TACTILE_LONG=1 $(BIN)/python -m pytest -q --timeout 3600 test/documents $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -1,0 +1,132 @@
+"""The commands of README and the how-to pages do what they say, run as a reader would: one after another, in a folder.
+
+What takes minutes is run by `make documents` only; what needs another machine, a device or ROS 2 is only parsed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import pytest
+from blocks import ROOT, blocks, commands
+
+sys.path.insert(0, str(ROOT / 'test'))
+from press_bags import OTHER, Sensor, spread_collection
+
+from tactile_nodes.simulation.optics import Press
+
+ELSEWHERE = re.compile(
+    r'/dev/|rig:=real|my_rig|\bros2\b|rviz2|colcon|rosdep|/opt/ros|camera\.local|192\.168|0\.0\.0\.0|SUBNET|/robot/'
+    r'|^(pip|make|ruff|source|cd|mkdir|export|cp) |python -m pytest|TACTILE_ROS|NAME-OF|gel:=NAME|/data/|venv'
+    r'|^tactile reference$'
+)
+"""Devices, other machines, ROS 2, and what prepares or changes a checkout: CI runs `make test` itself."""
+
+MINUTES = re.compile(
+    r'tactile (launch|bench|tune|compile|calibrate|export|model export|reference)|tactile train (config|run)'
+    r'|tactile evaluate (?!gel-7|my_gel)|--profile|--model paper|bag_to_figure|bag_with|--duration'
+)
+"""What renders, trains, measures or draws for long, or runs until somebody ends it."""
+
+WITH_A_RIG = re.compile(
+    r'/rig/|/emulated_rig|/calibrator/|force_views_node|sync_input|touch_views|undo_calibration|--compare|bag sync'
+    r'|sync_edge|train --dataset|evaluate .*--dataset'
+)
+"""What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries those)."""
+
+UNTIL_ENDED = re.compile(
+    r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|force_distribution$'
+    r'|grip.py|tactile launch'
+)
+PLACES = {'pen_01': (-8.0, 3.0), 'pen_02': (8.0, 4.0), 'pen_03': (0.0, -9.0)}
+LONG = bool(os.environ.get('TACTILE_LONG'))
+
+
+def chosen() -> list[str]:
+    shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
+    found = dict.fromkeys(command for each in shells for command in commands(each))
+    skipped = [ELSEWHERE, WITH_A_RIG] + ([] if LONG else [MINUTES])
+    return [command for command in found if not any(each.search(command) for each in skipped)]
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A reader's folder: what earlier commands of the pages have made, under the names that they give it."""
+    made = tmp_path_factory.mktemp('reader')
+    for name in ('config', 'examples', 'constraints.txt', 'docs'):
+        (made / name).symlink_to(ROOT / name)
+    presses = spread_collection(made / 'collected_1', Sensor(OTHER), 16)
+    for name in ('collected_2', 'new_gel_bag', 'collection/rosbag2_a', 'gel_7/rosbag2_a'):
+        (made / name).parent.mkdir(exist_ok=True)
+        shutil.copytree(presses, made / name)
+    (made / 'my_points.yaml').symlink_to(ROOT / 'config/plans/coarse.yaml')
+    shutil.copy(ROOT / 'models/portable.safetensors', made / 'gel-7.safetensors')
+    (made / 'gel-7.csv').write_text(next(each.text for each in blocks() if each.language == 'csv'))
+    sensor = Sensor(OTHER)
+    for name in re.findall(r'^(\w+)\.png', (made / 'gel-7.csv').read_text(), re.MULTILINE):
+        presses = () if name.startswith('rest') else (Press(*PLACES.get(name, (2.0, 1.0)), 0.6),)
+        cv2.imwrite(str(made / f'{name}.png'), sensor.image(*presses))
+    return made
+
+
+@pytest.fixture(scope='module')
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    run = tmp_path_factory.mktemp('r')
+    run.chmod(0o700)
+    path = f'{Path(sys.executable).parent}{os.pathsep}{os.environ["PATH"]}'
+    own = {'TACTILE_RUN_DIR': str(run), 'ROS_LOG_DIR': str(run / 'log'), 'XDG_CONFIG_HOME': str(run), 'PATH': path}
+    return {**os.environ, **own, 'ROS_DOMAIN_ID': '23', 'MPLBACKEND': 'agg', 'PYTHONPATH': str(ROOT)}
+
+
+@pytest.fixture(scope='module')
+def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
+    """`tactile launch live`, and a bag of it under each name that the pages give to one."""
+    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable']
+    with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            for line in process.stdout:
+                if 'new rest image' in line:
+                    break
+            record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '3']
+            subprocess.run(record, cwd=folder, env=environment, check=True, capture_output=True)
+            for name in ('run1', 'press1_again', 'replayed', 'grasp1', 'grasp2', 'touch'):
+                shutil.copytree(folder / 'press1', folder / name)
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+            assert process.returncode == 0
+
+
+def prepare(command: str, folder: Path) -> None:
+    """What a reader would do before: give a recording a name that is free, or replay one before comparing it."""
+    if match := re.search(r'bag record -o (\w+)', command):
+        shutil.rmtree(folder / match[1], ignore_errors=True)
+    if match := re.search(r'bag compare (\w+) (\w+)', command):
+        shutil.rmtree(folder / match[2], ignore_errors=True)
+        shutil.copytree(folder / match[1], folder / match[2])
+
+
+@pytest.mark.parametrize('command', chosen())
+def test_a_command_of_the_documents_runs(command: str, folder: Path, environment: dict[str, str], live: None) -> None:
+    command = command.removesuffix(' &').replace('…', 'a')
+    if 'pandas' in command:
+        pytest.importorskip('pandas')
+    prepare(command, folder)
+    if UNTIL_ENDED.search(command):
+        seconds = 30 if 'tactile launch' in command else 12 if 'bag record' in command else 4
+        command = f'timeout --signal=INT --preserve-status {seconds} {command}'
+    ended = subprocess.run(
+        ['bash', '-c', command], cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=900
+    )
+    assert ended.returncode in {0, 130} if command.startswith('timeout') else ended.returncode == 0, ended.stderr
+    assert 'Traceback' not in ended.stderr
