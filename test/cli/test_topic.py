@@ -205,9 +205,11 @@ def test_pub_of_a_wrong_message_is_one_line(words: tuple[str, ...], said: str, t
 def test_topics_of_another_process_are_seen(other: ZmqBus, tactile: Tactile) -> None:
     words = [sys.executable, '-m', 'tactile_nodes', 'topic', 'pub', '-r', '50', '/far', STRING, '{data: there}']
     with subprocess.Popen(words, stdout=subprocess.DEVNULL) as process:
-        wait_until(lambda: '/far' in other.graph().topics())
-        printed = tactile('topic', 'echo', '/far', '--once').out
-        process.terminate()
+        try:
+            wait_until(lambda: '/far' in other.graph().topics(), timeout_s=60.0)
+            printed = tactile('topic', 'echo', '/far', '--once').out
+        finally:
+            process.terminate()
     assert printed == 'data: there\n---\n'
 
 
