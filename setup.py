@@ -114,10 +114,12 @@ setup(
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
         'compiled': ['numba>=0.61,<0.69'],
+        'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
         'dev': [
             'beartype>=0.20,<1',
             'cyclonedds==11.0.1',
+            'embreex>=2.17,<5',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',
@@ -132,6 +134,7 @@ setup(
             'pytest-timeout>=2.3,<3',
             'pytest-xdist>=3.6,<4',
             'ruff>=0.17.5,<0.18',
+            'trimesh>=4.6,<6',
             'types-PyYAML>=6,<7',
             'types-psutil>=6,<8',
             'types-pyserial>=3.5,<4',

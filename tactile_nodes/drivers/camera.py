@@ -30,6 +30,10 @@ class SceneSettings:
     gel_seed: int = parameter(-1, 'where the markers are; -1: as in the file', minimum=-1)
     world: str = parameter('', 'name of a world that a node of this process shares, whose tip presses instead')
     seed: int = parameter(1, 'where and how deep the tip presses')
+    contact: str = parameter(
+        'tip', 'what touches the gel: tip; mixed, the tip and other bodies in turn; or one contact alone: ring, edge, '
+        'two and so on, a mesh (STL, OBJ, PLY), heights (NPY), or a description (YAML)',
+    )  # fmt: skip
     start_ns: int = parameter(
         0, "nothing touches the gel before this time of the host's time base; 0: a second after the start", minimum=0
     )

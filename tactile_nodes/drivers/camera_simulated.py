@@ -20,9 +20,12 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
-from tactile_nodes.simulation.scene import PressSchedule, Scene, Truth, WorldScene
+from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldScene
+from tactile_nodes.simulation.touch.table import TouchTable
+from tactile_nodes.touch_tables import Contact, ready_contacts, solved_contact
 
 NAME = 'the simulated camera'
+TIP, MIXED = 'tip', 'mixed'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
 
 
@@ -74,7 +77,8 @@ class SimulatedCamera:
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
-            scene.schedule = _schedule(self._settings.scene, self._start_ns + REST_BEFORE_FIRST_PRESS_NS)
+            begins_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
+            scene.schedule = _schedule(self._settings.scene, begins_ns, scene.bodies)
         if self._settings.scene.world:
             scene.schedule = Untouched()
         self._scene, self._world = scene, None
@@ -122,19 +126,31 @@ def build_scene(settings: SceneSettings) -> Scene:
     """The gel and what happens to it; the same settings give the same world in every process.
 
     Raises:
-        ConfigurationError: a gel file that cannot be used.
+        ConfigurationError: a gel file that cannot be used, or a contact that cannot be solved.
     """
     gel = _gel(settings)
-    return Scene(gel, _schedule(settings, settings.start_ns), table=contact_table(gel))
+    bodies = _bodies(settings.contact, gel)
+    return Scene(gel, _schedule(settings, settings.start_ns, bodies), table=contact_table(gel), bodies=bodies)
 
 
-def _schedule(settings: SceneSettings, start_ns: int) -> PressSchedule:
-    return PressSchedule(
+def _bodies(contact: str, gel: Gel) -> dict[str, TouchTable]:
+    """What touches the gel beside its tip; a contact that nobody has solved yet takes some ten seconds."""
+    if contact in ('', TIP):
+        return {}
+    if contact == MIXED:
+        return ready_contacts(gel)
+    return {contact: solved_contact(gel, Contact.named(contact))}
+
+
+def _schedule(settings: SceneSettings, start_ns: int, bodies: Mapping[str, TouchTable]) -> TouchSchedule:
+    return TouchSchedule(
         seed=settings.seed,
         start_ns=start_ns,
         period_s=settings.period_s,
         shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
         deepest_mm=settings.deepest_mm,
+        bodies=tuple((name, table.presses, table.stages) for name, table in bodies.items()),
+        every=2 if settings.contact == MIXED else 1,
     )
 
 

@@ -10,7 +10,7 @@ What moves during the exposure is drawn at two moments of it, which gives a smea
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -20,6 +20,7 @@ from tactile_nodes.simulation.camera import camera_of, camera_turn, pupil, shade
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, Layer
 from tactile_nodes.simulation.shear import ShearTable, solve_shear
+from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable
 
 TAPS = np.arange(-3, 5)
 """Pixels around a marker that receive its light: from three left of the pixel it is in to four right of it."""
@@ -42,14 +43,32 @@ class Press:
     indenter: str = 'tip'
     shift_mm: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def touching(self) -> bool:
+        """Whether it is on the gel."""
+        return self.depth_mm > 0
+
+
+Shaping = Press | Touch
+"""What shapes a gel: a round tip whose table is axially symmetric, or a body of any shape on its way."""
+
+PLACES_KEPT = 4
+
 
 class Optics:
     """Renders one gel. The same presses and noise seed give the same pixels, in any process, in any order."""
 
-    def __init__(self, gel: Gel, table: ContactTable, others: Mapping[str, ContactTable] | None = None) -> None:
-        """`table` is that of the gel's own tip; `others` those of indenters that presses may name."""
+    def __init__(
+        self,
+        gel: Gel,
+        table: ContactTable,
+        others: Mapping[str, ContactTable] | None = None,
+        bodies: Mapping[str, TouchTable] | None = None,
+    ) -> None:
+        """Tables of the gel's own tip, of other indenters that presses may name, and of bodies that touches may."""
         self._gel = gel
         self._tables = {'tip': table, **(others or {})}
+        self._bodies, self._placed = dict(bodies or {}), dict[Touch, Placed]()
         self._shear: dict[str, ShearTable] = {}
         self.camera = camera_of(gel)
         self._turn = camera_turn(gel)
@@ -64,15 +83,27 @@ class Optics:
         self._noise = NoiseBank(gel)
         self._lookups = {name: TableLookup(each, self.markers_mm[:, 2]) for name, each in self._tables.items()}
         self._rest = self._draw(self.project(()))
-        self._last: tuple[tuple[Press, ...], np.ndarray] = (), self._rest
+        self._last: tuple[tuple[Shaping, ...], np.ndarray] = (), self._rest
 
-    def displacement_mm(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 3']:
+    def displacement_mm(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 3']:
         """How far each marker moves; the fields of several presses add up."""
         moved = np.zeros_like(self.markers_mm)
         for press in presses:
-            if press.depth_mm > 0:
-                moved += self._field(press)
+            if press.touching:
+                moved += self._touched(press) if isinstance(press, Touch) else self._field(press)
         return moved
+
+    def _touched(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
+        """What a body does; how it sees the markers from its place is remembered for the last few places."""
+        if touch.body not in self._bodies:
+            known = ', '.join(self._bodies) or 'none'
+            raise ConfigurationError(f'no table was given for the body {touch.body!r}; there are: {known}')
+        place = replace(touch, stage=0.0)
+        if place not in self._placed:
+            while len(self._placed) >= PLACES_KEPT:
+                del self._placed[next(iter(self._placed))]
+            self._placed[place] = Placed(self._bodies[touch.body], self.markers_mm, place)
+        return self._placed[place].moved_mm(touch.stage)
 
     def _field(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
         if press.indenter not in self._lookups:
@@ -93,14 +124,14 @@ class Optics:
         offset = self.markers_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
         return self._shear[press.indenter].displacement_mm(contact, offset, press.shift_mm)
 
-    def project(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'markers 2']:
+    def project(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 2']:
         """Pixel of each marker in the camera image."""
         seen = self.markers_mm + self.displacement_mm(presses) - pupil(self._gel)
         return self.camera.project(seen if self._turn is None else seen @ self._turn)
 
-    def radiance(self, presses: tuple[Press, ...]) -> Float32[np.ndarray, 'h w']:
+    def radiance(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'h w']:
         """The image in grey levels before noise and rounding."""
-        if not any(press.depth_mm > 0 for press in presses):
+        if not any(press.touching for press in presses):
             return self._rest
         last, drawn = self._last
         if presses != last:  # while a tip rests, only the noise changes
@@ -108,18 +139,18 @@ class Optics:
             self._last = presses, drawn
         return drawn
 
-    def render(self, presses: tuple[Press, ...], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
+    def render(self, presses: tuple[Shaping, ...], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
         """The image as the camera delivers it."""
         return self.expose((presses,), noise_seed)
 
-    def expose(self, moments: Sequence[tuple[Press, ...]], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
+    def expose(self, moments: Sequence[tuple[Shaping, ...]], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
         """The image as the camera delivers it after an exposure, of which some moments are given."""
         different = tuple(dict.fromkeys(moments))
         radiance = self.radiance(different[0]) if len(different) == 1 else self._smeared(different)
         image = self._noise.expose(radiance, noise_seed)
         return through_jpeg(image, self._gel.jpeg_quality) if self._gel.jpeg_quality else image
 
-    def _smeared(self, moments: tuple[tuple[Press, ...], ...]) -> Float32[np.ndarray, 'h w']:
+    def _smeared(self, moments: tuple[tuple[Shaping, ...], ...]) -> Float32[np.ndarray, 'h w']:
         """The mean over some moments; only markers that move to speak of are drawn at each of them."""
         pixels = np.stack([self.project(each) for each in moments])
         middle = pixels.mean(axis=0)

@@ -6,6 +6,7 @@ one renders what the camera sees, the other says what the truth is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
@@ -17,8 +18,9 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.memory import Memory
-from tactile_nodes.simulation.optics import Optics, Press, mix
+from tactile_nodes.simulation.optics import Optics, Press, Shaping, mix
 from tactile_nodes.simulation.solution import solve_gel
+from tactile_nodes.simulation.touch.table import Touch, TouchTable, node_forces, over_bins
 from tactile_nodes.simulation.worlds import SharedWorld
 
 NS_PER_S = 1_000_000_000
@@ -28,26 +30,26 @@ GAUSS_POINT = 0.5 / 3**0.5
 
 @dataclass(frozen=True)
 class Truth:
-    """What a perfect sensor would say: the paper's label, and the exact place beside it.
+    """What a perfect sensor would say; bins are those of the surface as it is at rest, all zero without contact.
 
-    The whole force is in the bin that holds the centre of the indentation; all zero without contact.
+    Of a round tip the whole force is in the bin of its centre, the paper's label; of other bodies each bin has what
+    acts on it. `shear_force_n` is the force along x and y, `position_mm` the centre of the normal force, and
+    `torsion_n_mm` the moment about z there.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
     total_n: float
     position_mm: tuple[float, float]
-    depth_mm: float
-
-    @property
-    def in_contact(self) -> bool:
-        return self.depth_mm > 0
+    in_contact: bool
+    shear_force_n: Float32[np.ndarray, 'rows cols 2']
+    torsion_n_mm: float = 0.0
 
 
 @runtime_checkable
 class Schedule(Protocol):
-    """Where the tip is at a time."""
+    """Where the tip, or a body, is at a time."""
 
-    def press_at(self, time_ns: int) -> Press: ...
+    def press_at(self, time_ns: int) -> Shaping: ...
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class PressSchedule:
     phases: tuple[float, float, float, float] = field(default=(0.2, 0.4, 0.65, 0.85))
     """Shares of the period at which the tip starts down, arrives, starts up, and is up again."""
 
-    def press_at(self, time_ns: int) -> Press:
+    def press_at(self, time_ns: int) -> Shaping:
         """Place and depth of the tip; a negative depth is its height above the gel."""
         since_ns = time_ns - self.start_ns
         if since_ns < 0:
@@ -98,6 +100,51 @@ class PressSchedule:
         return place, self.shallowest_mm + w * (self.deepest_mm - self.shallowest_mm)
 
 
+@dataclass(frozen=True)
+class TouchSchedule(PressSchedule):
+    """Presses of the tip among which every so many visits a body touches: pressed, dragged, held and lifted.
+
+    `bodies` are named with the number of their stages, of which the first `press_stages` press; `every` 1 is bodies
+    alone. A body is lifted on the way that it came.
+    """
+
+    bodies: tuple[tuple[str, int, int], ...] = ()
+    """Name, stages that press, stages in all."""
+    every: int = 2
+    touch_reach_mm: float = 8.0
+
+    def press_at(self, time_ns: int) -> Shaping:
+        """As a press; in the visit of a body that body, above the gel while its stage is not above 0."""
+        since_ns = time_ns - self.start_ns
+        number, within_ns = divmod(since_ns, round(self.period_s * NS_PER_S))
+        if since_ns < 0 or not self._is_touch(number):
+            return super().press_at(time_ns)
+        share = within_ns / (self.period_s * NS_PER_S)
+        name, presses, stages = self.bodies[number // self.every % len(self.bodies)]
+        here, _ = self._target(number)
+        x_mm, y_mm = self._travel(number, here, share)
+        turn_rad = math.tau * mix(mix(self.seed) ^ (3 * number + 1)) / 2**64
+        return Touch(name, x_mm, y_mm, turn_rad, self._stage(share, presses, stages))
+
+    def _is_touch(self, number: int) -> bool:
+        return bool(self.bodies) and number % self.every == self.every - 1
+
+    def _stage(self, share: float, presses: int, stages: int) -> float:
+        """Pressed, after a moment dragged, held, and lifted."""
+        down, bottom, lift, up = self.phases
+        pressed = presses * smooth((share - down) / (0.5 * (bottom - down)))
+        dragged = (stages - 1 - presses) * smooth((share - 0.5 * (down + bottom)) / (0.6 * (lift - down)))
+        lifted = (stages - 1) * smooth((share - lift) / (up - lift))
+        return pressed + dragged - lifted
+
+    def _target(self, number: int) -> tuple[tuple[float, float], float]:
+        place, depth = super()._target(number)
+        if not self._is_touch(number):
+            return place, depth
+        nearer = self.touch_reach_mm / self.reach_mm
+        return (place[0] * nearer, place[1] * nearer), depth
+
+
 def smooth(share: float) -> float:
     """A smooth step from 0 to 1 without jerks at its ends: 10 s³ - 15 s⁴ + 6 s⁵, 0.5 at 0.5."""
     s = min(max(share, 0.0), 1.0)
@@ -108,7 +155,7 @@ class Scene:
     """One gel under one schedule, at any time: the image that the camera takes, and the truth.
 
     A gel that settles remembers: then the presses before a time count too, and the gel is taken to have been at
-    rest some settling times before.
+    rest some settling times before. Of bodies other than tips it remembers nothing.
     """
 
     def __init__(
@@ -118,25 +165,27 @@ class Scene:
         bins: BinGrid | None = None,
         table: ContactTable | None = None,
         others: Mapping[str, ContactTable] | None = None,
+        bodies: Mapping[str, TouchTable] | None = None,
     ) -> None:
         self.gel = gel or Gel()
         self.schedule: Schedule = schedule or PressSchedule()
         self.bins = bins or BinGrid(width_mm=self.gel.size_mm, height_mm=self.gel.size_mm)
         self._table = table or solve_gel(self.gel)
-        self._others = dict(others or {})
+        self._others, self.bodies = dict(others or {}), dict(bodies or {})
         self._optics: Optics | None = None
-        self._memory = Memory(self.gel, self.schedule_at, {'tip': self._table, **self._others})
+        self._memory = Memory(self.gel, self._tip_at, {'tip': self._table, **self._others})
 
     @property
     def optics(self) -> Optics:
         """The renderer, made when the first image is asked for: whoever wants only the truth needs none."""
         if self._optics is None:
-            self._optics = Optics(self.gel, self._table, self._others)
+            self._optics = Optics(self.gel, self._table, self._others, self.bodies)
         return self._optics
 
-    def schedule_at(self, time_ns: int) -> Press:
-        """Where the schedule has the tip."""
-        return self.schedule.press_at(time_ns)
+    def _tip_at(self, time_ns: int) -> Press:
+        """Where the schedule has the tip; above the gel while another body is there."""
+        here = self.schedule.press_at(time_ns)
+        return Press(here.x_mm, here.y_mm, -1.0) if isinstance(here, Touch) else here
 
     def render(self, time_ns: int) -> UInt8[np.ndarray, 'h w']:
         """The camera image whose exposure has its middle at a time."""
@@ -144,15 +193,19 @@ class Scene:
         moments = (time_ns,) if off_ns == 0 else (time_ns - off_ns, time_ns + off_ns)
         return self.optics.expose([self.presses_at(each) for each in moments], noise_seed=time_ns)
 
-    def presses_at(self, time_ns: int) -> tuple[Press, ...]:
-        """What shapes the gel at a time: the tip, and the dents that it left in a gel that settles."""
+    def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
+        """What shapes the gel at a time: the tip or a body, and the dents that tips left in a gel that settles."""
+        here = self.schedule.press_at(time_ns)
         if self.gel.settling_share == 0:
-            return (self.schedule.press_at(time_ns),)
-        return self._memory.at(time_ns).presses
+            return (here,)
+        dents = self._memory.at(time_ns).presses
+        return (here, *dents) if isinstance(here, Touch) else dents
 
     def truth(self, time_ns: int) -> Truth:
         """The force on the gel at a time."""
         press = self.schedule.press_at(time_ns)
+        if isinstance(press, Touch):
+            return truth_of_touch(press, self.bodies[press.body], self.gel.shear_modulus_mpa, self.bins)
         force_n = None if self.gel.settling_share == 0 else self._memory.at(time_ns).force_n
         return truth_of(press, {'tip': self._table, **self._others}[press.indenter], self.bins, force_n)
 
@@ -164,7 +217,7 @@ class WorldScene(Scene):
         super().__init__(world.gel, world, table=next(iter(world.tables.values())), others=world.tables)
         self._world = world
 
-    def presses_at(self, time_ns: int) -> tuple[Press, ...]:
+    def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
         """What shapes the world's gel."""
         return self._world.presses_at(time_ns)
 
@@ -181,4 +234,20 @@ def truth_of(press: Press, table: ContactTable, bins: BinGrid, force_n: float | 
     forces = np.zeros(bins.count, np.float32)
     total_n = table.force_at(press.depth_mm) if force_n is None else force_n
     forces[bins.bin_of(press.x_mm, press.y_mm)] = total_n
-    return Truth(forces.reshape(bins.rows, bins.cols), total_n, (press.x_mm, press.y_mm), max(press.depth_mm, 0.0))
+    normal = forces.reshape(bins.rows, bins.cols)
+    return Truth(normal, total_n, (press.x_mm, press.y_mm), press.touching, np.zeros((*normal.shape, 2), np.float32))
+
+
+def truth_of_touch(touch: Touch, table: TouchTable, shear_modulus_mpa: float, bins: BinGrid) -> Truth:
+    """What acts where under a body on its way."""
+    if not touch.touching:
+        nothing = np.zeros((bins.rows, bins.cols, 3), np.float32)
+        return Truth(nothing[..., 2], 0.0, (touch.x_mm, touch.y_mm), False, nothing[..., :2])
+    place_mm, force = node_forces(table, touch)
+    force = force * shear_modulus_mpa
+    forces = over_bins(place_mm, force, table.node_size_mm, bins).astype(np.float32)
+    total_n = float(force[:, 2].sum())
+    centre = (place_mm * force[:, 2:]).sum(axis=0) / max(total_n, 1e-12)
+    away = place_mm - centre
+    torsion = float((away[:, 0] * force[:, 1] - away[:, 1] * force[:, 0]).sum())
+    return Truth(forces[..., 2], total_n, (float(centre[0]), float(centre[1])), True, forces[..., :2], torsion)

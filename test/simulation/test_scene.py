@@ -6,9 +6,12 @@ import itertools
 import numpy as np
 import pytest
 
+from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
-from tactile_nodes.simulation.scene import PressSchedule, Scene, smooth
+from tactile_nodes.simulation.scene import PressSchedule, Scene, TouchSchedule, smooth
+from tactile_nodes.simulation.touch.table import Touch
+from tactile_nodes.touch_tables import ready_contacts
 
 SECOND = 1_000_000_000
 DWELL = 11 * SECOND // 10  # the middle of the first press of the default schedule
@@ -116,3 +119,42 @@ def test_an_exposed_frame_is_blurred_only_while_the_tip_moves(table: ContactTabl
     np.testing.assert_array_equal(exposed.render(DWELL), scene.render(DWELL))
     down = 6 * SECOND // 10
     assert (exposed.render(down) != scene.render(down)).any()
+
+
+def test_bodies_touch_in_turn_with_the_tip_and_their_truth_has_shear():
+    gel = load_gel('paper')
+    bodies = ready_contacts(gel)
+    visits = tuple((name, each.presses, each.stages) for name, each in bodies.items())
+    schedule = TouchSchedule(bodies=visits)
+    scene = Scene(gel, schedule, bodies=bodies, table=contact_table(gel))
+    pressed, held = (scene.truth(2 * SECOND + part) for part in (SECOND, SECOND * 125 // 100))
+    assert not scene.truth(2 * SECOND + SECOND // 10).in_contact
+    assert isinstance(schedule.press_at(3 * SECOND), Touch)
+    assert not isinstance(schedule.press_at(5 * SECOND), Touch)
+    assert pressed.in_contact
+    assert held.total_n == pytest.approx(2.0, rel=0.01)
+    assert held.normal_force_n.sum() == pytest.approx(held.total_n, rel=1e-5)
+    assert np.count_nonzero(held.normal_force_n > 0.01) > 4
+    assert np.hypot(*held.shear_force_n.sum(axis=(0, 1))) > 0.5
+    assert abs(held.position_mm[0]) < 8.1
+
+
+def test_a_body_is_pressed_dragged_and_lifted_without_jumps():
+    schedule = TouchSchedule(bodies=(('ring', 3, 7),), every=1)
+    stages = np.array([schedule.press_at(2 * SECOND + i * SECOND // 500).stage for i in range(1000)])
+    assert stages.max() == pytest.approx(6.0, abs=1e-6)
+    assert stages[0] <= 0 >= stages[-1]
+    assert np.abs(np.diff(stages)).max() < 0.12
+    assert np.ptp(stages[310:320]) < 0.3
+
+
+def test_markers_move_where_a_body_presses():
+    gel = load_gel('paper')
+    bodies = ready_contacts(gel)
+    schedule = TouchSchedule(bodies=(('ring', bodies['ring'].presses, bodies['ring'].stages),), every=1)
+    scene = Scene(gel, schedule, bodies=bodies, table=contact_table(gel))
+    moved = scene.optics.displacement_mm(scene.presses_at(SECOND * 125 // 100))
+    place = scene.truth(SECOND * 125 // 100).position_mm
+    away = np.hypot(*(scene.optics.markers_mm[:, :2] - np.array(place, np.float32)).T)
+    assert moved[(away > 3) & (away < 5), 2].mean() < -0.02
+    assert np.abs(moved[away > 14]).max() < 0.2 * np.abs(moved).max()

@@ -1,0 +1,229 @@
+"""A rigid body pressed into a layer, dragged over it and twisted: equilibrium at finite strain, contact solved with it.
+
+Each step looks at the layer's forces as they are, asks its linear answer where the surface would go, finds the contact
+forces on that surface, and lets the layer follow both. The steps are those of Newton's method with the stiffness of the
+layer at rest, so they take the more the more the layer is strained; where that leads nowhere the way is cut finer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.simulation.touch.anderson import Anderson
+from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body
+from tactile_nodes.simulation.touch.bricks import Bricks, State
+from tactile_nodes.simulation.touch.friction import Gap, Surface
+
+TOLERANCE = 1e-3
+"""Of the layer's forces on inner nodes, and of the change of contact forces, over all contact forces."""
+MOST_STEPS = 60
+LEAST_FORCE = 0.1
+"""Forces (mm²) smaller than this are as good as none."""
+SOME_NODES = 12
+NEAR = 0.9
+"""Share of the wanted force that may be lacking for the body's height to follow from it."""
+FIRST = 1 / 8
+"""Share of a way that is gone first where nothing touches yet."""
+FIRST_MM = 0.02
+"""What is so near to the lowest point of a body touches with it, as a first guess."""
+FAR_MM = 0.3
+"""Gaps are told no larger: further away nothing is felt."""
+FINEST = 1 / 16
+"""Share of a way below which it is cut no finer."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a body is: its origin on the surface, and how far it has turned (counter-clockwise seen along z, rad)."""
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    turn_rad: float = 0.0
+
+    def towards(self, other: Pose, share: float) -> Pose:
+        """A share of the way to another."""
+        here, there = (np.array([each.x_mm, each.y_mm, each.turn_rad]) for each in (self, other))
+        return Pose(*(here + share * (there - here)).tolist())
+
+
+@dataclass
+class Standing:
+    """A layer under a body in equilibrium.
+
+    `force` is that on each node of the surface (over the unit; z out of the gel). `stuck_at` is where on the body each
+    node was when it last slipped or was free (body's frame), `slips` which nodes do.
+    """
+
+    pose: Pose
+    depth_mm: float
+    state: State
+    force: Float[np.ndarray, '3 y x']
+    stuck_at: Float[np.ndarray, '2 y x']
+    slips: Bool[np.ndarray, 'y x']
+
+    @property
+    def normal(self) -> float:
+        """Sum of the forces into the gel."""
+        return float(-self.force[2].sum())
+
+
+class Pressing:
+    """A body on a layer, from the first touch on; `standing` is where things stand."""
+
+    def __init__(self, bricks: Bricks, body: Body, friction: float = 0.6) -> None:
+        layer = bricks.layer
+        if body.reach_mm > layer.width_mm / 2:
+            raise ConfigurationError(
+                f'the body {body.name!r} reaches {body.reach_mm:.1f} mm from its middle, and the gel ends at '
+                f'{layer.width_mm / 2:.1f} mm; give a smaller body'
+            )
+        self._bricks, self._body, self._friction = bricks, body, friction
+        surface = bricks.inverse[:, bricks.surface, bricks.surface].astype(np.complex128)
+        self._surface = Surface(surface.reshape(layer.cells, -1, 3, 3))
+        self._x, self._y = np.meshgrid(layer.line_mm, layer.line_mm)
+        place = np.stack([self._x, self._y])
+        self.standing = Standing(
+            Pose(), 0.0, bricks.at_rest(), np.zeros((3, *self._x.shape)), place, np.zeros(self._x.shape, bool)
+        )
+
+    def advance(self, pose: Pose, force: float | None = None, depth_mm: float | None = None) -> Standing:
+        """Go to a pose while the normal force (mm²), or the depth, goes to another; cut finer where that is needed.
+
+        Raises:
+            ConfigurationError: no equilibrium was found; the gel is asked for too much strain.
+        """
+        start, done = self.standing, 0.0
+        by_depth = force is None
+        first, last = (start.depth_mm, depth_mm or 0.0) if force is None else (start.normal, force)
+        step = 1.0 if start.normal else FIRST
+        while done < 1:
+            share = min(1.0, done + step)
+            wanted = first + share * (last - first)
+            found = self._equilibrium(start.pose.towards(pose, share), wanted, by_depth)
+            if found is not None:
+                self.standing, done, step = found, share, min(1.0, 2 * step)
+            elif step > FINEST:
+                step /= 2
+            else:
+                told = f'{wanted:.2f} mm deep' if by_depth else f'at {wanted:.2f} mm² of force over the shear modulus'
+                raise ConfigurationError(
+                    f'the body {self._body.name!r} finds no equilibrium {told}; press it less, or give a rounder one'
+                )
+        return self.standing
+
+    def _equilibrium(self, pose: Pose, wanted: float, by_depth: bool = False) -> Standing | None:
+        """The layer under the body at a pose, with a normal force or a depth, beginning from where it stands."""
+        now = self.standing
+        at, remembered = self._vector(now.state, now.force, wanted if by_depth else now.depth_mm), Anderson()
+        for _ in range(MOST_STEPS):
+            state, force, depth_mm = self._parts(at)
+            inner, lacking, least = self._bricks.forces(state)
+            if not least > 0:
+                return None
+            residual = -inner
+            residual[-1] += force
+            waves = self._bricks.spectrum(residual, -lacking)
+            gap = self._gap(pose, depth_mm, state.moved[-1] + self._surface_of(waves), now)
+            near = not by_depth and self._holds(force, wanted)
+            found, left = self._surface.forces(force, gap, self._friction, wanted if near else None)
+            missing = 0.0 if by_depth else wanted + float(found[2].sum())
+            off = max(_size(residual), _size(found - force), abs(missing)) / max(_size(found), LEAST_FORCE)
+            if not np.isfinite(off):
+                return None
+            if off < TOLERANCE:
+                return self._settled(pose, depth_mm, state, force, gap, now)
+            residual[-1] += found - force
+            du, dp = self._bricks.answer(residual, -lacking)
+            deeper = 0.0 if by_depth else _closing(left, gap, found) if near else self._deeper(missing, found, gap)
+            step = self._vector(State(np.concatenate([np.zeros_like(du[:1]), du]), dp), found - force, deeper)
+            at = remembered.next(at, step)
+        return None
+
+    def _vector(self, state: State, force: np.ndarray, depth_mm: float) -> Float32[np.ndarray, ' unknowns']:
+        """All unknowns in a row, each about as large as the strain that it makes."""
+        h = self._bricks.layer.spacing_mm
+        parts = state.moved[1:] / h, state.pressure, force / h**2, np.array([depth_mm / h])
+        return np.concatenate([each.ravel() for each in parts]).astype(np.float32)
+
+    def _parts(self, vector: np.ndarray) -> tuple[State, np.ndarray, float]:
+        layer = self._bricks.layer
+        plane, h = layer.cells**2, layer.spacing_mm
+        moved, pressure, force, depth = np.split(
+            vector, np.cumsum([3 * layer.rows * plane, layer.rows * plane, 3 * plane])
+        )
+        shape = layer.cells, layer.cells
+        moved = np.concatenate([np.zeros(3 * plane, np.float32), moved]).reshape(-1, 3, *shape) * np.float32(h)
+        state = State(moved, pressure.reshape(-1, *shape))
+        return state, force.reshape(3, *shape).astype(float) * h**2, float(depth[0]) * h
+
+    @staticmethod
+    def _holds(force: np.ndarray, wanted: float) -> bool:
+        """Whether so many nodes bear so much of the wanted force that the body's height can follow from it."""
+        some = np.count_nonzero(force[2] < 0) >= SOME_NODES
+        return bool(some and abs(wanted + float(force[2].sum())) < NEAR * wanted)
+
+    def _deeper(self, missing: float, found: np.ndarray, gap: Gap) -> float:
+        """How much lower the body has to be for a missing force: as a disc of its contact's area on a half-space."""
+        touching = found[2] < 0
+        there = touching if touching.any() else gap.apart < gap.apart.min() + FIRST_MM
+        radius_mm = self._bricks.layer.spacing_mm * np.sqrt(np.count_nonzero(there) / np.pi)
+        apart = 0.0 if touching.any() else max(0.0, float(gap.apart.min()))
+        return float(missing / (8 * radius_mm) + apart)
+
+    def _surface_of(self, waves: np.ndarray) -> np.ndarray:
+        """How the surface moves in the linear answer to loads."""
+        cells = self._bricks.layer.cells
+        moved = np.einsum('mij,jm->im', self._bricks.inverse[:, self._bricks.surface], waves)
+        answer: np.ndarray = np.fft.irfft2(moved.reshape(3, cells, -1), s=(cells, cells))
+        return answer
+
+    def _gap(self, pose: Pose, depth_mm: float, moved: np.ndarray, before: Standing) -> Gap:
+        """The surface, moved, beside the body."""
+        on_body = self._on_body(pose, moved)
+        height, along_x, along_y = self._body.under(*on_body)
+        slopes = _turned(np.stack([along_x, along_y]), pose.turn_rad)
+        length = np.sqrt(1 + (slopes * slopes).sum(axis=0))
+        normal = np.stack([*slopes, -np.ones_like(height)]) / length
+        apart = np.minimum((height - depth_mm - moved[2]) / length, FAR_MM)
+        slip = np.zeros_like(normal)
+        slip[:2] = _turned(on_body - before.stuck_at, pose.turn_rad)
+        slip -= normal * (slip * normal).sum(axis=0)
+        return Gap(normal, apart, slip * (height < NO_BODY_MM) * (apart < FAR_MM))
+
+    def _on_body(self, pose: Pose, moved: np.ndarray) -> np.ndarray:
+        """Where the surface's nodes are in the body's frame."""
+        away = np.stack([self._x + moved[0] - pose.x_mm, self._y + moved[1] - pose.y_mm])
+        return _turned(away, -pose.turn_rad)
+
+    def _settled(
+        self, pose: Pose, depth_mm: float, state: State, force: np.ndarray, gap: Gap, before: Standing
+    ) -> Standing:
+        pressing = (force * gap.normal).sum(axis=0)
+        aside = np.sqrt(((force - gap.normal * pressing) ** 2).sum(axis=0))
+        touches = pressing > 0
+        slips = touches & (aside >= (1 - TOLERANCE) * self._friction * pressing)
+        here = self._on_body(pose, state.moved[-1])
+        stuck_at = np.where(touches & ~slips, before.stuck_at, here)
+        return Standing(pose, depth_mm, state, force, stuck_at, slips)
+
+
+def _closing(left: np.ndarray, gap: Gap, force: np.ndarray) -> float:
+    """How much lower the body has to be for its contact to have no gap, on the mean of its force."""
+    pressing = np.maximum((force * gap.normal).sum(axis=0), 0.0)
+    if not pressing.any():
+        return float(gap.apart.min())
+    apart = (left * gap.normal).sum(axis=0) / np.maximum(-gap.normal[2], 0.1)
+    return float((apart * pressing).sum() / pressing.sum())
+
+
+def _turned(vectors: np.ndarray, angle_rad: float) -> np.ndarray:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.stack([cos * vectors[0] - sin * vectors[1], sin * vectors[0] + cos * vectors[1]])
+
+
+def _size(values: np.ndarray) -> float:
+    return float(np.sqrt(np.square(values, dtype=np.float64).sum()))

@@ -1,0 +1,262 @@
+"""Contacts of bodies with a gel by name: what presses and how, and the tables of those solved before or now.
+
+A contact is named by a family ('ring'), a mesh (STL, OBJ, PLY in millimetres), heights (NPY: a square of millimetres,
+0.1 mm apart), or a YAML file that says more::
+
+    body: gripper_pad.stl        # or a family, or heights; or a list of {body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}
+    tilt_deg: [0.0, 2.0]         # about x, then about y
+    force_n: 2.0                 # or depth_mm: 0.5
+    drag_mm: 0.6
+    drag_deg: 0.0                # where it is dragged to, from x towards y
+    twist_deg: 10.0
+    friction: 0.6
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import check_size, read_text
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.touch.table import SPACING_MM, TouchTable
+
+if TYPE_CHECKING:
+    from tactile_nodes.simulation.touch.body import Body
+    from tactile_nodes.simulation.touch.bricks import Layer
+    from tactile_nodes.simulation.touch.track import Way
+
+MESHES = '.stl', '.obj', '.ply'
+LARGEST_BYTES = 64 << 20
+CELLS, CELL_MM = 120, 0.4
+"""Of the layer that contacts are solved on: 48 mm, after which it repeats."""
+
+USUAL = 'ring', 'edge', 'two'
+USUAL_MM2 = 18.0
+"""What a live scene shows among presses, and how hard it presses over the shear modulus."""
+
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What presses, and how. Angles in degrees; a depth takes the place of the force."""
+
+    body: object
+    tilt_deg: tuple[float, float] = (0.0, 0.0)
+    force_n: float = 2.0
+    depth_mm: float = 0.0
+    drag_mm: float = 0.6
+    drag_deg: float = 0.0
+    twist_deg: float = 0.0
+    friction: float = 0.6
+
+    @classmethod
+    def named(cls, name: str) -> Contact:
+        """By a family, a mesh, heights, or a YAML file.
+
+        Raises:
+            ConfigurationError: there is no such file, or it says something that is not known.
+        """
+        return _described(Path(name)) if name.endswith(('.yaml', '.yml')) else cls(name)
+
+
+def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing_mm: float = SPACING_MM) -> TouchTable:
+    """The table of a contact with a gel: shipped, or kept in the cache, or solved and kept now.
+
+    A solution takes some ten seconds; `tell` hears how many stages of how many are done.
+
+    Raises:
+        ConfigurationError: the contact is unknown or cannot be solved.
+    """
+    from tactile_nodes.simulation.touch.bricks import Bricks
+    from tactile_nodes.simulation.touch.track import solve_track
+
+    problem = _problem(gel, contact, spacing_mm)
+    if (found := _known(problem.key)) is not None:
+        return found
+    track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
+    table = TouchTable.of_track(track, -gel.skin_mm, spacing_mm)
+    write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
+    return table
+
+
+def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
+    """Those of the usual contacts of a live scene that need not be solved first, of 18 mm² times the gel's modulus."""
+    usual = ((name, usual_contact(gel, name)) for name in USUAL)
+    found = ((name, _known(_problem(gel, contact, SPACING_MM).key)) for name, contact in usual)
+    return {name: table for name, table in found if table is not None}
+
+
+def usual_contact(gel: Gel, name: str) -> Contact:
+    """As it ships: as hard as 2 N on the paper's gel, so that all gels of its thickness share it."""
+    return Contact(name, force_n=USUAL_MM2 * gel.shear_modulus_mpa)
+
+
+class _Problem(NamedTuple):
+    """All that a table depends on, and its name in the cache."""
+
+    layer: Layer
+    body: Body
+    way: Way
+    key: str
+
+
+def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
+    from tactile_nodes.simulation.touch.bricks import Layer
+    from tactile_nodes.simulation.touch.track import track_key
+
+    layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), _body(contact.body, contact.tilt_deg)
+    way = _way(contact, gel)
+    return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')
+
+
+def _known(key: str) -> TouchTable | None:
+    folders = paths.share_directory() / 'config' / 'touches', paths.cache_directory() / 'touches'
+    return next((table for folder in folders if (table := _read(folder / f'{key}.npz')) is not None), None)
+
+
+def write_table(file: Path, table: TouchTable) -> None:
+    """Keep a table; another process that writes the same at the same time does no harm."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
+    np.savez_compressed(draft, allow_pickle=False, **table.to_arrays())
+    draft.replace(file)
+
+
+def _read(file: Path) -> TouchTable | None:
+    if not file.is_file():
+        return None
+    check_size(file, LARGEST_BYTES)
+    with np.load(file, allow_pickle=False) as arrays:
+        return TouchTable.from_arrays(dict(arrays))
+
+
+def _way(contact: Contact, gel: Gel) -> Way:
+    from tactile_nodes.simulation.touch.track import Way
+
+    return Way(
+        force_mm2=round(contact.force_n / gel.shear_modulus_mpa, 6),
+        depth_mm=contact.depth_mm,
+        drag_mm=contact.drag_mm,
+        drag_rad=math.radians(contact.drag_deg),
+        twist_rad=math.radians(contact.twist_deg),
+        friction=contact.friction,
+        press_stages=3,
+        drag_stages=3,
+    )
+
+
+def _body(named: object, tilt_deg: tuple[float, float]) -> Body:
+    """The body that is named, or those of a list as one, tilted."""
+    from tactile_nodes.simulation.touch.body import Body
+
+    if isinstance(named, Sequence) and not isinstance(named, str):
+        parts = [(_body(each['body'], (0.0, 0.0)), _place(each)) for each in named]
+        joined = Body.joined('several', parts)
+        return joined.tilted(*_leaning(tilt_deg)) if any(tilt_deg) else joined
+    name = str(named)
+    if Path(name).suffix.lower() in MESHES:
+        return _mesh(Path(name), tilt_deg)
+    body = _heights(Path(name)) if name.endswith('.npy') else _family(name)
+    return body.tilted(*_leaning(tilt_deg)) if any(tilt_deg) else body
+
+
+def _leaning(tilt_deg: tuple[float, float]) -> tuple[float, float]:
+    """Turned about x it is y that gets lower, and about y it is -x."""
+    return -tilt_deg[1], tilt_deg[0]
+
+
+def _family(name: str) -> Body:
+    from tactile_nodes.simulation.touch.families import FAMILIES, make_body
+
+    if name not in FAMILIES:
+        raise ConfigurationError(
+            f'there is no contact {name!r}; give one of: {", ".join(FAMILIES)}, or a file: a mesh '
+            f'({", ".join(MESHES)}), heights (.npy) or a description (.yaml)'
+        )
+    return make_body(name)
+
+
+def _mesh(file: Path, tilt_deg: tuple[float, float]) -> Body:
+    from tactile_nodes.simulation.touch.mesh import body_of_mesh
+
+    _check(file)
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ConfigurationError(f"{file}: meshes need: pip install 'tactile_nodes[mesh]'") from error
+    try:
+        mesh = trimesh.load_mesh(file, process=True)
+        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
+    except Exception as error:
+        raise ConfigurationError(f'{file} cannot be read as a mesh ({error}); export it again') from error
+    return body_of_mesh(file.stem, vertices, faces, tilt_deg)
+
+
+def _heights(file: Path) -> Body:
+    from tactile_nodes.simulation.touch.body import Body
+
+    _check(file)
+    try:
+        heights = np.load(file, allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise ConfigurationError(f'{file} holds no array of heights ({error})') from error
+    if heights.ndim != 2 or heights.dtype.kind not in 'fiu':
+        raise ConfigurationError(f'{file} must hold a square of heights in mm, got {heights.dtype} {heights.shape}')
+    return Body.of_heights(file.stem, heights.astype(float))
+
+
+def _check(file: Path) -> None:
+    try:
+        check_size(file, LARGEST_BYTES)
+    except OSError as error:
+        raise ConfigurationError(f'cannot read the body {file} ({error.strerror}); check the path') from error
+
+
+def _place(part: Mapping[str, Any]) -> tuple[float, float, float]:
+    right, down = part.get('at_mm', (0.0, 0.0))
+    return float(right), float(down), float(part.get('raised_mm', 0.0))
+
+
+def _described(file: Path) -> Contact:
+    """A contact that a YAML file describes."""
+    import yaml
+
+    try:
+        said = yaml.safe_load(read_text(file))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        told = ' '.join(str(getattr(error, 'strerror', None) or error).split())
+        raise ConfigurationError(f'cannot read the contact {file} ({told}); check it') from error
+    if not isinstance(said, dict) or 'body' not in said:
+        raise ConfigurationError(f'{file} describes no contact: it needs at least: body: ring')
+    known = {each.name: each.default for each in fields(Contact)}
+    for name, value in said.items():
+        if name not in known:
+            raise ConfigurationError(f'{file}: a contact has no {name!r}; it has: {", ".join(known)}')
+        if name != 'body' and not _fits(value, known[name]):
+            raise ConfigurationError(f'{file}: {name!r} must be like {known[name]!r}, got {value!r}')
+    tilt_deg = tuple(map(float, said.get('tilt_deg', (0.0, 0.0))))
+    return Contact(**{**said, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, said['body'])})
+
+
+def _beside(folder: Path, body: object) -> object:
+    """Files of bodies are looked for beside the description."""
+    if isinstance(body, list):
+        return [{**each, 'body': _beside(folder, each.get('body'))} for each in body if isinstance(each, dict)]
+    named = str(body)
+    return str(folder / named) if named.lower().endswith((*MESHES, '.npy')) else named
+
+
+def _fits(value: object, like: object) -> bool:
+    if isinstance(like, tuple):
+        return isinstance(value, list) and len(value) == len(like) and all(_fits(each, 0.0) for each in value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

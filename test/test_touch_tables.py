@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import touch_tables
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import load_gel
+from tactile_nodes.touch_tables import Contact, ready_contacts, solved_contact, usual_contact
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+
+
+def test_the_usual_contacts_ship_solved_for_all_gels_as_thick():
+    paper, stiff = (ready_contacts(load_gel(name)) for name in ('paper', 'stiff'))
+    assert list(paper) == list(stiff) == ['ring', 'edge', 'two']
+    gel = load_gel('paper')
+    for table in paper.values():
+        assert table.force[-1, 2] * gel.shear_modulus_mpa == pytest.approx(2.0, rel=0.01)
+        assert table.presses == 3
+        assert np.hypot(*table.force[-1, :2]) > 0.3 * table.force[-1, 2]  # dragged
+    assert ready_contacts(load_gel('thin')) == {}
+
+
+def test_a_contact_is_solved_once_and_then_known(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(touch_tables, 'CELLS', 48)
+    monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
+    gel, told = load_gel('paper'), list[tuple[int, int]]()
+    contact = Contact('ball', force_n=0.5, drag_mm=0.0)
+    first = solved_contact(gel, contact, lambda done, of: told.append((done, of)))
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    again = solved_contact(gel, contact, lambda done, of: told.append((done, of)))
+    assert len(told) == 4
+    np.testing.assert_allclose(again.coefficients, first.coefficients, atol=1e-3)
+
+
+def test_a_description_says_what_presses_and_how(tmp_path: Path):
+    file = tmp_path / 'pair.yaml'
+    file.write_text(
+        'body: [{body: tip, at_mm: [2.0, 0.0]}, {body: pad.npy, raised_mm: 0.1}]\nforce_n: 1.5\ntilt_deg: [0, 1.0]\n'
+    )
+    contact = Contact.named(str(file))
+    assert (contact.force_n, contact.tilt_deg, contact.friction) == (1.5, (0.0, 1.0), 0.6)
+    assert contact.body[1]['body'] == str(tmp_path / 'pad.npy')
+    np.save(tmp_path / 'pad.npy', np.zeros((11, 11)))
+    body = touch_tables._body(contact.body, (0.0, 0.0))
+    height = body.under(np.array([2.0, 0.0]), np.array([0.0, 0.0]))[0]
+    assert height == pytest.approx([0.0, 0.1], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('force_n: 2.0\n', 'describes no contact: it needs at least: body: ring'),
+        ('body: ring\nfroce_n: 2.0\n', "a contact has no 'froce_n'; it has: body, tilt_deg, force_n"),
+        ('body: ring\nforce_n: much\n', "'force_n' must be like 2.0, got 'much'"),
+        ('body: [\n', 'cannot read the contact'),
+    ],
+)
+def test_a_description_that_says_nonsense_is_refused(tmp_path: Path, text: str, said: str):
+    file = tmp_path / 'contact.yaml'
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=said):
+        Contact.named(str(file))
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('rign', "there is no contact 'rign'; give one of: tip, ball"),
+        ('missing.stl', r'cannot read the body missing.stl \(No such file or directory\)'),
+        ('text.npy', 'holds no array of heights'),
+        ('text.obj', 'cannot be read as a mesh|is not closed|has no point'),
+    ],
+)
+def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str):
+    monkeypatch.chdir(tmp_path)
+    for file in ('text.npy', 'text.obj'):
+        (tmp_path / file).write_text('no numbers\n')
+    with pytest.raises(ConfigurationError, match=said):
+        solved_contact(load_gel('paper'), Contact.named(name))
+
+
+def test_a_contact_of_a_gel_as_hard_as_another_presses_in_proportion():
+    assert usual_contact(load_gel('stiff'), 'ring').force_n == pytest.approx(18 * 0.167)
