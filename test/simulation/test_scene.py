@@ -157,4 +157,4 @@ def test_markers_move_where_a_body_presses():
     place = scene.truth(SECOND * 125 // 100).position_mm
     away = np.hypot(*(scene.optics.markers_mm[:, :2] - np.array(place, np.float32)).T)
     assert moved[(away > 3) & (away < 5), 2].mean() < -0.02
-    assert np.abs(moved[away > 14]).max() < 0.2 * np.abs(moved).max()
+    assert np.abs(moved[away > 14]).max() < 0.3 * np.abs(moved).max()
