@@ -1,0 +1,39 @@
+"""The layer's displacements in space: a deep half-space under a point, and one axis like the other."""
+
+import numpy as np
+import pytest
+
+from tactile_nodes.sensing.elasticity.layer import SPACING_MM, ElasticLayer
+from tactile_nodes.sensing.elasticity.stack import Elastic
+
+MODULUS_MPA = 0.111
+
+
+@pytest.fixture(scope='module')
+def kernels() -> np.ndarray:
+    layer = ElasticLayer([Elastic(6.0, MODULUS_MPA)], np.array([0.0, 2.0]))
+    return layer.kernels(layer.square(1.0))
+
+
+def test_a_force_near_the_surface_is_felt_as_in_a_half_space() -> None:
+    """Boussinesq, nu = 1/2, a depth z below the force: u_z = F / (2 pi G z) before the base holds it back."""
+    layer = ElasticLayer([Elastic(24.0, MODULUS_MPA)], np.array([2.0]))
+    middle = layer.cells // 2
+    sinks = -layer.kernels(layer.square(0.5))[0, 0, 2, middle, middle]
+    half_space = 1 / (2 * np.pi * MODULUS_MPA * 2.0)
+    base = 1 / (2 * np.pi * MODULUS_MPA * 24.0)  # what a base at 24 mm takes away, within a factor of two
+    assert half_space - 2 * base < sinks < half_space
+
+
+def test_shear_along_y_is_shear_along_x_turned(kernels: np.ndarray) -> None:
+    along_x, along_y = kernels[1, :, 0], kernels[2, :, 1]
+    assert along_y == pytest.approx(np.swapaxes(along_x, 1, 2), abs=1e-4)
+
+
+def test_pressing_pushes_aside_and_down_alike_on_both_sides(kernels: np.ndarray) -> None:
+    middle, step = kernels.shape[-1] // 2, round(2.0 / SPACING_MM)
+    below = kernels[0, 1]
+    left, right = below[:, middle, middle - step], below[:, middle, middle + step]
+    assert below[2, middle, middle] < 0
+    assert right[0] > 0.0
+    assert left == pytest.approx(right * [-1, 1, 1], abs=1e-4)
