@@ -37,9 +37,7 @@ def test_pressure_moves_a_bonded_layer_as_loves_function_says(poisson: float) ->
 
 def test_two_layers_of_one_gel_are_one() -> None:
     k, depths = np.geomspace(0.1, 3.0, 5), np.array([0.5, 3.0])
-    one, two = (
-        waves_in(stack, k, depths) for stack in (GEL, [Elastic(1.0, MODULUS_MPA), Elastic(5.0, MODULUS_MPA)])
-    )
+    one, two = (waves_in(stack, k, depths) for stack in (GEL, [Elastic(1.0, MODULUS_MPA), Elastic(5.0, MODULUS_MPA)]))
     for name in vars(one):
         assert getattr(two, name) == pytest.approx(getattr(one, name), rel=3e-3, abs=2e-3)
 
