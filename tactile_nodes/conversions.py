@@ -15,10 +15,24 @@ from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
 from tactile_nodes.sensing.picture_motion import TERMS, PictureMotion
-from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.sensing.reading import Acting, Contact, Region, SurfaceField
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.drift_verdict import Verdict
+    from tactile_nodes.simulation.scene import Truth
+
+MILLI = 1e-3
+PASCALS = 1e6
+"""In a megapascal."""
+
+EXPLANATIONS = {
+    'nothing': types.ForceDistribution.EXPLANATION_NOTHING,
+    'tips': types.ForceDistribution.EXPLANATION_TIPS,
+    'field': types.ForceDistribution.EXPLANATION_FIELD,
+}
+REGION_FIELDS = (
+    'shear_x', 'shear_y', 'shear_sigma', 'torsion', 'torsion_sigma', 'area', 'length', 'width', 'angle', 'slip_share',
+)  # fmt: skip
 
 _CHANNELS = {'mono8': 1, 'bgr8': 3, 'rgb8': 3}
 _PIXELS = {
@@ -129,6 +143,7 @@ def force_fields(
     total_sigma_n: float = math.nan,
     unlikeness: float = math.nan,
     averaged_s: float = 0.0,
+    acting: Acting | None = None,
 ) -> dict[str, Any]:
     """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
     width_mm, height_mm = bins.bin_size_mm
@@ -148,7 +163,72 @@ def force_fields(
         'contacts': told,
         'unlikeness': unlikeness,
         'averaged': averaged_s,
+        **(_acting_fields(acting) if acting is not None else _pressing_fields(forces_n, bins)),
     }
+
+
+def _acting_fields(acting: Acting) -> dict[str, Any]:
+    scale = np.repeat([1.0, MILLI], 3)
+    return {
+        'normal_force_sigma': _flat(acting.normal_sigma_n),
+        'shear_force_x': _flat(acting.shear_n[..., 0]),
+        'shear_force_y': _flat(acting.shear_n[..., 1]),
+        'explanation': EXPLANATIONS[acting.explanation],
+        'wrench': _wrench(acting.wrench * scale),
+        'wrench_covariance': (acting.wrench_covariance * np.outer(scale, scale)).reshape(-1),
+    }
+
+
+def _pressing_fields(forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid) -> dict[str, Any]:
+    """Of a readout that knows normal forces alone: each acts at the centre of its bin, r x F = (-y f, x f, 0)."""
+    x, y = _levers(bins)
+    forces = forces_n.reshape(-1).astype(float)
+    torque = -float(y @ forces), float(x @ forces), 0.0
+    covariance = np.zeros(36)
+    covariance[0] = -1.0
+    return {
+        'wrench': _wrench(np.array([0.0, 0.0, -float(forces.sum()), *torque])),
+        'wrench_covariance': covariance,
+    }
+
+
+@lru_cache(16)
+def _levers(bins: BinGrid) -> Float[np.ndarray, '2 bins']:
+    """x and y of the middle of each bin (m)."""
+    levers: np.ndarray = bins.centres_mm.reshape(-1, 2).T * MILLI
+    return levers
+
+
+def _wrench(numbers: Float[np.ndarray, ' 6']) -> types.Wrench:
+    force, torque = (types.Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in (numbers[:3], numbers[3:]))
+    return types.Wrench(force=force, torque=torque)
+
+
+def _flat(values: np.ndarray) -> Float32[np.ndarray, ' values']:
+    """A copy of its own, in rows: a message freezes its arrays."""
+    return np.array(values, np.float32).reshape(-1)
+
+
+def field_message(field: SurfaceField, bins: BinGrid, force: types.ForceDistribution) -> types.ForceField:
+    """What acts on fine cells, beside the force distribution that it belongs to."""
+    rows, cols = field.pressure_mpa.shape
+    return types.ForceField(
+        header=force.header,
+        rows=rows,
+        cols=cols,
+        cell_width=bins.width_mm / cols * MILLI,
+        cell_height=bins.height_mm / rows * MILLI,
+        origin=force.origin,
+        pressure=_flat(field.pressure_mpa * PASCALS),
+        shear_x=_flat(field.shear_mpa[..., 0] * PASCALS),
+        shear_y=_flat(field.shear_mpa[..., 1] * PASCALS),
+        pressure_sigma=_flat(field.pressure_sigma_mpa * PASCALS),
+        shear_sigma=_flat(field.shear_sigma_mpa * PASCALS),
+        status=force.status,
+        reasons=force.reasons,
+        explanation=force.explanation,
+        provenance=force.provenance,
+    )
 
 
 def _contact_message(contact: Contact) -> types.Contact:
@@ -157,7 +237,35 @@ def _contact_message(contact: Contact) -> types.Contact:
         position_sigma=contact.sigma_mm * 1e-3,
         force=contact.force_n,
         force_sigma=contact.sigma_n,
+        **_region_fields(contact.region),
     )
+
+
+def _region_fields(region: Region | None) -> dict[str, float]:
+    if region is None:
+        return dict.fromkeys(REGION_FIELDS, math.nan)
+    numbers = (
+        *region.shear_n, region.shear_sigma_n, region.torsion_n_mm * MILLI, region.torsion_sigma_n_mm * MILLI,
+        region.area_mm2 * MILLI**2, region.length_mm * MILLI, region.width_mm * MILLI, region.angle_rad,
+        region.slip_share,
+    )  # fmt: skip
+    return dict(zip(REGION_FIELDS, map(float, numbers), strict=True))
+
+
+def truth_fields(truth: Truth, bins: BinGrid) -> dict[str, Any]:
+    """The fields of a ForceDistribution that say what really presses, shear included."""
+    contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0),) if truth.in_contact else ()
+    x, y = truth.position_mm
+    along_x, along_y = truth.shear_n
+    torque = -y * truth.total_n, x * truth.total_n, truth.torsion_n_mm + x * along_y - y * along_x
+    acting = Acting(
+        explanation='field' if truth.in_contact else 'nothing',
+        shear_n=truth.shear_force_n,
+        normal_sigma_n=np.zeros_like(truth.normal_force_n),
+        wrench=np.array([along_x, along_y, -truth.total_n, *torque]),
+        wrench_covariance=np.zeros((6, 6)),
+    )
+    return force_fields(truth.normal_force_n, bins, contacts, total_sigma_n=0.0, acting=acting)
 
 
 def calibration_fields(verdict: Verdict) -> dict[str, Any]:
@@ -182,24 +290,11 @@ def calibration_fields(verdict: Verdict) -> dict[str, Any]:
 
 
 def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:
-    """The net force on the gel, in the surface frame: pressing into the gel is -z, since z points out of it.
+    """The net force on the gel and the torque about the frame's origin; pressing is -z, since z points out of the gel.
 
-    The torque is about the frame's origin, from each bin's force at its centre: r x F with F = (0, 0, -f) is
-    (-y f, x f, 0). Of a distribution that is invalid all is NaN, for a wrench has no status to say so.
+    Of a distribution that is invalid all is NaN, for a wrench has no status to say so.
     """
     if force.status == types.ForceDistribution.STATUS_INVALID:
         nothing = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
         return types.WrenchStamped(header=force.header, wrench=types.Wrench(force=nothing, torque=nothing))
-    forces = np.asarray(force.normal_force, np.float64).reshape(force.rows, force.cols)
-    x = _centres(force.origin.x, force.bin_width, force.cols)
-    y = _centres(force.origin.y, force.bin_height, force.rows)
-    torque = types.Vector3(x=-float((y @ forces).sum()), y=float((forces @ x).sum()))
-    wrench = types.Wrench(force=types.Vector3(z=-force.total), torque=torque)
-    return types.WrenchStamped(header=force.header, wrench=wrench)
-
-
-@lru_cache(16)
-def _centres(first: float, size: float, count: int) -> Float[np.ndarray, ' bins']:
-    """Middles of bins in a row: the same in message after message."""
-    middles: np.ndarray = first + (np.arange(count) + 0.5) * size
-    return middles
+    return types.WrenchStamped(header=force.header, wrench=force.wrench)

@@ -23,7 +23,7 @@ from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.likeness import known
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.quality import ContactDetector
-from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.sensing.reading import Acting, Contact
 from tactile_nodes.sensing.stamped import ByStamp
 from tactile_nodes.sensing.steady_force import SteadyForce
 
@@ -183,6 +183,7 @@ class Estimating:
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
         self._free_n: float | None = None
         self._steady = SteadyForce()
+        self._acting: Acting | None = None
         self.calibration = ByStamp(0)
 
     def prepared(self, name: str) -> Ready:
@@ -251,10 +252,11 @@ class Estimating:
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         usable = not reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID)
         found, averaged_s = self._averaged(features, found, wanted=average_noise and touching and usable)
+        self._acting = found.acting
         verdict = judged(found, reasons, begun_n, mended=self.now.mended(features))
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s,
+            total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s, acting=found.acting,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
@@ -264,6 +266,12 @@ class Estimating:
             stages=replace(stages, predict=predict_s, transport=stages.transport + age_s),  # type: ignore[type-var]
             **fields,
         )
+
+    def field(self, force: types.ForceDistribution) -> types.ForceField | None:
+        """The fine maps beside the force that was answered last; None of a model that knows none."""
+        if self._acting is None or self._acting.field is None:
+            return None
+        return conversions.field_message(self._acting.field, self.now.loaded.model.bins, force)
 
     def _found(self, features: types.FlowFeatures) -> ForceMap:
         if features.reasons & UNMEASURED:

@@ -81,7 +81,7 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing
     from tactile_nodes.simulation.touch.track import solve_track
 
     problem = _problem(gel, contact, spacing_mm)
-    if (found := _known(problem.key)) is not None:
+    if (found := known_table(problem.key)) is not None:
         return found
     track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
     table = TouchTable.of_track(track, -gel.skin_mm, spacing_mm)
@@ -92,7 +92,7 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
     """Those of the usual contacts of a live scene that need not be solved first, of 18 mm² times the gel's modulus."""
     usual = ((name, usual_contact(gel, name)) for name in USUAL)
-    found = ((name, _known(_problem(gel, contact, SPACING_MM).key)) for name, contact in usual)
+    found = ((name, known_table(_problem(gel, contact, SPACING_MM).key)) for name, contact in usual)
     return {name: table for name, table in found if table is not None}
 
 
@@ -119,7 +119,8 @@ def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
     return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')
 
 
-def _known(key: str) -> TouchTable | None:
+def known_table(key: str) -> TouchTable | None:
+    """The table of a key, if it ships or was kept in the cache."""
     folders = paths.share_directory() / 'config' / 'touches', paths.cache_directory() / 'touches'
     return next((table for folder in folders if (table := _read(folder / f'{key}.npz')) is not None), None)
 

@@ -93,6 +93,16 @@ FORCE_DISTRIBUTION = Topic(
     holds='N on each bin, positive into the gel; contacts, sums, status, what it was computed with',
     lost=_REPLAYED,
 )
+FORCE_FIELD = Topic(
+    'force_field',
+    'tactile_nodes/msg/ForceField',
+    'pressure and shear on a fine grid of the surface, of models that know [Pa]; made while somebody listens',
+    _LATEST,
+    60.0,
+    frame=_SURFACE,
+    holds='Pa on each cell, positive into the gel, shear along x and y, standard deviations; empty: not known',
+    lost=_REPLAYED,
+)
 WRENCH = Topic(
     'wrench',
     'geometry_msgs/msg/WrenchStamped',
@@ -270,9 +280,9 @@ SYNC_EDGE = Topic(
 TOPICS = {
     topic.name: topic
     for topic in (
-        IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, WRENCH, TRUE_FORCE, MODEL_IN_USE,
-        CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE, FORCE_TORQUE_COUNTS,
-        SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT,
+        IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, FORCE_FIELD, WRENCH, TRUE_FORCE,
+        MODEL_IN_USE, CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE,
+        FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT,
         CONTACT_MARKERS, TF_STATIC,
     )
 }  # fmt: skip

@@ -9,8 +9,11 @@ _UNITS: dict[str, dict[str, str]] = {
     'tactile_nodes/msg/ForceDistribution': {
         'bin_*': 'm', 'origin.*': 'm', 'contact.[xyz]': 'm', 'strongest.position_sigma': 'm', 'strongest.force*': 'N',
         'normal_force': 'N', 'total': 'N', 'total_sigma': 'N', 'peak': 'N', 'confidence': '0 to 1',
-        'stages.*': 's', 'averaged': 's',
+        'stages.*': 's', 'averaged': 's', 'normal_force_sigma': 'N', 'shear_force_[xy]': 'N', 'strongest.shear_*': 'N',
+        'strongest.torsion*': 'N m', 'strongest.area': 'm²', 'strongest.length': 'm', 'strongest.width': 'm',
+        'strongest.angle': 'rad', **_WRENCH,
     },
+    'tactile_nodes/msg/ForceField': {'cell_*': 'm', 'origin.*': 'm', 'pressure*': 'Pa', 'shear_*': 'Pa'},
     'geometry_msgs/msg/WrenchStamped': _WRENCH,
     'tactile_nodes/msg/RigState': {'position.*': 'm', 'depth': 'm'},
     'tactile_nodes/msg/Press': {

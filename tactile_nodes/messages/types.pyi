@@ -841,7 +841,17 @@ class Contact(Message):
     position_sigma: float
     force: float
     force_sigma: float
-    def __init__(self, position: Point = ..., position_sigma: float = ..., force: float = ..., force_sigma: float = ...) -> None: ...
+    shear_x: float
+    shear_y: float
+    shear_sigma: float
+    torsion: float
+    torsion_sigma: float
+    area: float
+    length: float
+    width: float
+    angle: float
+    slip_share: float
+    def __init__(self, position: Point = ..., position_sigma: float = ..., force: float = ..., force_sigma: float = ..., shear_x: float = ..., shear_y: float = ..., shear_sigma: float = ..., torsion: float = ..., torsion_sigma: float = ..., area: float = ..., length: float = ..., width: float = ..., angle: float = ..., slip_share: float = ...) -> None: ...
 
 class FlowFeatures(Message):
     header: Header
@@ -885,6 +895,10 @@ class ForceDistribution(Message):
     REASON_BLURRED: ClassVar[int]
     REASON_REST_DOUBTFUL: ClassVar[int]
     REASON_BEGINNING: ClassVar[int]
+    EXPLANATION_UNKNOWN: ClassVar[int]
+    EXPLANATION_NOTHING: ClassVar[int]
+    EXPLANATION_TIPS: ClassVar[int]
+    EXPLANATION_FIELD: ClassVar[int]
     header: Header
     rows: int
     cols: int
@@ -893,6 +907,9 @@ class ForceDistribution(Message):
     origin: Point
     normal_force: NDArray[Any]
     confidence: NDArray[Any]
+    normal_force_sigma: NDArray[Any]
+    shear_force_x: NDArray[Any]
+    shear_force_y: NDArray[Any]
     total: float
     total_sigma: float
     peak: float
@@ -900,12 +917,33 @@ class ForceDistribution(Message):
     contact: Point
     contacts: list[Contact]
     unlikeness: float
+    explanation: int
+    wrench: Wrench
+    wrench_covariance: NDArray[Any]
     averaged: float
     status: int
     reasons: int
     provenance: Provenance
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., averaged: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., normal_force_sigma: NDArray[Any] = ..., shear_force_x: NDArray[Any] = ..., shear_force_y: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., explanation: int = ..., wrench: Wrench = ..., wrench_covariance: NDArray[Any] = ..., averaged: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
+
+class ForceField(Message):
+    header: Header
+    rows: int
+    cols: int
+    cell_width: float
+    cell_height: float
+    origin: Point
+    pressure: NDArray[Any]
+    shear_x: NDArray[Any]
+    shear_y: NDArray[Any]
+    pressure_sigma: NDArray[Any]
+    shear_sigma: NDArray[Any]
+    status: int
+    reasons: int
+    explanation: int
+    provenance: Provenance
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., cell_width: float = ..., cell_height: float = ..., origin: Point = ..., pressure: NDArray[Any] = ..., shear_x: NDArray[Any] = ..., shear_y: NDArray[Any] = ..., pressure_sigma: NDArray[Any] = ..., shear_sigma: NDArray[Any] = ..., status: int = ..., reasons: int = ..., explanation: int = ..., provenance: Provenance = ...) -> None: ...
 
 class ForceTorqueCounts(Message):
     FLAG_FAULT: ClassVar[int]

@@ -29,7 +29,6 @@ from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
 from tactile_nodes.sensing.quality import require_picture
-from tactile_nodes.sensing.reading import Contact
 
 READ_TIMEOUT_S = 0.25
 HEALTH_PERIOD_S = 0.5
@@ -125,9 +124,7 @@ class CameraNode(Node):
         self._image.publish(conversions.image_message(picture, head))
         self._info.publish(_camera_info(head, width, height, crop))
         if self._truth is not None and isinstance(self._camera, KnowsTruth):
-            truth, bins = self._camera.truth(frame.stamp_ns), self._camera.bins
-            contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0),) if truth.in_contact else ()
-            fields = conversions.force_fields(truth.normal_force_n, bins, contacts, total_sigma_n=0.0)
+            fields = conversions.truth_fields(self._camera.truth(frame.stamp_ns), self._camera.bins)
             surface = conversions.header(frame.stamp_ns, self.params.surface_frame_id)
             self._truth.publish(types.ForceDistribution(header=surface, **fields))
         if self._frames % 60 == 1:

@@ -1,8 +1,8 @@
 """Features in, force in newtons out.
 
-Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` (while somebody
-listens) and the latched ``model_in_use`` and ``calibration_image``. Setting the parameter ``model`` lets another model
-take over between two frames; ``~/undo_calibration`` returns to the one before.
+Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` and ``force_field``
+(while somebody listens) and the latched ``model_in_use`` and ``calibration_image``. Setting the parameter ``model``
+lets another model take over between two frames; ``~/undo_calibration`` returns to the one before.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ class ForceEstimatorNode(Node):
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)
         self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
         self._wrench = self.create_publisher(topics.WRENCH)
+        self._field = self.create_publisher(topics.FORCE_FIELD)
         self._tell_model()
         self.create_trigger('~/undo_calibration', self._undo, first=self._find_previous)
         self.create_subscription(topics.CALIBRATION_STATE, self._on_calibration)
@@ -95,6 +96,8 @@ class ForceEstimatorNode(Node):
             self.report('pictures', Level.WARN if misfit else Level.OK, misfit or 'they fit the model')
         if self._wrench.listeners:
             self._wrench.publish(conversions.wrench_message(force))
+        if self._field.listeners and (field := self._estimating.field(force)) is not None:
+            self._field.publish(field)
 
     def _on_calibration(self, received: Received) -> None:
         state: types.CalibrationState = received.message

@@ -16,7 +16,7 @@ from tactile_nodes.sensing.altered_reading import read_altered
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import NetworkReadout
-from tactile_nodes.sensing.reading import UNKNOWN, Contact, Reading, nothing_read
+from tactile_nodes.sensing.reading import UNKNOWN, Acting, Contact, Reading, nothing_read
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
@@ -69,7 +69,7 @@ class ForceMap:
     the frame is unlike what the model learned from. All three are NaN for models that do not know.
     `nominal_n` is the standard deviation of a total that is usual of the model, of such contacts.
     `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `left_over`
-    is that of the reading.
+    and `acting` are those of the reading.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -83,6 +83,7 @@ class ForceMap:
     unlikeness: float = UNKNOWN
     left_over: Float32[np.ndarray, ' inputs'] | None = None
     nominal_n: float = UNKNOWN
+    acting: Acting | None = None
 
 
 class ForceEstimator:
@@ -190,6 +191,7 @@ def _force_map(reading: Reading, confidence: float) -> ForceMap:
         position_sigma_mm=strongest.sigma_mm,
         unlikeness=reading.unlikeness,
         left_over=reading.left_over,
+        acting=reading.acting,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -35,6 +35,54 @@ class Contact:
     sigma_n: float = UNKNOWN
     noise_mm: float = UNKNOWN
     noise_n: float = UNKNOWN
+    region: Region | None = None
+
+
+@dataclass(frozen=True)
+class Region:
+    """What is known of a contact that is more than a place: the force along the surface, torsion, extent.
+
+    `torsion_n_mm` is the moment about z at the contact's place. `area_mm2` is that of the surface that carries half of
+    the highest pressure or more, `length_mm` and `width_mm` are its extent along its longest axis, which is turned by
+    `angle_rad` from x towards y, and across it. `slip_share` is the share of the normal force where the shear has
+    reached the friction limit.
+    """
+
+    shear_n: tuple[float, float]
+    shear_sigma_n: float
+    torsion_n_mm: float
+    torsion_sigma_n_mm: float
+    area_mm2: float
+    length_mm: float
+    width_mm: float
+    angle_rad: float
+    slip_share: float
+
+
+@dataclass(frozen=True)
+class SurfaceField:
+    """Pressure (positive into the gel) and shear along x and y on even cells of the whole surface, all in MPa."""
+
+    pressure_mpa: Float32[np.ndarray, 'rows cols']
+    shear_mpa: Float32[np.ndarray, 'rows cols 2']
+    pressure_sigma_mpa: Float32[np.ndarray, 'rows cols']
+    shear_sigma_mpa: Float32[np.ndarray, 'rows cols']
+
+
+@dataclass(frozen=True)
+class Acting:
+    """All that acts on the surface, beside the normal force on the bins, of a readout that knows.
+
+    `explanation` is the simplest that explains the motion: 'nothing', 'tips' or 'field'. `wrench` is force x, y, z (N)
+    and torque x, y, z (N mm) on the gel about the frame's origin; pressing is -z.
+    """
+
+    explanation: str
+    shear_n: Float32[np.ndarray, 'rows cols 2']
+    normal_sigma_n: Float32[np.ndarray, 'rows cols']
+    wrench: Float[np.ndarray, ' 6']
+    wrench_covariance: Float[np.ndarray, '6 6']
+    field: SurfaceField | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +99,7 @@ class Reading:
     total_sigma_n: float = UNKNOWN
     unlikeness: float = UNKNOWN
     left_over: Float32[np.ndarray, ' inputs'] | None = None
+    acting: Acting | None = None
 
 
 def nothing_read(bins: BinGrid) -> Reading:

@@ -44,6 +44,12 @@ class Truth:
     shear_force_n: Float32[np.ndarray, 'rows cols 2']
     torsion_n_mm: float = 0.0
 
+    @property
+    def shear_n(self) -> tuple[float, float]:
+        """The force along x and y."""
+        x, y = self.shear_force_n.sum(axis=(0, 1), dtype=float).tolist()
+        return x, y
+
 
 @runtime_checkable
 class Schedule(Protocol):

@@ -1,0 +1,90 @@
+"""Contacts of the ten families with the paper's gel: random bodies, forces, drags and twists, solved once and kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.touch.bricks import Bricks, Layer
+from tactile_nodes.simulation.touch.families import FAMILIES, make_body
+from tactile_nodes.simulation.touch.table import SPACING_MM, Touch, TouchTable
+from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
+from tactile_nodes.touch_tables import CELL_MM, CELLS, known_table, write_table
+
+LIGHTEST_N, HARDEST_N = 0.05, 3.0
+HARDEST_OF = {'tip': 1.0}
+"""What takes the paper's tip 2 mm deep; the other families are pressed with up to 3 N."""
+
+RIM_MM = 1.0
+"""How far inside the surface every contact stays."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A contact as it is judged: of which family, where and how far on its way, and what it was solved to."""
+
+    family: str
+    number: int
+    touch: Touch
+    table: TouchTable
+    dragged: bool
+
+    @property
+    def name(self) -> str:
+        return self.touch.body
+
+
+def cases(gel: Gel, seed: int, per_family: int, progress: Progress | None = None) -> list[Case]:
+    """So many contacts of each family; those of one seed are the same on every machine."""
+    progress = progress or Progress()
+    found: list[Case] = []
+    with progress.bar('solving contacts', len(FAMILIES) * per_family) as bar:
+        for number in range(per_family):
+            for place, family in enumerate(FAMILIES):
+                found.append(_case(gel, seed, place, family, number))
+                bar.advance(1, f'{family} {number}')
+    return found
+
+
+def _case(gel: Gel, seed: int, place: int, family: str, number: int) -> Case:
+    """One contact; a body that strains the gel too much is pressed half as hard."""
+    random = np.random.default_rng([seed, place, number])
+    body, hardest = make_body(family, random), HARDEST_OF.get(family, HARDEST_N)
+    force_n = LIGHTEST_N + (hardest - LIGHTEST_N) * float(random.uniform()) ** 1.5
+    dragged, twisted = bool(random.uniform() < 0.75), bool(random.uniform() < 0.3)
+    drag_mm, drag_rad = float(random.uniform(0.05, 0.8)), float(random.uniform(0, math.tau))
+    twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
+    at_mm, turn_rad = random.uniform(-1, 1, 2), float(random.uniform(0, math.tau))
+    layer = Layer(CELLS, CELL_MM, gel.layer_mm)
+    for force in _halved(force_n):
+        way = Way(
+            force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
+            twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
+        )  # fmt: skip
+        key = f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{SPACING_MM:g}'
+        table = known_table(key)
+        if table is None:
+            try:
+                table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm, SPACING_MM)
+            except ConfigurationError:
+                continue
+            write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
+        extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
+        reach = max(gel.size_mm / 2 - RIM_MM - extent, 0.0)
+        x_mm, y_mm = (at_mm * reach).tolist()
+        touch = Touch(f'{family}-{seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
+        return Case(family, number, touch, table, dragged)
+    raise ConfigurationError(f'{family} {number} cannot be pressed into this gel at any force')
+
+
+def _halved(force_n: float) -> Iterator[float]:
+    while force_n > LIGHTEST_N / 4:
+        yield force_n
+        force_n /= 2
