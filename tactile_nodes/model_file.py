@@ -23,13 +23,14 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.paths import is_file, share_directory, write_whole
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION = 2, 3, 5
+FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION, FIELD_VERSION = 2, 3, 5, 6
 """Readouts that earlier releases would take for another, or misread, have versions of their own.
 
 Axisymmetric ones were written as version 4 before they knew streaks; those files are read on.
@@ -161,10 +162,10 @@ def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
-    if card.get('format_version') not in range(FORMAT_VERSION, STREAKED_VERSION + 1):
+    if card.get('format_version') not in range(FORMAT_VERSION, FIELD_VERSION + 1):
         raise ModelError(
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
-            f'to {STREAKED_VERSION}; update tactile_nodes or train the model again'
+            f'to {FIELD_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12], inner)
 
@@ -182,6 +183,8 @@ def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
 
 
 def _version(readout: Mapping[str, Any]) -> int:
+    if readout['kind'] == FieldReadout.kind:
+        return FIELD_VERSION
     if readout['kind'] == AxisymmetricReadout.kind:
         return STREAKED_VERSION
     return LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION

@@ -12,6 +12,7 @@ from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.touch.body import Body
 from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.families import FAMILIES, make_body
 from tactile_nodes.simulation.touch.table import SPACING_MM, Touch, TouchTable
@@ -63,25 +64,35 @@ def _case(gel: Gel, seed: int, place: int, family: str, number: int) -> Case:
     twist_rad, friction = float(random.uniform(-0.15, 0.15)), float(random.uniform(0.3, 0.9))
     at_mm, turn_rad = random.uniform(-1, 1, 2), float(random.uniform(0, math.tau))
     layer = Layer(CELLS, CELL_MM, gel.layer_mm)
-    for force in _halved(force_n):
-        way = Way(
+    ways = [
+        Way(
             force_mm2=round(force / gel.shear_modulus_mpa, 6), drag_mm=drag_mm * dragged, drag_rad=drag_rad,
             twist_rad=twist_rad * (dragged and twisted), friction=friction, press_stages=2, drag_stages=2,
-        )  # fmt: skip
-        key = f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{SPACING_MM:g}'
-        table = known_table(key)
-        if table is None:
-            try:
-                table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm, SPACING_MM)
-            except ConfigurationError:
-                continue
-            write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
-        extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
-        reach = max(gel.size_mm / 2 - RIM_MM - extent, 0.0)
-        x_mm, y_mm = (at_mm * reach).tolist()
-        touch = Touch(f'{family}-{seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
-        return Case(family, number, touch, table, dragged)
-    raise ConfigurationError(f'{family} {number} cannot be pressed into this gel at any force')
+        )
+        for force in _halved(force_n)
+    ]  # fmt: skip
+    table = _solved(gel, layer, body, ways)
+    extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
+    reach = max(gel.size_mm / 2 - RIM_MM - extent, 0.0)
+    x_mm, y_mm = (at_mm * reach).tolist()
+    touch = Touch(f'{family}-{seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
+    return Case(family, number, touch, table, dragged)
+
+
+def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
+    """Of some ways the first that can be solved, from the cache where it was before."""
+    keys = [f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{SPACING_MM:g}' for way in ways]
+    for key in keys:
+        if (known := known_table(key)) is not None:
+            return known
+    for key, way in zip(keys, ways, strict=True):
+        try:
+            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm, SPACING_MM)
+        except ConfigurationError:
+            continue  # too much strain: half as hard
+        write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
+        return table
+    raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')
 
 
 def _halved(force_n: float) -> Iterator[float]:

@@ -192,6 +192,7 @@ def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int
     """The readout that one way leads to, and its form."""
     from tactile_nodes.learning.transfer_fit import transfer
     from tactile_nodes.learning.transfer_partial import as_pens, transfer_outline, transfer_partial
+    from tactile_nodes.sensing.explain.readout import FieldReadout
 
     if way == IMAGE:
         told = transfer_outline(source, pressed.outline, pressed.half_px)
@@ -199,6 +200,7 @@ def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int
     few = pressed.presses.take(_first(pressed.presses, presses))
     if way == FULL:
         known = transfer(source, few)
+        assert not isinstance(known.readout, FieldReadout)
         return known.readout, known.form
     if way == PEN:
         dataset = as_pens(few)

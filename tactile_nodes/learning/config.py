@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -161,7 +162,17 @@ class AxisymmetricConfig:
     )
 
 
-READOUTS = 'network', 'response', 'axisymmetric'
+@dataclass(frozen=True)
+class FieldConfig:
+    """What a readout of any contact begins with."""
+
+    sensor: str = parameter('simulated', 'the description of the sensor: one that ships, or a YAML file')
+    tips: str = parameter('portable', 'the axisymmetric model that reads frames in which only tips press')
+    ball_mm: float = parameter(0.6, 'radius of the ball that presses', minimum=0.01)
+    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
+
+
+READOUTS = 'network', 'response', 'axisymmetric', 'field'
 
 
 @dataclass(frozen=True)
@@ -175,7 +186,8 @@ class _Blocks:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
     axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
-    training: TrainingConfig = field(default_factory=TrainingConfig)
+    field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
+    training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
 
 
 @dataclass(frozen=True)
@@ -200,7 +212,8 @@ class TrainConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
     axisymmetric: AxisymmetricConfig = field(default_factory=AxisymmetricConfig)
-    training: TrainingConfig = field(default_factory=TrainingConfig)
+    field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
+    training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
     recorded_bins: BinGrid | None = None
     stated: frozenset[str] = frozenset()
     """Dotted names that the run's file gives itself; what it leaves open, a file of recorded presses may decide."""
@@ -256,6 +269,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
         network=blocks.network,
         response=blocks.response,
         axisymmetric=blocks.axisymmetric,
+        field=blocks.field,
         training=blocks.training,
         stated=frozenset(written),
     )

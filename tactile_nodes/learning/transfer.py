@@ -11,6 +11,7 @@ from typing import Any
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.field_calibration import BALL_MM, SENSOR, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
@@ -23,6 +24,9 @@ from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.network import NetworkReadout
 
 CALIBRATION = 'calibration'
+KEPT = 'flow', 'encoding', 'crop_px', SENSOR, BALL_MM
+"""What a calibrated model's card has from its source's."""
+
 Made = Transfer | NetworkTransfer
 
 
@@ -99,7 +103,9 @@ def transferred(
     """
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)
-    return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
+    dataset = recordings.as_samples()
+    made = transfer(source_readout(loaded), dataset, progress, forced=forced)
+    return with_field(loaded, made, dataset, progress)
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:
@@ -139,7 +145,7 @@ def card_of(
     source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
     """What a stranger needs to know about the model: that of its source, and what was pressed."""
-    kept = {name: source.loaded.card[name] for name in ('flow', 'encoding', 'crop_px')}
+    kept = {name: source.loaded.card[name] for name in KEPT if name in source.loaded.card}
     return {
         **kept,
         'command': command,

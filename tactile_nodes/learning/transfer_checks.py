@@ -8,6 +8,7 @@ from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.axisymmetric_readout import LEAST_REGIONS, AxisymmetricReadout
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.network import InputScaling, NetworkReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
@@ -36,7 +37,14 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout
             f'model {loaded.model_id} reads {layout.encoding}, and only motion along x and y can be transferred; '
             'choose a model with encoding: cartesian_mean, such as portable'
         )
-    return readout
+    if not isinstance(readout, FieldReadout):
+        return readout
+    if readout.tips is None:
+        raise ModelError(
+            f'model {loaded.model_id} follows from a description alone and knows no press; begin with one that does, '
+            'such as field'
+        )
+    return readout.tips
 
 
 def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:

@@ -44,6 +44,7 @@ from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 
@@ -66,11 +67,12 @@ class Transfer:
     """A calibrated readout, and how it came about.
 
     `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
-    `objection` is why it is not worth to be used, if it was forced.
+    `field` says how the force field was fitted, of a model that has one. `objection` is why it is not worth to be used,
+    if it was forced.
     `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer_whole.SIZES`.
     """
 
-    readout: AxisymmetricReadout
+    readout: AxisymmetricReadout | FieldReadout
     form: str
     misfits: Mapping[str, float]
     before: Errors
@@ -79,6 +81,7 @@ class Transfer:
     force_offset_n: float
     whole: Mapping[str, float]
     objection: str = ''
+    field: str = ''
 
     @property
     def reason(self) -> str:

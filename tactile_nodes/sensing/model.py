@@ -13,6 +13,7 @@ from jaxtyping import Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.altered_reading import read_altered
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import NetworkReadout
@@ -87,7 +88,7 @@ class ForceMap:
 
 
 class ForceEstimator:
-    """Applies a model to features; bit for bit the same result for the same features."""
+    """Applies a model to features; bit for bit the same results for the same frames in the same order."""
 
     def __init__(self, model: ForceModel) -> None:
         self.model = model
@@ -95,6 +96,7 @@ class ForceEstimator:
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
         self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
+        self._before = ''
 
     def predict(
         self,
@@ -125,6 +127,9 @@ class ForceEstimator:
                 reading = read_altered(measured, *seen, measured=True)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
+        elif isinstance(readout, FieldReadout):
+            reading = readout.read_after(self._before, *seen)
+            self._before = reading.acting.explanation if reading.acting else ''
         else:
             reading = readout.read(*seen)
         scaling = readout.scaling
@@ -172,8 +177,15 @@ class ForceEstimator:
         if known is None or not np.array_equal(known[0].confidence, features.confidence):
             found = self.predict(features, altered=True)  # as there is no force, none can be contradicted
             none = np.zeros_like(found.normal_force_n)
-            self._at_rest = known = features, replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
+            resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
+            self._at_rest = known = features, replace(resting, acting=self._still(resting))
         return known[1]
+
+    def _still(self, found: ForceMap) -> Acting | None:
+        """What acts while nothing touches, of a readout that knows."""
+        readout = self.model.readout
+        self._before = ''
+        return readout.nothing() if isinstance(readout, FieldReadout) else found.acting
 
 
 def _force_map(reading: Reading, confidence: float) -> ForceMap:

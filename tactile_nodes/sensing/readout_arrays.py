@@ -14,6 +14,8 @@ from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Corr
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
+from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import ACTIVATIONS, CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
@@ -26,11 +28,13 @@ from tactile_nodes.sensing.uncertainty import Calibration
 from tactile_nodes.sensing.witness import Witness
 
 Arrays = dict[str, np.ndarray]
-WITNESS = 'witness.'
+WITNESS, TIPS = 'witness.', 'tips.'
+FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
 BLUR_ARRAYS = 'change', 'turning', 'growth'
-AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout
+AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
 RANGES['pressed_n'] = RANGES['hardest_n']
+RANGES |= {'noise_px': (1e-6, 10.0), 'doubt': (0.0, 1.0), 'misfit_limit': (1e-3, 1e3), 'least_gain': (0.0, 1e9)}
 """No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
 
 
@@ -40,6 +44,8 @@ def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
         made = _network_arrays(readout)
     elif isinstance(readout, ResponseReadout):
         made = _response_arrays(readout)
+    elif isinstance(readout, FieldReadout):
+        made = _field_arrays(readout)
     else:
         made = _axisymmetric_arrays(readout)
     return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
@@ -54,6 +60,8 @@ def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins
     made: AnyReadout
     if said['kind'] == NetworkReadout.kind:
         made = _network(arrays, said, bins)
+    elif said['kind'] == FieldReadout.kind:
+        made = _field(arrays, said, bins)
     else:
         made = (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
     check_numbers(made)
@@ -249,6 +257,32 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
         carried,
         said.get('pressed_n', 0.0),
     )
+
+
+def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
+    """Of the response halves of floats hold more digits than presses tell; what reads tips has names of its own."""
+    arrays = {**_scaling_arrays(readout.scaling), 'field': readout.response.astype(np.float16)}
+    tips: dict[str, Any] = {}
+    if readout.tips is not None:
+        inner, said = _axisymmetric_arrays(readout.tips)
+        arrays |= {TIPS + name: each for name, each in inner.items()}
+        tips = {'tips': said}
+    numbers = {name: getattr(readout, name) for name in FIELD_NUMBERS}
+    return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, 'spread': asdict(readout.spread), **tips}
+
+
+def _spread(said: Mapping[str, Any]) -> FieldSpread:
+    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
+    return FieldSpread(**plain)
+
+
+def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
+    _require_within(said)
+    own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
+    tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
+    numbers = {name: float(said[name]) for name in FIELD_NUMBERS}
+    response = arrays['field'].astype(np.float32)
+    return FieldReadout(_scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, **numbers)
 
 
 def _require_within(said: Mapping[str, Any]) -> None:

@@ -10,26 +10,39 @@ from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
 
-SPACING_MM, WIDTH_MM = 0.25, 64.0
-"""Of the grid that loads are given on; the layer repeats after its width, where a press is felt no more."""
+WIDTH_MM = 64.0
+"""The layer repeats after so much, where a press is felt no more."""
 
 WAVE_NUMBERS = 260
 
 
 class ElasticLayer:
-    """A gel's layers as seen at some depths; the middle of the grid is the node `cells // 2`, rows along y."""
+    """A gel's layers as seen at some depths, on a grid of `spacing_mm` (x, y), rows along y.
 
-    def __init__(self, layers: Sequence[Elastic], depths_mm: Float[np.ndarray, ' depths']) -> None:
-        self.cells = round(WIDTH_MM / SPACING_MM)
+    The middle of the grid is the node `cells // 2` along each axis.
+    """
+
+    def __init__(
+        self,
+        layers: Sequence[Elastic],
+        depths_mm: Float[np.ndarray, ' depths'],
+        spacing_mm: tuple[float, float] = (0.25, 0.25),
+    ) -> None:
+        self.spacing_mm = spacing_mm
+        self.cells = 2 * round(WIDTH_MM / spacing_mm[0] / 2), 2 * round(WIDTH_MM / spacing_mm[1] / 2)
         self.depths_mm = np.asarray(depths_mm, float)
         self._layers = tuple(layers)
+
+    @property
+    def _frequencies(self) -> list[np.ndarray]:
+        """Of the waves along x and along y, per mm."""
+        along_x = np.fft.rfftfreq(self.cells[0], self.spacing_mm[0])
+        return list(np.meshgrid(along_x, np.fft.fftfreq(self.cells[1], self.spacing_mm[1])))
 
     @cached_property
     def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Wave numbers, and their shares along x and y."""
-        kx, ky = np.meshgrid(
-            2 * np.pi * np.fft.rfftfreq(self.cells, SPACING_MM), 2 * np.pi * np.fft.fftfreq(self.cells, SPACING_MM)
-        )
+        kx, ky = (2 * np.pi * each for each in self._frequencies)
         k = np.hypot(kx, ky)
         safe = np.where(k > 0, k, 1.0)
         return k, kx / safe, ky / safe
@@ -53,7 +66,7 @@ class ElasticLayer:
         """
         k, across, along = self._grid
         shift = (-1.0) ** np.arange(k.shape[1])[None] * (-1.0) ** np.arange(k.shape[0])[:, None]
-        load = (spectrum * shift / SPACING_MM**2)[..., None]
+        load = (spectrum * shift / (self.spacing_mm[0] * self.spacing_mm[1]))[..., None]
         x, y, w = across[..., None], along[..., None], self._waves
         pressed = load * -1j * w.pressed
         loads = [(x * pressed, y * pressed, -load * w.sinking)]
@@ -64,14 +77,13 @@ class ElasticLayer:
         for number in (1, 2):  # at no wave number all shear is alike
             loads[number][number - 1][0, 0] = load[0, 0] * w.across[0, 0]
         kernels = np.stack([np.stack(each) for each in loads])
-        moved: np.ndarray = np.fft.irfft2(np.moveaxis(kernels, -1, 1), s=(self.cells, self.cells))
+        moved: np.ndarray = np.fft.irfft2(np.moveaxis(kernels, -1, 1), s=self.cells[::-1])
         return moved.astype(np.float32)
 
-    def square(self, side_mm: float) -> Float[np.ndarray, 'ky kx']:
-        """The spectrum of a force spread evenly over a square."""
-        kx = np.fft.rfftfreq(self.cells, SPACING_MM)
-        ky = np.fft.fftfreq(self.cells, SPACING_MM)
-        spectrum: np.ndarray = np.sinc(ky * side_mm)[:, None] * np.sinc(kx * side_mm)[None]
+    def rectangle(self, width_mm: float, height_mm: float) -> Float[np.ndarray, 'ky kx']:
+        """The spectrum of a force spread evenly over a rectangle."""
+        along_x, along_y = self._frequencies
+        spectrum: np.ndarray = np.sinc(along_y * height_mm) * np.sinc(along_x * width_mm)
         return spectrum
 
     def hertz(self, radius_mm: float) -> Float[np.ndarray, 'ky kx']:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.elasticity.layer import SPACING_MM, ElasticLayer
+from tactile_nodes.sensing.elasticity.layer import ElasticLayer
 from tactile_nodes.sensing.elasticity.stack import Elastic
 
 MODULUS_MPA = 0.111
@@ -12,14 +12,14 @@ MODULUS_MPA = 0.111
 @pytest.fixture(scope='module')
 def kernels() -> np.ndarray:
     layer = ElasticLayer([Elastic(6.0, MODULUS_MPA)], np.array([0.0, 2.0]))
-    return layer.kernels(layer.square(1.0))
+    return layer.kernels(layer.rectangle(1.0, 1.0))
 
 
 def test_a_force_near_the_surface_is_felt_as_in_a_half_space() -> None:
     """Boussinesq, nu = 1/2, a depth z below the force: u_z = F / (2 pi G z) before the base holds it back."""
     layer = ElasticLayer([Elastic(24.0, MODULUS_MPA)], np.array([2.0]))
-    middle = layer.cells // 2
-    sinks = -layer.kernels(layer.square(0.5))[0, 0, 2, middle, middle]
+    middle = layer.cells[0] // 2
+    sinks = -layer.kernels(layer.rectangle(0.5, 0.5))[0, 0, 2, middle, middle]
     half_space = 1 / (2 * np.pi * MODULUS_MPA * 2.0)
     base = 1 / (2 * np.pi * MODULUS_MPA * 24.0)  # what a base at 24 mm takes away, within a factor of two
     assert half_space - 2 * base < sinks < half_space
@@ -31,7 +31,7 @@ def test_shear_along_y_is_shear_along_x_turned(kernels: np.ndarray) -> None:
 
 
 def test_pressing_pushes_aside_and_down_alike_on_both_sides(kernels: np.ndarray) -> None:
-    middle, step = kernels.shape[-1] // 2, round(2.0 / SPACING_MM)
+    middle, step = kernels.shape[-1] // 2, round(2.0 / 0.25)
     below = kernels[0, 1]
     left, right = below[:, middle, middle - step], below[:, middle, middle + step]
     assert below[2, middle, middle] < 0

@@ -1,0 +1,99 @@
+"""Readouts `field` from training runs, from calibrations, and from a description alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.config import FieldConfig
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field_fit import FieldFit, fit_field
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer_fit import OtherGel, Transfer, folds_of
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.params import from_mapping, to_values
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensors import Sensor, load_sensor
+
+SENSOR, BALL_MM = 'sensor', 'ball_mm'
+"""What a card says of the sensor, and of the ball that pressed it."""
+
+
+def train_field(
+    dataset: Dataset, config: FieldConfig, bins: BinGrid, progress: Progress
+) -> tuple[FieldReadout, dict[str, Any]]:
+    """The readout of a training run: tips by the model that it names, and the field by its presses.
+
+    Raises:
+        ModelError: there is no such model of tips, or it reads other features or bins.
+        ConfigurationError: there is no such sensor, or it tells forces on other bins.
+    """
+    sensor, tips = load_sensor(config.sensor), load_model(find_model(config.tips)).model.readout
+    if not isinstance(tips, AxisymmetricReadout):
+        raise ModelError(
+            f'field.tips names {config.tips}, which is a {tips.kind}; name an axisymmetric model: portable'
+        )
+    require_bins(sensor, bins)
+    tips.require_fit(dataset.features[0].size, bins)
+    made = _fitted(sensor, replace(tips, carried=None), dataset, config.ball_mm, progress)
+    report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
+    return replace(made.readout, tips=tips), {'field': report, **card_of_sensor(sensor, config.ball_mm)}
+
+
+def with_field(
+    loaded: LoadedModel, made: Transfer, dataset: Dataset, progress: Progress | None, ball_mm: float = 0.0
+) -> Transfer:
+    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses.
+
+    `ball_mm` is the radius of the ball that pressed, the source's unless given.
+    """
+    if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
+        return made
+    sensor = sensor_of(loaded.card, loaded.model_id)
+    fit = _fitted(sensor, made.readout, dataset, ball_mm or float(loaded.card[BALL_MM]), progress or Progress())
+    return replace(made, readout=replace(fit.readout, tips=made.readout), field=fit.reason)
+
+
+def _fitted(
+    sensor: Sensor, tips: AxisymmetricReadout, dataset: Dataset, ball_mm: float, progress: Progress
+) -> FieldFit:
+    """By a picture of each press whose place and force are known."""
+    other = OtherGel.of(tips, dataset)
+    known = other.rows[np.isfinite(dataset.presses[other.rows]).all(axis=1)]
+    fold = folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
+    return fit_field(sensor, other.live_scaling, dataset, known, fold, ball_mm, progress)
+
+
+def require_bins(sensor: Sensor, bins: BinGrid) -> None:
+    """Refuse a description that tells forces on other bins.
+
+    Raises:
+        ConfigurationError: says both.
+    """
+    own = BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
+    if own != bins:
+        raise ConfigurationError(
+            f'the sensor {sensor.name} has {own}, and forces are told on {bins}; change one of them'
+        )
+
+
+def card_of_sensor(sensor: Sensor, ball_mm: float) -> dict[str, Any]:
+    """What a model's card says of its sensor."""
+    return {SENSOR: to_values(sensor), BALL_MM: ball_mm}
+
+
+def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:
+    """The sensor that a card describes.
+
+    Raises:
+        ModelError: it describes none.
+    """
+    if SENSOR not in card or BALL_MM not in card:
+        raise ModelError(f'model {model_id} does not say of which sensor it is; fetch it again or train it again')
+    return from_mapping(Sensor, card[SENSOR], source=f'the card of model {model_id}', exact=False)

@@ -1,0 +1,70 @@
+"""The patches of the surface that forces are solved on: four to a bin, 1.78 mm wide on the paper's sensor.
+
+Finer ones noise does not allow: at 5 mpx a region forces on patches of 1.2 mm are known to 68 mN, on these to 12 mN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from tactile_nodes.sensing.geometry import BinGrid
+
+PER_BIN = 2
+
+
+@dataclass(frozen=True)
+class PatchGrid:
+    """Even patches over the surface, row by row; index k = row * cols + col as for bins."""
+
+    bins: BinGrid
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns: (18, 18) over the paper's 9x9 bins."""
+        return PER_BIN * self.bins.rows, PER_BIN * self.bins.cols
+
+    @property
+    def count(self) -> int:
+        rows, cols = self.shape
+        return rows * cols
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height of one: (1.778, 1.778)."""
+        width, height = self.bins.bin_size_mm
+        return width / PER_BIN, height / PER_BIN
+
+    @property
+    def lines_mm(self) -> tuple[Float[np.ndarray, ' cols'], Float[np.ndarray, ' rows']]:
+        """Middles along x and along y."""
+        (rows, cols), (width, height) = self.shape, self.size_mm
+        return (np.arange(cols) - (cols - 1) / 2) * width, (np.arange(rows) - (rows - 1) / 2) * height
+
+    @property
+    def centres_mm(self) -> Float[np.ndarray, 'patches 2']:
+        """Middle of each, x and y."""
+        x, y = np.meshgrid(*self.lines_mm)
+        return np.stack([x.ravel(), y.ravel()], -1)
+
+    @cached_property
+    def bin_of(self) -> Int[np.ndarray, ' patches']:
+        """Index of the bin that each patch lies in."""
+        (rows, cols), bins = self.shape, self.bins
+        number = (np.arange(rows) // PER_BIN)[:, None] * bins.cols + np.arange(cols) // PER_BIN
+        return np.asarray(number.ravel())
+
+    @cached_property
+    def member(self) -> Float[np.ndarray, 'patches bins']:
+        """1 where a patch lies in a bin."""
+        return np.asarray(self.bin_of[:, None] == np.arange(self.bins.count), float)
+
+    def over_bins(self, values: Float[np.ndarray, '*shape patches']) -> Float[np.ndarray, '*shape rows cols']:
+        """Sums over the patches of each bin."""
+        rows, cols = self.bins.rows, self.bins.cols
+        split = values.reshape(*values.shape[:-1], rows, PER_BIN, cols, PER_BIN)
+        summed: np.ndarray = split.sum(axis=(-3, -1))
+        return summed

@@ -1,0 +1,236 @@
+"""What regions of the picture see of a gel that moves: rays through its depth, and the motion in pixels along them.
+
+A region of the image sees a column of markers along its rays. Its motion under a load is the mean, over the rays of its
+window and over depths, of what the camera makes of the layer's displacement there. Nobody knows at which depths its own
+markers lie, nor exactly where its rays meet the gel, so its response is a sum of terms: at each of five depths the
+displacement, and its slopes along x and y. What each term counts is 0 for slopes, and for depths it falls with the
+distance from the pupil, until presses say better (`nominal_shares`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from tactile_nodes.sensing.elasticity.layer import ElasticLayer
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.elasticity.stack import Elastic
+from tactile_nodes.sensing.geometry import BinGrid, FisheyeCamera
+from tactile_nodes.sensors import Sensor
+
+DEPTHS = 5
+TERMS = 3 * DEPTHS
+"""Of each region: at each depth the displacement, and its slopes along x and along y."""
+
+RAYS = 3
+"""Along each side of a region's window."""
+
+WINDOW = 1.2
+"""Sides of a region that the window has from which its motion is measured."""
+
+FINER = 8
+"""Steps of the layer's grid along a patch."""
+
+BRIGHTNESS = -4.0
+"""Power of the distance from the pupil with which the say of markers falls: nearer ones are larger, more distinct."""
+
+DISPLACEMENT_MM = 1e-3
+
+
+@dataclass(frozen=True)
+class Regions:
+    """The regions of a sensor's picture, `rows` by `cols` over its square crop."""
+
+    sensor: Sensor
+    rows: int
+    cols: int
+
+    @property
+    def count(self) -> int:
+        return self.rows * self.cols
+
+    @property
+    def bins(self) -> BinGrid:
+        """The bins that the sensor tells forces on."""
+        sensor = self.sensor
+        return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
+
+    @property
+    def patches(self) -> PatchGrid:
+        """The patches on which forces are solved for."""
+        return PatchGrid(self.bins)
+
+    @property
+    def depths_mm(self) -> Float[np.ndarray, ' depths']:
+        """Middles of five equal parts of what is visible, from the surface down."""
+        high, low = self.sensor.gel.markers_mm
+        return np.asarray(high + (np.arange(DEPTHS) + 0.5) * (low - high) / DEPTHS)
+
+    @cached_property
+    def layer(self) -> ElasticLayer:
+        """The gel, on a grid that patches divide."""
+        gel = self.sensor.gel
+        stack = [Elastic(*each) for each in zip(gel.layers_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
+        width, height = self.patches.size_mm
+        return ElasticLayer(stack, self.depths_mm, (width / FINER, height / FINER))
+
+    @property
+    def nominal_shares(self) -> Float[np.ndarray, ' terms']:
+        """What each term counts if nothing is known of a region: depths by how distinct markers there are."""
+        away = np.abs(-self.depths_mm - self.sensor.camera.position_mm[2])
+        shares = np.zeros((DEPTHS, 3))
+        shares[:, 0] = away**BRIGHTNESS / (away**BRIGHTNESS).sum()
+        return shares.reshape(-1)
+
+    @cached_property
+    def _seen(self) -> tuple[Float[np.ndarray, 'depths regions rays 2'], Float[np.ndarray, 'depths regions rays 2 3']]:
+        """Where rays meet the depths (mm), and by how many pixels a millimetre there moves the picture."""
+        points = np.stack([self._points(depth) for depth in self.depths_mm])
+        steps = DISPLACEMENT_MM * np.eye(3)
+        moved = [
+            (self._project(points + step) - self._project(points - step)) / (2 * DISPLACEMENT_MM) for step in steps
+        ]
+        shape = DEPTHS, self.count, RAYS * RAYS
+        return points[..., :2].reshape(*shape, 2), np.stack(moved, -1).reshape(*shape, 2, 3)
+
+    def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
+        """Where the rays of all windows meet a depth, in the surface frame."""
+        towards = self._camera.unproject(self._pixels) @ self._turn.T
+        place = np.asarray(self.sensor.camera.position_mm, float)
+        reach = (-depth_mm - place[2]) / np.maximum(towards[:, 2], 1e-3)
+        points: np.ndarray = place + towards * reach[:, None]
+        return points
+
+    def _project(self, points: Float[np.ndarray, 'depths rays 3']) -> Float[np.ndarray, 'depths rays 2']:
+        away = (points - np.asarray(self.sensor.camera.position_mm, float)) @ self._turn
+        pixels: np.ndarray = self._camera.project(away.reshape(-1, 3)).reshape(*points.shape[:2], 2)
+        return pixels
+
+    @property
+    def _camera(self) -> FisheyeCamera:
+        camera, image = self.sensor.camera, self.sensor.image
+        u, v = camera.centre_px
+        return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
+
+    @property
+    def _turn(self) -> Float[np.ndarray, '3 3']:
+        """The camera's axes in the surface frame, as columns."""
+        return turned(*np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]).tolist())
+
+    @property
+    def _pixels(self) -> Float[np.ndarray, 'rays 2']:
+        """Of the rays of each region's window, region by region, in the camera's whole picture."""
+        image = self.sensor.image
+        side = image.crop / np.array([self.cols, self.rows])
+        within = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+        corner = np.array([(image.width - image.crop) // 2, (image.height - image.crop) // 2])
+        u, v = (
+            corner[axis] - 0.5 + side[axis] * (np.arange(count)[:, None] + 0.5 + WINDOW * within)
+            for axis, count in ((0, self.cols), (1, self.rows))
+        )
+        shape = self.rows, self.cols, RAYS, RAYS
+        across, down = np.broadcast_to(u[None, :, None, :], shape), np.broadcast_to(v[:, None, :, None], shape)
+        return np.stack([across, down], -1).reshape(-1, 2)
+
+    def terms_of_patches(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms unknowns']:
+        """Motion (px) of some regions by term under 1 N on each patch.
+
+        Unknowns are all normal forces, then those along x, then those along y.
+        """
+        patches = self.patches
+        fields = self._fields(self.layer.rectangle(*patches.size_mm))
+        (rows, cols), jacobian = patches.shape, (self._seen[1][:, known] / RAYS**2).astype(np.float32)
+        node, part = (each[:, known] for each in self._last_patch(patches))
+        terms = np.zeros((len(known), DEPTHS, 2, 9 * patches.count), np.float32)
+        for depth in range(DEPTHS):
+            combs = _combs(fields[depth], (rows, cols))
+            for region, ray in np.ndindex(len(known), RAYS * RAYS):
+                block = _between(combs, node[depth, region, ray], part[depth, region, ray], (rows, cols))
+                terms[region, depth] += jacobian[depth, region, ray] @ block.reshape(3, -1)
+        split = terms.reshape(len(known), DEPTHS, 2, 3, 3, patches.count)  # …, loads, sets, patches
+        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(known), 2, TERMS, 3 * patches.count)
+        return ordered
+
+    def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
+        """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
+        last = np.array([each[-1] for each in patches.lines_mm])
+        steps = (self._seen[0] - last) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
+        node = np.floor(steps)
+        rest: np.ndarray = steps - node
+        return node.astype(int), rest.astype(np.float32)
+
+    def _fields(self, spectrum: np.ndarray) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
+        """Displacement along each axis, and its slopes along x and y, at each depth under each load."""
+        kernels = self.layer.kernels(spectrum).transpose(1, 2, 0, 3, 4)
+        slope_y, slope_x = np.gradient(kernels, *self.layer.spacing_mm[::-1], axis=(3, 4))
+        return np.stack([kernels, slope_x, slope_y], axis=3).astype(np.float32)
+
+    def terms_of_ball(
+        self, places_mm: Float[np.ndarray, 'presses 2'], contact_mm: float, known: Int[np.ndarray, ' known']
+    ) -> Float32[np.ndarray, 'presses known 2 terms']:
+        """Motion (px) of some regions by term under 1 N of a ball at each place, as Hertz says over a disc."""
+        fields = self._fields(self.layer.hertz(contact_mm))[:, :, 0]
+        seen, jacobian = (each[:, known] for each in self._seen)
+        found = np.zeros((len(places_mm), len(known), 2, DEPTHS, 3), np.float32)
+        for number, place in enumerate(places_mm):
+            at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
+            for depth in range(DEPTHS):
+                sampled = _sampled(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
+                sampled = sampled.reshape(3, 3, len(known), -1)
+                found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / RAYS**2
+        return found.reshape(len(places_mm), len(known), 2, TERMS)
+
+
+def _combs(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:
+    """The nodes of a field that lie a patch apart, side by side, as (y in a patch, x in a patch, fields, y, x).
+
+    As many as there are patches follow after the end: there the layer repeats.
+    """
+    height, width = field.shape[-2:]
+    split = field.reshape(-1, height // FINER, FINER, width // FINER, FINER).transpose(2, 4, 0, 1, 3)
+    around = [(0, 0)] * 3 + [(0, count + 1) for count in shape]
+    return np.pad(split, around, mode='wrap')
+
+
+def _between(
+    combs: np.ndarray, node: np.ndarray, part: np.ndarray, shape: tuple[int, int]
+) -> Float32[np.ndarray, 'fields patches']:
+    """Fields as a ray sees them from every patch: each between four nodes."""
+    (rows, cols), (column, row), (right, down) = shape, node.tolist(), part.tolist()
+    high, wide = combs.shape[3] - rows - 1, combs.shape[4] - cols - 1
+    block = np.zeros((combs.shape[2], rows, cols), np.float32)
+    for y, share_y in ((row, 1 - down), (row + 1, down)):
+        for x, share_x in ((column, 1 - right), (column + 1, right)):
+            top, left = y // FINER % high, x // FINER % wide
+            comb = combs[y % FINER, x % FINER, :, top : top + rows, left : left + cols]
+            block += np.float32(share_x * share_y) * comb
+    # A patch further right sees the ray further left: nodes run backwards.
+    return block[:, ::-1, ::-1]
+
+
+def _sampled(
+    fields: Float32[np.ndarray, 'fields y x'], at: Float[np.ndarray, '*shape 2']
+) -> Float32[np.ndarray, fields * shape]:
+    """Fields at places between the nodes of their grid (x, y in steps)."""
+    low = np.floor(at).astype(int)
+    right, down = np.moveaxis((at - low).astype(np.float32), -1, 0)
+    height, width = fields.shape[-2:]
+    x, y = low[..., 0] % width, low[..., 1] % height
+    beside, below = (x + 1) % width, (y + 1) % height
+    upper = (1 - right) * fields[:, y, x] + right * fields[:, y, beside]
+    lower = (1 - right) * fields[:, below, x] + right * fields[:, below, beside]
+    sampled: np.ndarray = (1 - down) * upper + down * lower
+    return sampled
+
+
+def turned(about_x: float, about_y: float, about_z: float) -> Float[np.ndarray, '3 3']:
+    """Turned about x, then y, then z (rad); the columns are the turned axes."""
+    (a, b, c), (sa, sb, sc) = np.cos([about_x, about_y, about_z]), np.sin([about_x, about_y, about_z])
+    x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
+    y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
+    z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
+    matrix: np.ndarray = x @ y @ z
+    return matrix

@@ -1,0 +1,163 @@
+"""The force field that explains how regions move: normal force and shear on patches of the surface.
+
+Least squares under p >= 0 and |q| <= p, over the patches of those bins in which a linear answer finds force. A uniform
+pressure on an incompressible layer moves next to nothing, so patches without evidence of their own are held down by a
+weight that falls with the force around them: scale-free, sparse, and no burden to a contact that is wide.
+Every region has a say by its noise, by a share of its motion that the response may be off by, and by how well its
+motion could be measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.cone import least_squares
+
+FRICTION = 1.0
+"""No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
+
+HELD, SPREAD = 12.0, 0.003
+"""How strongly patches are held down, and the share of the whole force that counts as being around every patch."""
+
+ROUNDS = 2
+"""With weights from the linear answer, then from the first field."""
+
+GRANTED = 50.0
+"""Information on each force (1/N²) that is granted without evidence: none is some hundred mN for nothing."""
+
+COARSE = 300.0
+"""The same for the linear answer on bins."""
+
+ACTIVE, LEAST_N = 0.05, 1e-3
+"""Bins are solved on that hold this share of the strongest bin's force, and so much."""
+
+DROPPED = 1e-4
+"""Share of the force: patches around which there is less are left out of the next round."""
+
+CERTAIN, DOUBTFUL = 0.7, 0.3
+"""Confidence from which a region has its full say, and up to which it has next to none."""
+
+LEAST_SAY = 1e-3
+
+
+@dataclass(frozen=True)
+class Field:
+    """Forces on patches (N): into the gel, along x, along y; and what is known of how far they are off.
+
+    `active` are the patches that were solved on, `covariance` that of their forces, first all normal ones, then along
+    x, then along y. `misfit` is the root mean square of what is left over, in units of what is expected; `gain` how
+    much more probable these forces are than none (half the fall of the squared misfit).
+    """
+
+    forces_n: Float[np.ndarray, '3 patches']
+    active: Int[np.ndarray, ' n']
+    covariance: Float[np.ndarray, 'm m']
+    misfit: float
+    gain: float
+
+    @property
+    def total_n(self) -> float:
+        return float(self.forces_n[0].sum())
+
+    def deviation(self, levers: Float[np.ndarray, ' m']) -> float:
+        """Standard deviation of a sum of the active patches' forces, each times its lever."""
+        return float(np.sqrt(max(float(levers @ self.covariance @ levers), 0.0)))
+
+
+@dataclass(frozen=True)
+class FieldSolver:
+    """Motion of regions to forces on patches.
+
+    `response` is the motion (px) of the known regions, along x and y, under 1 N on each patch: normal, along x, along
+    y. `noise_px` is what a region moves by itself, `doubt` the share of its motion that the response may be off by.
+    """
+
+    response: Float32[np.ndarray, 'rows unknowns']
+    patches: PatchGrid
+    noise_px: float
+    doubt: float
+
+    def say(
+        self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']
+    ) -> Float[np.ndarray, ' rows']:
+        """One over the variance that is expected of each region's motion."""
+        size = np.square(motion).sum(axis=1)
+        seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_SAY, 1.0)
+        return np.repeat(seen * seen / (self.noise_px**2 + self.doubt**2 * size), 2)
+
+    @cached_property
+    def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:
+        """The linear answer on bins, of motion with its usual noise alone."""
+        member = self.patches.member * (self.patches.bins.count / self.patches.count)
+        on_bins = np.concatenate([part @ member for part in np.split(self.response.astype(float), 3, axis=1)], axis=1)
+        information = on_bins.T @ on_bins / self.noise_px**2 + COARSE * np.eye(on_bins.shape[1])
+        solved: np.ndarray = np.linalg.solve(information, on_bins.T / self.noise_px**2)
+        return solved
+
+    def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, '3 bins']:
+        """Forces on bins, into the gel, along x and along y, by one matrix; nothing holds them to the cone."""
+        answer: np.ndarray = self._coarse @ motion.reshape(-1)
+        return answer.reshape(3, -1)
+
+    def field(
+        self,
+        motion: Float[np.ndarray, 'regions 2'],
+        say: Float[np.ndarray, ' rows'],
+        coarse: Float[np.ndarray, '3 bins'] | None = None,
+    ) -> Field:
+        """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
+        count, flat = self.patches.count, motion.reshape(-1).astype(float)
+        around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
+        active = np.flatnonzero((around > max(ACTIVE * around.max(), LEAST_N))[self.patches.bin_of])
+        pressed = around[self.patches.bin_of] * self.patches.bins.count / count
+        forces, information = np.zeros((3, count)), np.zeros((0, 0))
+        for _ in range(ROUNDS):
+            if not active.size:
+                break
+            columns = self._columns(active)
+            weighted = columns * say[:, None].astype(np.float32)
+            information = (columns.T @ weighted).astype(float)
+            towards = weighted.T.astype(float) @ flat
+            towards[: active.size] -= self._held(pressed)[active]
+            information[np.diag_indices(len(information))] += GRANTED
+            solved = least_squares(information, towards, FRICTION).reshape(3, -1)
+            forces = np.zeros((3, count))
+            forces[:, active] = solved
+            pressed, before = forces[0], active
+            active = np.flatnonzero(self._nearby(pressed) > DROPPED * pressed.sum())
+        return self._field(forces, before, information, flat, say) if len(information) else self._nothing(flat, say)
+
+    def _columns(self, active: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'rows m']:
+        count = self.patches.count
+        return self.response[:, np.concatenate([active, active + count, active + 2 * count])]
+
+    def _nearby(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
+        """Mean over each patch and its neighbours."""
+        grid = pressed.reshape(self.patches.shape)
+        mean: np.ndarray = cv2.blur(grid, (3, 3), borderType=cv2.BORDER_CONSTANT)
+        return mean.ravel()
+
+    def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
+        return HELD / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
+
+    def _field(
+        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray
+    ) -> Field:
+        left = motion - self._columns(active) @ forces[:, active].reshape(-1)
+        misfit, gain = self._fit(motion, left, say)
+        return Field(forces, active, np.linalg.inv(information), misfit, gain)
+
+    def _nothing(self, motion: np.ndarray, say: np.ndarray) -> Field:
+        none = np.zeros((3, self.patches.count))
+        return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, say))
+
+    @staticmethod
+    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float]:
+        before, after = float(say @ (motion * motion)), float(say @ (left * left))
+        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2

@@ -1,0 +1,226 @@
+"""The readout `field`: every frame by the simplest explanation that its motion allows: nothing, tips, or the field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.contacts import contacts_of
+from tactile_nodes.sensing.explain.field import ACTIVE, LEAST_N, Field, FieldSolver
+from tactile_nodes.sensing.explain.spread import FieldSpread
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
+
+LEAST_REGIONS = 12
+MOST_TIPS = 3
+TIP_BINS = 3
+"""A tip's force is found on bins within so many rows and columns."""
+
+RUBBED = 0.15
+"""Shear over pressure in the linear answer from which a contact is no tip that only presses."""
+
+ALIKE, CHATTER = 0.93, 0.04
+"""Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
+
+UNSEEN_N = 0.012
+"""What noise allows to be on a patch whose force is told as none."""
+
+
+@dataclass(frozen=True)
+class FieldReadout:
+    """Motion of regions to any contact.
+
+    `scaling` says what the regions show at rest and which are known; `response` is their motion (px) under 1 N on each
+    patch, as `FieldSolver` has it. `misfit_limit` is the misfit beyond which a frame is unlike anything that the
+    response knows, `least_gain` what has to be gained by any force. `tips` reads frames in which only tips press.
+    """
+
+    scaling: InputScaling
+    response: Float32[np.ndarray, 'rows unknowns']
+    bins: BinGrid
+    noise_px: float
+    doubt: float = 0.03
+    spread: FieldSpread = field(default_factory=FieldSpread)
+    misfit_limit: float = 1.5
+    least_gain: float = 8.0
+    tips: AxisymmetricReadout | None = None
+
+    kind = 'field'
+
+    @property
+    def parameter_count(self) -> int:
+        """Of the response, of the scaling, and of what reads tips."""
+        return self.response.size + 2 * self.scaling.mean.size + (self.tips.parameter_count if self.tips else 0)
+
+    def nominal_n(self, total_n: float) -> float:
+        return self.spread.nominal_n(total_n)
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        known = int((self.scaling.trusted > 0).sum())
+        wanted = 2 * known, 3 * PatchGrid(bins).count
+        if self.scaling.mean.size != features or bins != self.bins or self.response.shape != wanted:
+            raise ModelError(
+                f'a field of {self.response.shape[0]} motions, {self.scaling.mean.size} features and {self.bins} does '
+                f'not fit {features} features and {bins}; calibrate it again or use another model file'
+            )
+        if self.tips is not None:
+            self.tips.require_fit(features, bins)
+
+    @cached_property
+    def solver(self) -> FieldSolver:
+        """What finds the field."""
+        return FieldSolver(self.response, PatchGrid(self.bins), self.noise_px, self.doubt)
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
+
+    def motion(self, values: Float32[np.ndarray, 'rows cols channels']) -> Float[np.ndarray, 'regions 2']:
+        """What the known regions moved by (px), beside what they show at rest."""
+        moved: np.ndarray = (values - self.scaling.mean).reshape(-1, 2)[self._known].astype(float)
+        return moved
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        return self.read_after('', values, confidence)
+
+    def read_after(
+        self,
+        before: str,
+        values: Float32[np.ndarray, 'rows cols channels'],
+        confidence: Float32[np.ndarray, 'rows cols'],
+    ) -> Reading:
+        """As `read`, with the explanation of the frame before, from which it departs only for a reason."""
+        motion, sure = self.motion(values), confidence.reshape(-1)[self._known]
+        if (sure >= self.scaling.confidence_floor).sum() < LEAST_REGIONS or not np.isfinite(motion).all():
+            return nothing_read(self.bins)
+        coarse = self.solver.coarse(motion)
+        if (tips := self._tips(before, coarse, values, confidence)) is not None:
+            return tips
+        found = self.solver.field(motion, self.solver.say(motion, sure), coarse)
+        unlike = found.misfit / self.misfit_limit
+        return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
+
+    def _tips(
+        self, before: str, coarse: Float[np.ndarray, '3 bins'], values: np.ndarray, confidence: np.ndarray
+    ) -> Reading | None:
+        """The frame as tips that only press, if they explain it as well as they do those of the training."""
+        count = self._places(coarse)
+        if self.tips is None or not count:
+            return None
+        reading = self._reader(count).read(values, confidence)
+        limit = ALIKE + {'tips': CHATTER, 'field': -CHATTER}.get(before, 0.0)
+        if not reading.unlikeness <= limit:
+            return None
+        return replace(reading, acting=self._of_tips(reading))
+
+    def _reader(self, count: int) -> AxisymmetricReadout:
+        """What reads so many tips at most; made once, since it prepares much."""
+        if count not in self._readers:
+            assert self.tips is not None
+            self._readers[count] = replace(self.tips, most_contacts=count)
+        return self._readers[count]
+
+    @cached_property
+    def _readers(self) -> dict[int, AxisymmetricReadout]:
+        return {}
+
+    def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
+        """At how many places tips may press; 0 where the linear answer speaks against it."""
+        pressed = np.maximum(coarse[0], 0.0)
+        rubbed = float(np.hypot(*coarse[1:].sum(axis=1)))
+        on = pressed > max(3 * ACTIVE * float(pressed.max()), LEAST_N)
+        if not on.any() or rubbed > RUBBED * float(pressed.sum()):
+            return 0
+        count, _, boxes, _ = cv2.connectedComponentsWithStats(
+            on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8), connectivity=8
+        )
+        sides = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+        return count - 1 if count - 1 <= MOST_TIPS and (sides <= TIP_BINS).all() else 0
+
+    def _told(self, found: Field, unlike: float) -> Reading:
+        patches, spread = self.solver.patches, self.spread
+        widened = max(unlike, 1.0)
+        forces = patches.over_bins(found.forces_n).astype(np.float32)
+        wrench, covariance = spread.wrench(found, patches)
+        acting = Acting(
+            'field', np.moveaxis(forces[1:], 0, -1), (widened * spread.bins_n(found, patches)).astype(np.float32),
+            wrench, covariance * widened**2, self._surface(found, widened),
+        )  # fmt: skip
+        sigma_n = math.sqrt(covariance[2, 2])
+        return Reading(forces[0], contacts_of(found, patches, spread), sigma_n, unlike, acting=acting)
+
+    def _surface(self, found: Field, widened: float) -> SurfaceField:
+        """Pressure and shear on the patches."""
+        patches = self.solver.patches
+        area = float(np.prod(patches.size_mm))
+        count = len(found.active)
+        deviations = np.full((3, patches.count), UNSEEN_N)
+        if count:
+            deviations[:, found.active] = np.sqrt(np.diag(found.covariance)).reshape(3, count)
+        maps = [(each / area).reshape(patches.shape).astype(np.float32) for each in found.forces_n]
+        pressed, along_x, along_y = ((widened * each / area).reshape(patches.shape) for each in deviations)
+        sheared = np.sqrt((np.square(along_x) + np.square(along_y)) / 2)
+        return SurfaceField(maps[0], np.stack(maps[1:], -1), pressed.astype(np.float32), sheared.astype(np.float32))
+
+    def nothing(self) -> Acting:
+        """What is known while nothing presses, as far as can be seen."""
+        patches = self.solver.patches
+        still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
+        shape = self.bins.rows, self.bins.cols
+        off = np.diag(np.square([self.spread.nominal[0]] * 3 + [self.spread.nominal[0] * self.bins.width_mm / 4] * 3))
+        return Acting(
+            'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, UNSEEN_N, np.float32), np.zeros(6), off,
+            self._surface(still, 1.0),
+        )  # fmt: skip
+
+    def _untouched(self, unlike: float) -> Reading:
+        none, sigma_n = np.zeros((self.bins.rows, self.bins.cols), np.float32), self.spread.nominal[0]
+        return Reading(none, (Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n),), sigma_n, unlike, acting=self.nothing())
+
+    def _of_tips(self, reading: Reading) -> Acting:
+        """What tips do beside their normal force: no shear, and pressure on the patches about their places."""
+        patches = self.solver.patches
+        pressed = np.zeros(patches.count)
+        for each in reading.contacts:
+            pressed += each.force_n * _about(each.x_mm, each.y_mm, patches)
+        forces = np.stack([pressed, np.zeros_like(pressed), np.zeros_like(pressed)])
+        still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0)
+        places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
+        x, y, force = places.T
+        wrench = np.array([0.0, 0.0, -force.sum(), -(y * force).sum(), (x * force).sum(), 0.0])
+        covariance = _covariance_of_tips(reading.contacts)
+        none = np.zeros((self.bins.rows, self.bins.cols, 2), np.float32)
+        share = reading.total_sigma_n / max(float(force.sum()), 1e-6)
+        sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)
+        return Acting('tips', none, sigma, wrench, covariance, self._surface(still, 1.0))
+
+
+def _about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
+    """1 shared by the patches about a place: a square of a patch's size there, as it lies over them."""
+    shares = [
+        np.maximum(1 - np.abs(line - np.clip(at, line[0], line[-1])) / size, 0.0)
+        for at, line, size in zip((x_mm, y_mm), patches.lines_mm, patches.size_mm, strict=True)
+    ]
+    return np.outer(shares[1], shares[0]).ravel()
+
+
+def _covariance_of_tips(contacts: tuple[Contact, ...]) -> Float[np.ndarray, '6 6']:
+    """Of force and torque: each tip's force and place are off by themselves."""
+    covariance = np.zeros((6, 6))
+    for each in contacts:
+        # (-f, -y f, x f): off by the force, and by the place.
+        by_force = np.array([0.0, 0.0, -1.0, -each.y_mm, each.x_mm, 0.0]) * each.sigma_n
+        by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
+        covariance += np.outer(by_force, by_force) + np.diag(np.square(by_place))
+    return covariance

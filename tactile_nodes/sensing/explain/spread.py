@@ -1,0 +1,89 @@
+"""How far the numbers of a force field are off: its covariance, and what the response is off by beside that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.field import Field
+
+
+@dataclass(frozen=True)
+class FieldSpread:
+    """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
+
+    `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
+    bin and its neighbours; `place_mm` is the least that a place is off by. `nominal` is what is usual of a total: a
+    floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
+    """
+
+    normal: tuple[float, float] = (0.7, 0.015)
+    shear: tuple[float, float] = (1.0, 0.02)
+    bins: tuple[float, float] = (1.0, 0.1)
+    place_floor_mm: float = 0.05
+    nominal: tuple[float, float] = (0.006, 0.05)
+    response: float = 0.0
+
+    def normal_n(self, fitted: float, force_n: float) -> float:
+        """Of a normal force."""
+        return math.hypot(self.normal[0] * fitted, self.normal[1] * force_n, self.response * force_n)
+
+    def shear_n(self, fitted: float, force_n: float) -> float:
+        """Of a shear force along an axis, beside so much normal force."""
+        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n, self.response * force_n)
+
+    def torsion_n_mm(self, fitted: float, force_n: float, lever_mm: float) -> float:
+        """Of a torsion of a contact whose force is so far (root mean square) from its centre."""
+        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n * lever_mm)
+
+    def place_mm(self, fitted: float) -> float:
+        """Of a place along an axis."""
+        return math.hypot(self.place_floor_mm, fitted)
+
+    def nominal_n(self, total_n: float) -> float:
+        """What is usual of a total."""
+        floor, share = self.nominal
+        return math.hypot(floor, math.hypot(share, self.response) * total_n)
+
+    def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
+        """Of the normal force on each bin."""
+        fitted = np.sqrt(patches.over_bins(self._variances_of_bins(field, patches)))
+        told = np.pad(patches.over_bins(field.forces_n[0]), 1)
+        rows, cols = patches.bins.rows, patches.bins.cols
+        near = sum(told[y : y + rows, x : x + cols] for y in range(3) for x in range(3))
+        off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
+        return off
+
+    @staticmethod
+    def _variances_of_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
+        """Each patch's share of the variance of its bin: the covariance with all patches of the bin."""
+        count = len(field.active)
+        bins = np.argmax(patches.member[field.active], axis=1)
+        together = field.covariance[:count, :count] * (bins[:, None] == bins[None])
+        shares = np.zeros(patches.count)
+        shares[field.active] = together.sum(axis=1)
+        return np.maximum(shares, 0.0)
+
+    def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
+        """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
+        x, y = patches.centres_mm.T
+        one, none = np.ones_like(x), np.zeros_like(x)
+        # A normal force f at (x, y, 0) is (0, 0, -f), whose moment is (-y f, x f, 0); shear turns about z.
+        levers = np.array([
+            [none, one, none], [none, none, one], [-one, none, none],
+            [-y, none, none], [x, none, none], [none, -y, x],
+        ])  # fmt: skip
+        wrench = np.einsum('kcp,cp->k', levers, field.forces_n)
+        at = levers[:, :, field.active].reshape(6, -1)
+        fitted = at @ field.covariance @ at.T
+        factors = np.array([self.shear[0]] * 2 + [self.normal[0]] * 3 + [self.shear[0]])
+        total = field.total_n
+        reach = np.sqrt(np.einsum('p,pc->c', field.forces_n[0], np.square(patches.centres_mm)) / max(total, 1e-9))
+        shares = np.array([self.shear[1], self.shear[1], self.normal[1], *self.normal[1] * reach[::-1], 0.0])
+        shares[5] = self.shear[1] * float(np.hypot(*reach))
+        off = np.hypot(shares, self.response * np.array([1, 1, 1, *reach[::-1], np.hypot(*reach)])) * total
+        return wrench, fitted * np.outer(factors, factors) + np.diag(np.square(off))

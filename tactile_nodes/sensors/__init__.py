@@ -1,0 +1,12 @@
+"""Sensors as data: image, camera, gel and bins in one YAML file, read by all that has to know them."""
+
+from tactile_nodes.sensors.description import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    Sensor,
+    load_sensor,
+)
+
+__all__ = ['BinSettings', 'CameraDescription', 'GelDescription', 'ImageSettings', 'Sensor', 'load_sensor']
