@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from tactile_nodes import conversions
@@ -44,7 +42,7 @@ def ring_acting() -> tuple[np.ndarray, Acting, Contact]:
         field=field,
     )
     region = Region(
-        (pull_x, pull_y), SHEAR_SIGMA_N, TURN_N_MM, TORSION_SIGMA_N_MM, 2 * math.pi * RADIUS_MM * 1.3, 11.3, 11.3, 0.0, 0.2
+        (pull_x, pull_y), SHEAR_SIGMA_N, TURN_N_MM, TORSION_SIGMA_N_MM, 40.8, 11.3, 11.3, 0.0, 0.2,
     )  # fmt: skip
     return forces, acting, Contact(*PLACE_MM, TOTAL_N, 0.05, 0.01, region=region)
 

@@ -1,4 +1,4 @@
-"""Forces that an earlier release recorded, completed by what nobody knew then, so that readers meet one version of them.
+"""Forces that an earlier release recorded, completed by what nobody knew then: readers meet one version of them.
 
 Only what is told of forces: of other types a field that is missing may change what is computed from the rest.
 """
@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
-from tactile_nodes.messages import message_class
+from tactile_nodes.messages import message_class, type_name, types
 from tactile_nodes.messages.store import store
 
-COMPLETED = frozenset({FORCE_DISTRIBUTION.type_name})
+COMPLETED = frozenset({type_name(types.ForceDistribution)})
 _COVARIANCE = 'wrench_covariance'  # says by its first number that it is not known
 
 Definitions = Mapping[str, Any]
@@ -42,11 +41,18 @@ def is_earlier(name: str, definitions: Definitions) -> bool:
 def completed(message: Any, name: str) -> Any:
     """The message as this release knows its type; what it lacks is NaN, nought or empty."""
     blank = message_class(name)()
-    values = {each.name: _unknown(getattr(blank, each.name), each.name) for each in dataclasses.fields(blank)}
-    for field, description in store().fielddefs[name][1]:
-        if hasattr(message, field):
-            values[field] = _as_known(getattr(message, field), _message_in(description))
-    return type(blank)(**values)
+    told = {
+        field: _as_known(getattr(message, field), _message_in(description))
+        for field, description in store().fielddefs[name][1]
+        if hasattr(message, field)
+    }
+    return _nothing_known(blank, **told)
+
+
+def _nothing_known(blank: Any, **told: Any) -> Any:
+    """A message of zeros as one of what is not known, but for what is `told`."""
+    fields = (each.name for each in dataclasses.fields(blank) if each.name not in told)
+    return type(blank)(**told, **{field: _unknown(getattr(blank, field), field) for field in fields})
 
 
 def _as_known(value: Any, inner: str) -> Any:
@@ -65,8 +71,7 @@ def _unknown(blank: Any, field: str) -> Any:
     if isinstance(blank, np.ndarray) and blank.dtype.kind == 'f':
         return np.full_like(blank, np.nan)
     if dataclasses.is_dataclass(blank):
-        entries = dataclasses.fields(blank)
-        return type(blank)(**{each.name: _unknown(getattr(blank, each.name), each.name) for each in entries})  # type: ignore[operator]
+        return _nothing_known(blank)
     return blank
 
 

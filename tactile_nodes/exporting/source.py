@@ -188,7 +188,7 @@ class Source:
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:
-        """Find the first message of a topic that says what its columns are; of forces, rather one that is not invalid."""
+        """Find the first message of a topic that says what its columns are, of forces the first that is not invalid."""
         reason = 'no messages'
         for message in self.bag.messages([name]):
             try:

@@ -1,4 +1,4 @@
-"""What acts on the gel as a whole, of a ForceDistribution: net shear, torsion, and how its maker explains the motion."""
+"""What acts on the gel as a whole, of a ForceDistribution: net shear, torsion, and how the motion was explained."""
 
 from __future__ import annotations
 

@@ -75,8 +75,7 @@ def over_half(surface: Surface, contacts: Sequence[Any]) -> Float32[np.ndarray, 
 def _away_mm(contact: Any, x_mm: np.ndarray, y_mm: np.ndarray) -> Float[np.ndarray, 'rows cols']:
     """From the rim of a bar with round ends, as long, wide and turned as the contact is, or from its centre."""
     length, width, angle = (
-        value if math.isfinite(value) else 0.0
-        for value in (contact.length * KILO, contact.width * KILO, contact.angle)
+        value if math.isfinite(value) else 0.0 for value in (contact.length * KILO, contact.width * KILO, contact.angle)
     )
     right, down = x_mm - contact.position.x * KILO, y_mm - contact.position.y * KILO
     along = right * math.cos(angle) + down * math.sin(angle)

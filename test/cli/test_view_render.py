@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from rich.console import Console
 from fields import ring
+from rich.console import Console
 from seen import MS, diagnostics, force, received
 
 from tactile_nodes import conversions

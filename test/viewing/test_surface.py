@@ -91,7 +91,9 @@ def test_without_a_contact_there_is_no_outline() -> None:
     assert not over_half(surface_of(ring(0)[1]), []).any()
 
 
-@pytest.mark.parametrize('change', [{'rows': 35}, {'shear_x': np.zeros(3, np.float32)}, {'pressure': np.zeros(0, np.float32)}])
+@pytest.mark.parametrize(
+    'change', [{'rows': 35}, {'shear_x': np.zeros(3, np.float32)}, {'pressure': np.zeros(0, np.float32)}]
+)
 def test_a_field_that_does_not_fill_its_grid_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(MessageError, match='a force field of'):
         surface_of(dataclasses.replace(ring(0)[1], **change))

@@ -249,8 +249,9 @@ def test_a_smooth_map_runs_through_its_cells_and_its_lines_lie_where_it_has_thei
             const cone = Float32Array.from({ length: 81 }, (_, at) => Math.hypot(at % 9 - 4, Math.floor(at / 9) - 4));
             const path = contour({ values: cone, rows: 9, cols: 9 }, 3, 0, 0, 10); // about (45, 45), 30 wide
             const context = document.createElement('canvas').getContext('2d');
-            const on = (away) => Array.from({ length: 16 }, (_, step) => step * Math.PI / 8).filter(
-                (angle) => context.isPointInStroke(path, 45 + away * Math.cos(angle), 45 + away * Math.sin(angle))).length;
+            const angles = Array.from({ length: 16 }, (_, step) => step * Math.PI / 8);
+            const at = (away, angle) => [45 + away * Math.cos(angle), 45 + away * Math.sin(angle)];
+            const on = (away) => angles.filter((angle) => context.isPointInStroke(path, ...at(away, angle))).length;
             context.lineWidth = 4;
             return { middles: [1, 4, 7, 10].map((at) => ramp.values[12 + at]), between: ramp.values[12 + 5],
                      size: [ramp.rows, ramp.cols], on: [on(25), on(30), on(35)] };

@@ -100,7 +100,11 @@ def test_net_shear_torsion_and_explanation_travel_and_what_is_not_known_is_null(
     scene = Scene()
     scene.add_force(received(ring(10 * MS)[0], 11))
     net = seen(scene, 12)[0]['force']['net']
-    assert (net['explanation'], net['shear_n'], net['torsion_n_mm']) == ('field', pytest.approx(0.6), pytest.approx(4.0))
+    assert (net['explanation'], net['shear_n'], net['torsion_n_mm']) == (
+        'field',
+        pytest.approx(0.6),
+        pytest.approx(4.0),
+    )
     fields = conversions.force_fields(np.ones((9, 9), np.float32), BinGrid(9, 9, 36.0, 36.0))
     scene.add_force(received(types.ForceDistribution(header=conversions.header(20 * MS, ''), **fields), 21))
     assert seen(scene, 22)[0]['force']['net']['shear_n'] is None
