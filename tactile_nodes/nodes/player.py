@@ -1,4 +1,6 @@
-"""Publishes a bag again: the same bytes, but of forces of an earlier release, with the same distances in time.
+"""Publishes a bag again: the same bytes, with the same distances in time.
+
+Forces of an earlier release are completed: what they did not tell is not known.
 
 Offers ``~/pause``, ``~/resume``, ``~/toggle_paused`` and ``~/play_next`` (std_srvs/Trigger); the parameter ``rate`` can
 be changed on the way. The node ends when it has played everything.
