@@ -34,7 +34,7 @@ def force_map(force: types.ForceDistribution) -> types.Image:
 
 
 def pressure_map(field: types.ForceField) -> types.Image:
-    """The pressure on each cell as a picture of 32FC1 in Pa: a pixel a cell, rows along y; NaN when it is invalid."""
+    """The pressure on each cell as a picture of 32FC1 in Pa: a pixel a cell, rows along y; NaN: not known."""
     return _picture(field, np.asarray(field.pressure, np.float32))
 
 
@@ -120,7 +120,8 @@ def _field(name: str, offset: int) -> types.PointField:
 
 def _picture(told: types.ForceDistribution | types.ForceField, values: Float32[np.ndarray, ' cells']) -> types.Image:
     """A pixel for each of its cells."""
-    shown = values if is_usable(told) else np.full(told.rows * told.cols, np.nan, np.float32)
+    size = told.rows * told.cols
+    shown = values if is_usable(told) and values.size == size else np.full(size, np.nan, np.float32)
     return types.Image(
         header=told.header, height=told.rows, width=told.cols, encoding='32FC1', step=4 * told.cols, data=_bytes(shown)
     )

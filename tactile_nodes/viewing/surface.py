@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from tactile_nodes.errors import MessageError
+from tactile_nodes.messages import types
 
 KILO = 1e3
 """Pascals in a kilopascal."""
@@ -36,14 +37,16 @@ class Surface:
         return x, y
 
 
-def surface_of(field: Any) -> Surface:
-    """Of a ForceField message; shear that it does not know is zero.
+def surface_of(field: Any) -> Surface | None:
+    """Of a ForceField message; None of one that is invalid or knows no pressure. Shear that it does not know is zero.
 
     Raises:
         MessageError: its arrays do not fill its grid.
     """
+    if field.status == types.ForceDistribution.STATUS_INVALID or not field.pressure.size:
+        return None
     shape, size = (int(field.rows), int(field.cols)), int(field.rows * field.cols)
-    if not size or field.pressure.size != size or {field.shear_x.size, field.shear_y.size} - {0, size}:
+    if field.pressure.size != size or {field.shear_x.size, field.shear_y.size} - {0, size}:
         raise MessageError(f'a force field of {field.pressure.size} pressures on a grid of {shape[0]} x {shape[1]}')
     known = field.shear_x.size == field.shear_y.size == size
     parts = [part.reshape(shape) if known else np.zeros(shape, np.float32) for part in (field.shear_x, field.shear_y)]

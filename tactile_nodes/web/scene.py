@@ -72,8 +72,9 @@ class Scene:
         Raises:
             MessageError: its arrays do not fill its grid.
         """
-        self._new = True
-        _keep(self._surfaces, stamp_ns(received.message.header.stamp), surface_of(received.message))
+        if (surface := surface_of(received.message)) is not None:
+            self._new = True
+            _keep(self._surfaces, stamp_ns(received.message.header.stamp), surface)
 
     def add_diagnostics(self, received: Received) -> None:
         self.view.add_diagnostics(received)
