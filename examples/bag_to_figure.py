@@ -1,4 +1,7 @@
-"""From a bag to a figure: total force over time, the force on each bin at one instant, the contacts, and the status.
+"""From a bag to a figure: force over time, what acts on the surface at one instant, the contacts, and the status.
+
+Of a model that tells force_field the surface is drawn as a smooth map of the pressure with arrows of the shear and the
+outlines of the contacts, else as the force on each bin.
 
     python examples/bag_to_figure.py press1                          press1.png, at the instant of the largest force
     python examples/bag_to_figure.py press1 -o touch.pdf --at 3.2    the map 3.2 s after the first force
@@ -10,6 +13,7 @@ It needs matplotlib (pip install 'tactile_nodes[train]'). How to read a bag with
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +26,11 @@ from tactile_nodes.bus import topics
 from tactile_nodes.errors import BagError, TactileError
 from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.viewing.net import net_of
+from tactile_nodes.viewing.surface import Surface, over_half, surface_of
 
+ARROWS = 18  # along each side at most
+LEAST_ARROW = 0.06  # of the longest one: shorter ones would only be noise
 COLOURS = {0: 'tab:green', 1: 'tab:orange', 2: 'tab:red'}
 NAMES = {0: 'ok', 1: 'degraded', 2: 'invalid'}
 REASONS = {
@@ -42,7 +50,9 @@ class Forces:
     map_n: np.ndarray  # (n, rows, cols)
     status: np.ndarray  # (n,) 0 ok, 1 degraded, 2 invalid
     reasons: np.ndarray  # (n,) bits
+    shear_n: np.ndarray  # (n,) net shear; NaN where the model does not look for it
     contacts: np.ndarray  # (m, 4) time in s, x and y in mm, force in N
+    told: list[Any]  # (n) the messages
     extent_mm: tuple[float, float, float, float]  # left, right, bottom, top of the map as it is drawn
     start_ns: int
 
@@ -59,7 +69,10 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         output = arguments.output or Path(f'{arguments.bag.resolve().stem}.png')
-        save(draw(*read(arguments.bag, arguments.namespace), at_s=arguments.at), output)
+        forces, truth = read(arguments.bag, arguments.namespace)
+        at = instant(forces, arguments.at)
+        surface = read_surface(arguments.bag, arguments.namespace, stamp_ns(forces.told[at].header.stamp))
+        save(draw(forces, truth, arguments.at, surface), output)
     except TactileError as error:
         print(error, file=sys.stderr)
         return 1
@@ -88,6 +101,17 @@ def read(path: Path, namespace: str = '/') -> tuple[Forces, np.ndarray]:
     return forces, np.array(truth).reshape(-1, 2)
 
 
+def read_surface(path: Path, namespace: str, at_ns: int) -> Surface | None:
+    """The force field of the frame with this stamp; None where the bag holds none."""
+    topic = f'{namespace.rstrip("/")}/{topics.FORCE_FIELD.name}'
+    with BagReader(path) as bag:
+        for message in bag.messages([topic]) if topic in bag.topics else ():
+            field = bag.decode(message)
+            if stamp_ns(field.header.stamp) == at_ns:
+                return surface_of(field)
+    return None
+
+
 def gather(told: list[Any]) -> Forces:
     """Messages as arrays."""
     stamps_ns = np.array([stamp_ns(force.header.stamp) for force in told])
@@ -107,34 +131,44 @@ def gather(told: list[Any]) -> Forces:
         map_n=np.stack([np.reshape(force.normal_force, (first.rows, first.cols)) for force in told]),
         status=np.array([force.status for force in told]),
         reasons=np.array([force.reasons for force in told]),
+        shear_n=np.array([net_of(force).shear_n for force in told]),
         contacts=np.array(contacts).reshape(-1, 4),
+        told=told,
         extent_mm=(left, right, bottom, top),
         start_ns=int(stamps_ns[0]),
     )
 
 
-def draw(forces: Forces, truth: np.ndarray, at_s: float | None = None) -> Any:
-    """The figure."""
+def instant(forces: Forces, at_s: float | None) -> int:
+    """The frame that is drawn: that of the largest force, or the one at a time."""
     usable = np.where(forces.status == types.ForceDistribution.STATUS_INVALID, -np.inf, forces.total_n)
-    at = int(np.argmax(usable)) if at_s is None else int(np.argmin(np.abs(forces.time_s - at_s)))
+    return int(np.argmax(usable)) if at_s is None else int(np.argmin(np.abs(forces.time_s - at_s)))
+
+
+def draw(forces: Forces, truth: np.ndarray, at_s: float | None = None, surface: Surface | None = None) -> Any:
+    """The figure; `surface` is the force field of the instant, where there is one."""
+    at = instant(forces, at_s)
     made = figure(10.0, 7.5)
     grid = made.add_gridspec(3, 2, height_ratios=(4, 5, 1))
     draw_total(made.add_subplot(grid[0, :]), forces, truth, at)
-    draw_map(made.add_subplot(grid[1, 0]), forces, at)
+    axes = made.add_subplot(grid[1, 0])
+    draw_map(axes, forces, at) if surface is None else draw_surface(axes, forces, at, surface)
     draw_contacts(made.add_subplot(grid[1, 1]), forces)
     draw_status(made.add_subplot(grid[2, :]), forces)
     return made
 
 
 def draw_total(axes: Any, forces: Forces, truth: np.ndarray, at: int) -> None:
-    """Total force with one standard deviation, beside the true one where there is one."""
+    """Total force with one standard deviation, beside the true one where there is one, and net shear where known."""
     if len(truth):
         axes.plot(truth[:, 0], truth[:, 1], color='0.6', linewidth=3, label='true')
     axes.plot(forces.time_s, forces.total_n, color='tab:blue', linewidth=1, label='measured')
     low, high = forces.total_n - forces.sigma_n, forces.total_n + forces.sigma_n
     axes.fill_between(forces.time_s, low, high, color='tab:blue', alpha=0.3, linewidth=0)
+    if np.isfinite(forces.shear_n).any():
+        axes.plot(forces.time_s, forces.shear_n, color='tab:orange', linewidth=1, label='net shear')
     axes.axvline(forces.time_s[at], color='black', linewidth=0.8, linestyle=':')
-    axes.set(xlabel='time [s]', ylabel='total force [N]', title='Total normal force, one standard deviation')
+    axes.set(xlabel='time [s]', ylabel='force [N]', title='Total normal force, one standard deviation')
     axes.legend(loc='upper right')
 
 
@@ -144,8 +178,50 @@ def draw_map(axes: Any, forces: Forces, at: int) -> None:
     axes.figure.colorbar(image, ax=axes, label='N on the bin')
     here = forces.contacts[forces.contacts[:, 0] == forces.time_s[at]]
     axes.scatter(here[:, 1], here[:, 2], s=120, facecolors='none', edgecolors='tab:red')
-    title = f'{forces.total_n[at]:.3f} N at {forces.time_s[at]:.2f} s'
-    axes.set(xlabel='x [mm]', ylabel='y [mm]', title=title)
+    axes.set(xlabel='x [mm]', ylabel='y [mm]', title=headline(forces, at))
+
+
+def draw_surface(axes: Any, forces: Forces, at: int, surface: Surface) -> None:
+    """Pressure as a smooth map, shear as arrows, and where each contact carries half of its highest pressure."""
+    x_mm, y_mm = surface.centres_mm
+    image = axes.imshow(
+        surface.pressure_kpa, extent=forces.extent_mm, cmap='inferno', vmin=0.0, interpolation='bicubic'
+    )
+    axes.figure.colorbar(image, ax=axes, label='pressure [kPa]')
+    shares = over_half(surface, forces.told[at].contacts)
+    if shares.max() > 1:
+        axes.contour(x_mm, y_mm, shares, [1.0], colors='#5be0ff', linewidths=1.0)
+    draw_shear(axes, surface)
+    axes.set(xlabel='x [mm]', ylabel='y [mm]', title=headline(forces, at))
+
+
+def draw_shear(axes: Any, surface: Surface) -> None:
+    """Arrows of means over blocks of cells, with how long which shear is."""
+    size = math.ceil(max(surface.pressure_kpa.shape) / ARROWS)
+    rows, cols = (count // size for count in surface.pressure_kpa.shape)
+    blocks = surface.shear_kpa[: rows * size, : cols * size].reshape(rows, size, cols, size, 2).mean(axis=(1, 3))
+    longest = float(np.hypot(*blocks.T).max())
+    if not longest > 0:
+        return
+    x_mm, y_mm = (
+        places[: count * size].reshape(count, size).mean(axis=1)
+        for places, count in zip(surface.centres_mm, (cols, rows), strict=True)
+    )
+    shown = np.where(np.hypot(blocks[..., 0], blocks[..., 1])[..., None] < LEAST_ARROW * longest, np.nan, blocks)
+    spacing = x_mm[1] - x_mm[0] if cols > 1 else surface.cell_mm[0]
+    drawn = axes.quiver(
+        x_mm, y_mm, shown[..., 0], shown[..., 1], color='white', edgecolor='black', linewidth=0.4, pivot='middle',
+        angles='xy', scale_units='xy', scale=longest / (1.4 * spacing), width=0.008,
+    )  # fmt: skip
+    axes.quiverkey(
+        drawn, 0.6, 0.06, longest, f'{longest:.2g} kPa shear', labelpos='E', color='white', labelcolor='white'
+    )
+
+
+def headline(forces: Forces, at: int) -> str:
+    """What acts at the instant of the map."""
+    shear = f', shear {forces.shear_n[at]:.3f} N' if math.isfinite(forces.shear_n[at]) else ''
+    return f'{forces.total_n[at]:.3f} N{shear} at {forces.time_s[at]:.2f} s'
 
 
 def draw_contacts(axes: Any, forces: Forces) -> None:

@@ -1,4 +1,4 @@
-"""A force distribution in the standard messages that other tools draw: picture, points, contact, markers.
+"""A force distribution and a force field in the standard messages that other tools draw: pictures, points, markers.
 
 All carry the header of what they are made of. A distribution that is invalid has no shape: these messages hold no
 status, so the picture is NaN, the cloud and the markers are empty, and there is no contact.
@@ -7,6 +7,7 @@ status, so the picture is NaN, the cloud and the markers are empty, and there is
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -14,29 +15,27 @@ from jaxtyping import Float32
 from tactile_nodes.messages import time_from_ns, types
 
 POINT_BYTES = 16
-ARROW, DELETE_ALL = 0, 3
+ARROW, LINE_STRIP, DELETE_ALL = 0, 4, 3
 METRES_PER_NEWTON = 0.02
-SHAFT_M, HEAD_M = 0.001, 0.002
+SHAFT_M, HEAD_M, LINE_M = 0.001, 0.002, 0.0004
+OUTLINE_POINTS = 48
 OK_COLOUR = types.ColorRGBA(r=0.1, g=0.8, b=0.2, a=1.0)
 DEGRADED_COLOUR = types.ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)
 
 
-def is_usable(force: types.ForceDistribution) -> bool:
+def is_usable(force: types.ForceDistribution | types.ForceField) -> bool:
     """Whether its numbers may be used at all."""
     return force.status != types.ForceDistribution.STATUS_INVALID
 
 
 def force_map(force: types.ForceDistribution) -> types.Image:
     """The normal force on each bin as a picture of 32FC1 in N: a pixel a bin, rows along y; NaN when it is invalid."""
-    values = _forces(force) if is_usable(force) else np.full((force.rows, force.cols), np.nan, np.float32)
-    return types.Image(
-        header=force.header,
-        height=force.rows,
-        width=force.cols,
-        encoding='32FC1',
-        step=4 * force.cols,
-        data=_bytes(values),
-    )
+    return _picture(force, np.asarray(force.normal_force, np.float32))
+
+
+def pressure_map(field: types.ForceField) -> types.Image:
+    """The pressure on each cell as a picture of 32FC1 in Pa: a pixel a cell, rows along y; NaN: not known."""
+    return _picture(field, np.asarray(field.pressure, np.float32))
 
 
 def force_points(force: types.ForceDistribution) -> types.PointCloud2:
@@ -68,12 +67,17 @@ def contact_point(force: types.ForceDistribution) -> types.PointStamped | None:
 
 
 def contact_markers(force: types.ForceDistribution) -> types.MarkerArray:
-    """An arrow for each contact, its head on the gel, 20 mm long for a newton; green, or orange when degraded.
+    """An arrow for each contact, its head on the gel, along the force there, shear included, 20 mm long for a newton.
 
-    The first marker takes away those of the frame before.
+    About it an ellipse as long and wide as the contact, where that is known. Green, or orange when degraded. The first
+    marker takes away those of the frame before.
     """
-    arrows = [_arrow(force, number) for number in range(len(force.contacts))] if is_usable(force) else []
-    return types.MarkerArray(markers=[types.Marker(header=force.header, action=DELETE_ALL), *arrows])
+    drawn: list[types.Marker] = []
+    for number, contact in enumerate(force.contacts if is_usable(force) else []):
+        drawn.append(_arrow(force, number))
+        if math.isfinite(contact.length) and math.isfinite(contact.width):
+            drawn.append(_outline(force, number))
+    return types.MarkerArray(markers=[types.Marker(header=force.header, action=DELETE_ALL), *drawn])
 
 
 def surface_transform(
@@ -114,18 +118,48 @@ def _field(name: str, offset: int) -> types.PointField:
     return types.PointField(name=name, offset=offset, datatype=types.PointField.FLOAT32, count=1)
 
 
+def _picture(told: types.ForceDistribution | types.ForceField, values: Float32[np.ndarray, ' cells']) -> types.Image:
+    """A pixel for each of its cells."""
+    size = told.rows * told.cols
+    shown = values if is_usable(told) and values.size == size else np.full(size, np.nan, np.float32)
+    return types.Image(
+        header=told.header, height=told.rows, width=told.cols, encoding='32FC1', step=4 * told.cols, data=_bytes(shown)
+    )
+
+
 def _arrow(force: types.ForceDistribution, number: int) -> types.Marker:
+    """On the gel acts (shear x, shear y, -force): the tail lies against it. Shear that is not known counts as none."""
     contact = force.contacts[number]
     tip = contact.position
-    tail = types.Point(x=tip.x, y=tip.y, z=tip.z + METRES_PER_NEWTON * contact.force)
+    shear_x, shear_y = (value if math.isfinite(value) else 0.0 for value in (contact.shear_x, contact.shear_y))
+    tail = types.Point(
+        x=tip.x - METRES_PER_NEWTON * shear_x,
+        y=tip.y - METRES_PER_NEWTON * shear_y,
+        z=tip.z + METRES_PER_NEWTON * contact.force,
+    )
+    scale = types.Vector3(x=SHAFT_M, y=HEAD_M, z=HEAD_M)
+    return _marker(force, 'contacts', number, type=ARROW, points=[tail, tip], scale=scale)
+
+
+def _outline(force: types.ForceDistribution, number: int) -> types.Marker:
+    contact = force.contacts[number]
+    middle, angle = contact.position, contact.angle if math.isfinite(contact.angle) else 0.0
+    points = []
+    for turn in np.linspace(0, math.tau, OUTLINE_POINTS + 1).tolist():
+        along, across = contact.length / 2 * math.cos(turn), contact.width / 2 * math.sin(turn)
+        right = along * math.cos(angle) - across * math.sin(angle)
+        down = along * math.sin(angle) + across * math.cos(angle)
+        points.append(types.Point(x=middle.x + right, y=middle.y + down, z=middle.z))
+    return _marker(force, 'outlines', number, type=LINE_STRIP, points=points, scale=types.Vector3(x=LINE_M))
+
+
+def _marker(force: types.ForceDistribution, group: str, number: int, **what: Any) -> types.Marker:
     degraded = force.status == types.ForceDistribution.STATUS_DEGRADED
     return types.Marker(
         header=force.header,
-        ns='contacts',
+        ns=group,
         id=number,
-        type=ARROW,
-        points=[tail, tip],
         pose=types.Pose(orientation=types.Quaternion(w=1.0)),
-        scale=types.Vector3(x=SHAFT_M, y=HEAD_M, z=HEAD_M),
         color=DEGRADED_COLOUR if degraded else OK_COLOUR,
+        **what,
     )

@@ -30,7 +30,7 @@ def force(status: int = FORCE.STATUS_OK, touched: bool = True) -> types.ForceDis
         total=0.5,
         in_contact=touched,
         contact=place,
-        contacts=[types.Contact(position=place, force=0.5)] if touched else [],
+        contacts=[types.Contact(position=place, force=0.5, length=math.nan)] if touched else [],
         status=status,
     )
 
@@ -78,6 +78,33 @@ def test_an_arrow_of_20_mm_a_newton_ends_at_the_contact() -> None:
     tail, tip = arrow.points
     assert (tail.x, tail.y, tail.z) == pytest.approx((0.002, 0.0015, 0.010))
     assert (tip.x, tip.y, tip.z) == (0.002, 0.0015, 0.0)
+
+
+def test_the_arrow_lies_along_the_force_where_shear_is_known_and_an_ellipse_is_as_large_as_the_contact() -> None:
+    place = types.Point(x=0.002, y=0.0015)
+    contact = types.Contact(
+        position=place, force=0.5, shear_x=0.1, shear_y=-0.2, length=0.010, width=0.004, angle=math.pi / 2
+    )
+    told = FORCE(header=HEAD, rows=1, cols=1, contacts=[contact], in_contact=True)
+    _, arrow, outline = force_shapes.contact_markers(told).markers
+    tail, tip = arrow.points
+    assert (tip.x - tail.x, tip.y - tail.y, tip.z - tail.z) == pytest.approx((0.002, -0.004, -0.010))
+    assert (outline.type, outline.ns) == (types.Marker.LINE_STRIP, 'outlines')
+    x, y = ([getattr(each, name) for each in outline.points] for name in ('x', 'y'))
+    assert (min(y), max(y)) == pytest.approx((0.0015 - 0.005, 0.0015 + 0.005))  # turned by 90°: long along y
+    assert (min(x), max(x)) == pytest.approx((0.002 - 0.002, 0.002 + 0.002))
+
+
+def test_shear_and_size_that_are_not_known_are_not_drawn() -> None:
+    unknown = types.Contact(force=0.5, **dict.fromkeys(('shear_x', 'shear_y', 'length', 'width', 'angle'), math.nan))
+    told = FORCE(header=HEAD, rows=1, cols=1, contacts=[unknown], in_contact=True)
+    _, arrow = force_shapes.contact_markers(told).markers
+    assert (arrow.points[0].x, arrow.points[0].y) == (0.0, 0.0)
+
+
+def test_an_invalid_pressure_is_no_number() -> None:
+    field = types.ForceField(rows=2, cols=2, pressure=np.ones(4, np.float32), status=FORCE.STATUS_INVALID)
+    assert np.isnan(np.asarray(force_shapes.pressure_map(field).data).view('<f4')).all()
 
 
 def test_arrows_of_a_degraded_force_have_another_colour() -> None:

@@ -72,7 +72,7 @@ def test_foxglove_draws_pictures_from_image_topics() -> None:
         if panel.startswith('Image!')
     ]
     assert {topic_type(name) for name in names} == {'sensor_msgs/msg/Image'}
-    assert len(names) == 2
+    assert len(names) == 3
 
 
 def test_foxglove_names_no_topic_and_no_field_that_there_is_not() -> None:

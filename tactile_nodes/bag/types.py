@@ -9,6 +9,7 @@ from rosbags.typesys import TypesysError, get_types_from_msg
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.older import COMPLETED, completed, is_earlier
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages.store import MessageStore, store
 
@@ -19,12 +20,13 @@ _FIELD_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*', re.ASCII)
 class BagTypes:
     """Decodes by the definitions that a bag carries; falls back on ours where it carries none.
 
-    What is learnt stays here: two bags may carry two versions of one type.
+    What is learnt stays here: two bags may carry two versions of one type. Forces of an earlier release are completed.
     """
 
     def __init__(self) -> None:
         self._local: MessageStore | None = None
         self._foreign: set[str] = set()
+        self._earlier: set[str] = set()
 
     def learn(self, topic: BagTopic) -> None:
         """Take in a topic's type. A definition that cannot be read is passed over."""
@@ -39,10 +41,16 @@ class BagTypes:
             # Not `register`, which would run code made from names that a stranger wrote.
             self._local.fielddefs.update(parsed)
             self._foreign.add(topic.type_name)
+            if topic.type_name in COMPLETED and is_earlier(topic.type_name, parsed):
+                self._earlier.add(topic.type_name)
 
     def is_ours(self, type_name: str) -> bool:
         """Whether the bag's messages of this type are what this process understands by it."""
         return type_name not in self._foreign and type_name in store().fielddefs
+
+    def is_completed(self, type_name: str) -> bool:
+        """Whether they are those of an earlier release, which `decode` gives as this process understands them."""
+        return type_name in self._earlier
 
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message that `data` holds.
@@ -53,9 +61,10 @@ class BagTypes:
         if self._local is None or type_name not in self._foreign:
             return messages.decode(data, type_name)
         try:
-            return self._local.deserialize_cdr(data, type_name)
+            found = self._local.deserialize_cdr(data, type_name)
         except Exception as error:  # a stranger's definition can fail in any way
             raise MessageError(f'{len(data)} bytes that are no {type_name} as this bag defines it: {error}') from error
+        return completed(found, type_name) if type_name in self._earlier else found
 
 
 def _is_plain(name: str, content: Any) -> bool:

@@ -102,6 +102,11 @@ class Node:
         self._ends.append(made)
         return made
 
+    def end_subscription(self, subscription: Subscription) -> None:
+        """Receive no more of what `create_subscription` began."""
+        self._ends.remove(subscription)
+        subscription.close()
+
     def create_timer(self, period_s: float, callback: Callable[[], None]) -> None:
         """Call `callback` every `period_s` by this node's clock; periods that were missed are skipped."""
         timer = _Timer(max(1, round(period_s * NS_PER_S)), callback)

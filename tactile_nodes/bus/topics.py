@@ -123,6 +123,15 @@ FORCE_MAP = Topic(
     frame=_SURFACE,
     holds='N, 32FC1, a pixel a bin, rows along y, positive into the gel; NaN while the force is invalid',
 )
+PRESSURE_MAP = Topic(
+    'pressure_map',
+    'sensor_msgs/msg/Image',
+    'the pressure on each cell of force_field as a picture of 32FC1, rows along y [Pa]; of models that know',
+    _LATEST,
+    60.0,
+    frame=_SURFACE,
+    holds='Pa, 32FC1, a pixel a cell, rows along y, positive into the gel; NaN while the force is invalid',
+)
 FORCE_POINTS = Topic(
     'force_points',
     'sensor_msgs/msg/PointCloud2',
@@ -144,11 +153,11 @@ CONTACT = Topic(
 CONTACT_MARKERS = Topic(
     'contact_markers',
     'visualization_msgs/msg/MarkerArray',
-    'an arrow for each contact, 20 mm a newton',
+    'an arrow along the force of each contact, 20 mm a newton, and the outline of the contact',
     _LATEST,
     60.0,
     frame=_SURFACE,
-    holds='head of each arrow on the gel; green, orange when degraded',
+    holds='head of each arrow on the gel, shear included where it is known; green, orange when degraded',
 )
 TF_STATIC = Topic(
     '/tf_static',
@@ -282,8 +291,8 @@ TOPICS = {
     for topic in (
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, FORCE_FIELD, WRENCH, TRUE_FORCE,
         MODEL_IN_USE, CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE,
-        FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, FORCE_POINTS, CONTACT,
-        CONTACT_MARKERS, TF_STATIC,
+        FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, PRESSURE_MAP,
+        FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
     )
 }  # fmt: skip
 

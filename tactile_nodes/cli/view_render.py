@@ -14,12 +14,14 @@ from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
 from tactile_nodes.cli.view import FULL_SCALE_N
 from tactile_nodes.cli.view_map import MAP_WIDTH, map_lines
 from tactile_nodes.viewing.measures import STAGES, Scores, strongest
+from tactile_nodes.viewing.net import net_of
 from tactile_nodes.viewing.state import NodeHealth, Snapshot, reason_names, silent
 
 _BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 _LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
 _LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
 _STATUSES = ('OK', 'DEGRADED', 'INVALID')
+_WAYS = '→↘↓↙←↖↑↗'  # from x, to the right, towards y, downwards
 
 
 def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
@@ -29,7 +31,8 @@ def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
         lines.append(Text(waiting(shot), _LEVELS[1]))
     else:
         lines += _side_by_side(map_lines(shot.force, _true_bin(shot), full_scale_n), _latency_lines(shot))
-        lines += [Text(), _force_line(shot), _place_line(shot), _counts_line(shot), _provenance_line(shot)]
+        lines += [Text(), _force_line(shot), _place_line(shot), *_net_lines(shot)]
+        lines += [_counts_line(shot), _provenance_line(shot)]
     lines += _health_lines(shot)
     lines += [Text(line, _LEVELS[1]) for line in shot.logs]
     made = Text('\n').join(lines)
@@ -48,6 +51,7 @@ def line(shot: Snapshot) -> str:
         f'{_hz(shot.arrivals_hz):>5} fps',
         _total_text(shot),
         _place_text(shot),
+        *filter(None, [_net_text(shot.force)]),
         f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
         f'lost {shot.lost} skipped {shot.skipped}',
         _status_text(shot.force),
@@ -132,6 +136,12 @@ def _place_line(shot: Snapshot) -> Text:
     return Text.assemble(('contact  ', _BOLD), _place_text(shot).removeprefix('contact '))
 
 
+def _net_lines(shot: Snapshot) -> list[Text]:
+    """None of models that look for normal forces alone."""
+    text = _net_text(shot.force)
+    return [Text.assemble(('acting   ', _BOLD), text)] if text else []
+
+
 def _counts_line(shot: Snapshot) -> Text:
     made = Text.assemble(
         ('frames   ', _BOLD), f'{shot.frames}, {_hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}'
@@ -178,6 +188,18 @@ def _place_text(shot: Snapshot) -> str:
         return text
     apart = f'  off by {pair.distance_mm:.2f} mm' if not math.isnan(pair.distance_mm) else ''
     return f'{text}  true {_where(pair.truth)}{apart}'
+
+
+def _net_text(force: Any) -> str:
+    """Net shear with its direction as it is seen on the map, torsion, and how the motion was explained."""
+    found = net_of(force)
+    if not found.is_known:
+        return ''
+    way = _WAYS[round(found.direction_rad / math.tau * len(_WAYS)) % len(_WAYS)] if found.shear_n > 0 else ' '
+    parts = [f'shear {found.shear_n:.3f}±{found.shear_sigma_n:.3f} N {way}']
+    if not math.isnan(found.torsion_n_mm):
+        parts.append(f'torsion {found.torsion_n_mm:.1f}±{found.torsion_sigma_n_mm:.1f} N mm')
+    return '  '.join([*parts, *([f'explained by {found.explanation}'] if found.explanation else [])])
 
 
 def _where(force: Any) -> str:

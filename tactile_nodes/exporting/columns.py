@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import image_pixels
 from tactile_nodes.errors import DatasetError
@@ -18,6 +18,18 @@ from tactile_nodes.exporting.units import unit_of
 TEXT = 'text'
 IMAGE_TYPE = 'sensor_msgs/msg/Image'
 _TIME_FIELDS = ['sec', 'nanosec']
+_MAPS = {
+    FORCE_DISTRIBUTION.type_name: (
+        'normal_force', 'confidence', 'normal_force_sigma', 'shear_force_x', 'shear_force_y',
+    ),
+    FORCE_FIELD.type_name: ('pressure', 'shear_x', 'shear_y', 'pressure_sigma', 'shear_sigma'),
+}  # fmt: skip
+"""What lies on a grid of rows and columns; where it is not known, or of an invalid frame, the array is empty."""
+
+_STRONGEST = (
+    'position_sigma', 'force', 'force_sigma', 'shear_x', 'shear_y', 'shear_sigma', 'torsion', 'torsion_sigma', 'area',
+    'length', 'width', 'angle', 'slip_share',
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,14 +59,17 @@ class Layout:
     left_out: dict[str, str] = field(default_factory=dict)
     empty: dict[str, Getter] = field(default_factory=dict)
     constant: dict[str, tuple[Getter, list[str]]] = field(default_factory=dict)
+    told: set[str] = field(default_factory=set)
 
     @classmethod
     def of(cls, topic: str, type_name: str, first: Any) -> Layout:
         """The layout that the first message of a topic asks for."""
         made = cls(topic, type_name)
         made._add_all(first, '', lambda message: message)
+        if type_name in _MAPS:
+            made._shape_maps(first)
         if type_name == FORCE_DISTRIBUTION.type_name:
-            made._add_force(first)
+            made._add_contacts(first)
         if type_name == IMAGE_TYPE:
             made._add_image(first)
         return made
@@ -62,6 +77,10 @@ class Layout:
     @property
     def is_force(self) -> bool:
         return self.type_name == FORCE_DISTRIBUTION.type_name
+
+    @property
+    def is_field(self) -> bool:
+        return self.type_name == FORCE_FIELD.type_name
 
     def row(self, message: Any) -> list[Any]:
         """The values of one message, in the order of the columns.
@@ -131,19 +150,23 @@ class Layout:
             self.left_out[name] = 'a list of any length'
 
     def _has_map(self, name: str) -> bool:
-        return self.is_force and name in {'normal_force', 'confidence'}
+        return name in _MAPS.get(self.type_name, ())
 
-    def _add_force(self, first: Any) -> None:
-        """Maps as rows by columns, and of the list of contacts the strongest and how many there are."""
+    def _shape_maps(self, first: Any) -> None:
+        """Maps as rows by columns; `told` are those that the first message knows."""
         grid = (int(first.rows), int(first.cols))
         for number, column in enumerate(self.columns):
             if self._has_map(column.name):
                 self.columns[number] = dataclasses.replace(column, dtype='float32', shape=grid)
+                self.told |= {column.name} if len(getattr(first, column.name)) else set()
+
+    def _add_contacts(self, first: Any) -> None:
+        """Of the list of contacts the strongest, and how many there are."""
         if not hasattr(first, 'contacts'):  # bags of older releases
             return
         self.left_out['contacts'] = 'a list; contact_count and strongest.* say how many there are and the first of them'
         self._add('contact_count', 'int64', lambda message: len(message.contacts))
-        for name in ('position_sigma', 'force', 'force_sigma'):
+        for name in _STRONGEST:
             self._add(f'strongest.{name}', 'float64', _strongest(name))
 
     def _add_image(self, first: Any) -> None:

@@ -37,7 +37,13 @@ _FORCE = (
     ('status', 'int64', ['status']),
     ('reasons', 'int64', ['reasons']),
 )
+_SHEAR = (
+    ('contact_shear', 'float32', ['strongest.shear_x', 'strongest.shear_y', 'strongest.torsion']),
+    ('explanation', 'int64', ['explanation']),
+)
+"""Of models that look for shear."""
 _MAP = 'normal_force'
+_SHEAR_MAPS = ('shear_force_x', 'shear_force_y')
 
 
 @dataclass(frozen=True)
@@ -119,7 +125,9 @@ def _features_of_one(layout: Layout, key: str) -> list[Feature]:
     if layout.type_name == IMAGE_TYPE:
         made = [_picture(layout, key)]
     elif layout.is_force:
-        made = list(_forces(layout, key))
+        made = _forces(layout, key)
+    elif layout.is_field:
+        made = _field(layout, key)
     else:
         made = _numbers(layout, key)
     # No name of an observation or action: policies would take an age for one.
@@ -137,18 +145,38 @@ def _key(layout: Layout) -> str:
 
 
 def _forces(layout: Layout, key: str) -> list[Feature]:
-    at = {column.name: place for place, column in enumerate(layout.columns)}
-    column = layout.columns[at[_MAP]]
-    rows, cols = column.shape
-    names = tuple(f'row{row}_col{col}' for row in range(rows) for col in range(cols))
-    size = rows * cols
-    made = [Feature(f'{key}.force_map', layout.topic, 'float32', names, (at[_MAP],), (size,), (column.unit,) * size)]
-    for name, dtype, wanted in _FORCE:
-        if all(each in at for each in wanted):  # bags of older releases know less
-            units = tuple(layout.columns[at[each]].unit for each in wanted)
-            places = tuple(at[each] for each in wanted)
-            made.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(wanted), places, (len(wanted),), units))
+    made = [_map(layout, f'{key}.force_map', [_MAP])]
+    wanted = list(_FORCE)
+    if layout.told.issuperset(_SHEAR_MAPS):
+        made.append(_map(layout, f'{key}.shear_map', _SHEAR_MAPS))
+        wanted += _SHEAR
+    at = _places(layout)
+    for name, dtype, parts in wanted:
+        if all(each in at for each in parts):  # bags of older releases know less
+            units = tuple(layout.columns[at[each]].unit for each in parts)
+            places = tuple(at[each] for each in parts)
+            made.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(parts), places, (len(parts),), units))
     return made
+
+
+def _field(layout: Layout, key: str) -> list[Feature]:
+    """Pressure and shear on the cells; grid and deviations stand in parquet and zarr."""
+    return [_map(layout, f'{key}.pressure', ['pressure']), _map(layout, f'{key}.shear', ['shear_x', 'shear_y'])]
+
+
+def _map(layout: Layout, key: str, names: Sequence[str]) -> Feature:
+    """Maps one after the other, each row by row."""
+    at = _places(layout)
+    columns = [layout.columns[at[name]] for name in names]
+    rows, cols = columns[0].shape
+    cells = [f'row{row}_col{col}' for row in range(rows) for col in range(cols)]
+    parts = tuple(cell if len(names) == 1 else f'{name}_{cell}' for name in names for cell in cells)
+    units = tuple(column.unit for column in columns for _ in cells)
+    return Feature(key, layout.topic, 'float32', parts, tuple(at[name] for name in names), (len(parts),), units)
+
+
+def _places(layout: Layout) -> dict[str, int]:
+    return {column.name: place for place, column in enumerate(layout.columns)}
 
 
 def _numbers(layout: Layout, key: str) -> list[Feature]:

@@ -18,11 +18,12 @@ from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.stamps import header_stamp_ns, starts_with_header
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
 from tactile_nodes.errors import BagError, ImageError, MessageError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
 from tactile_nodes.exporting.resampling import Horizon
 from tactile_nodes.exporting.units import SIGNS, STATUS
+from tactile_nodes.messages import types
 
 NOT_TABLES = {
     'sensor_msgs/msg/CompressedImage': 'a compressed image',
@@ -34,6 +35,8 @@ NOT_TABLES = {
     'rosgraph_msgs/msg/Clock': 'no data',
 }
 """What is exported only when it is named, and why."""
+
+_FORCES = (FORCE_DISTRIBUTION.type_name, FORCE_FIELD.type_name)
 
 
 @dataclass(frozen=True)
@@ -185,25 +188,35 @@ class Source:
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:
-        """Find the first message of a topic that says what its columns are."""
-        self.left_out[name] = 'no messages'
+        """Find the first message of a topic that says what its columns are, of forces the first that is not invalid."""
+        reason = 'no messages'
         for message in self.bag.messages([name]):
             try:
                 first = self.bag.decode(message)
-                if not _is_empty(first, message.type_name):
+                if _is_empty(first, message.type_name):
+                    reason = 'empty in every message'
+                    continue
+                is_invalid = _is_invalid(first, message.type_name)
+                if name not in self.layouts or not is_invalid:
                     self.layouts[name] = Layout.of(name, message.type_name, first)
-                    del self.left_out[name]
+                if not is_invalid:
                     return
-                self.left_out[name] = 'empty in every message'
             except (MessageError, ImageError) as error:
-                self.left_out[name] = str(error)
+                reason = str(error)
+        if name not in self.layouts:
+            self.left_out[name] = reason
 
 
 def _is_empty(message: Any, type_name: str) -> bool:
     """Whether a force or a picture has no size: told before there was one, so a later message knows it."""
-    if type_name == FORCE_DISTRIBUTION.type_name:
+    if type_name in _FORCES:
         return not message.rows * message.cols
     return type_name == IMAGE_TYPE and not message.height * message.width
+
+
+def _is_invalid(message: Any, type_name: str) -> bool:
+    """Whether a force says nothing but that it cannot be told."""
+    return type_name in _FORCES and bool(message.status == types.ForceDistribution.STATUS_INVALID)
 
 
 def _stamp_ns(message: BagMessage) -> int:

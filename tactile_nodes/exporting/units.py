@@ -11,7 +11,7 @@ _UNITS: dict[str, dict[str, str]] = {
         'normal_force': 'N', 'total': 'N', 'total_sigma': 'N', 'peak': 'N', 'confidence': '0 to 1',
         'stages.*': 's', 'averaged': 's', 'normal_force_sigma': 'N', 'shear_force_[xy]': 'N', 'strongest.shear_*': 'N',
         'strongest.torsion*': 'N m', 'strongest.area': 'm²', 'strongest.length': 'm', 'strongest.width': 'm',
-        'strongest.angle': 'rad', **_WRENCH,
+        'strongest.angle': 'rad', 'strongest.slip_share': '0 to 1', **_WRENCH,
     },
     'tactile_nodes/msg/ForceField': {'cell_*': 'm', 'origin.*': 'm', 'pressure*': 'Pa', 'shear_*': 'Pa'},
     'geometry_msgs/msg/WrenchStamped': _WRENCH,
@@ -29,7 +29,8 @@ _UNITS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 SIGNS = (
-    'normal_force, total and peak: positive presses into the gel. wrench: force on the gel, so pressing is -z. '
+    'normal_force, pressure, total and peak: positive presses into the gel. shear_*: what drags the gel along x and y. '
+    'wrench: force on the gel, so pressing is -z; its torque is about the origin. '
     'gel_surface: origin in the middle, x to the right and y down in the image, z out of the gel.'
 )
 STATUS = {'0': 'ok', '1': 'degraded: less sure than usual', '2': 'invalid: do not use the numbers; reasons says why'}

@@ -1,7 +1,8 @@
 """The force in the standard messages that RViz, Foxglove and other robot software draw.
 
 Subscribes ``force_distribution``; publishes ``force_map``, ``force_points``, ``contact`` and ``contact_markers``, each
-only while somebody listens to it, and once ``/tf_static``: where the gel's surface is on the sensor.
+only while somebody listens to it, and once ``/tf_static``: where the gel's surface is on the sensor. While somebody
+listens to ``pressure_map`` it subscribes ``force_field``, which costs whoever makes it.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.protocol import Bus, Publisher, Received
 from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
 
 REPORT_PERIOD_S = 1.0
+LOOK_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -57,12 +60,19 @@ class ForceViewsNode(Node):
             (self.create_publisher(topics.CONTACT), force_shapes.contact_point),
             (self.create_publisher(topics.CONTACT_MARKERS), force_shapes.contact_markers),
         ]
-        self._made = {publisher.topic: 0 for publisher, _ in self._views}
+        self._pressure = self.create_publisher(topics.PRESSURE_MAP)
+        self._field: Subscription | None = None
+        self._made = {publisher.topic: 0 for publisher in self._publishers}
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._tell_transform()
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self._report()
         self.create_timer(REPORT_PERIOD_S, self._report)
+        self.create_timer(LOOK_PERIOD_S, self._look)
+
+    @property
+    def _publishers(self) -> list[Publisher]:
+        return [*(publisher for publisher, _ in self._views), self._pressure]
 
     def _on_force(self, received: Received) -> None:
         for publisher, shape in self._views:
@@ -70,9 +80,23 @@ class ForceViewsNode(Node):
                 publisher.publish(view)
                 self._made[publisher.topic] += 1
 
+    def _look(self) -> None:
+        """Whether anybody wants the field, which is made for its listeners alone."""
+        wanted = self._pressure.listeners > 0
+        if wanted and self._field is None:
+            self._field = self.create_subscription(topics.FORCE_FIELD, self._on_field)
+        elif not wanted and self._field is not None:
+            self.end_subscription(self._field)
+            self._field = None
+
+    def _on_field(self, received: Received) -> None:
+        self._pressure.publish(force_shapes.pressure_map(received.message))
+        self._made[self._pressure.topic] += 1
+
     def _report(self) -> None:
-        wanted = sum(publisher.listeners > 0 for publisher, _ in self._views)
-        self.report('views', Level.OK, f'somebody listens to {wanted} of {len(self._views)}', **self._made)
+        made = self._publishers
+        wanted = sum(publisher.listeners > 0 for publisher in made)
+        self.report('views', Level.OK, f'somebody listens to {wanted} of {len(made)}', **self._made)
 
     def _tell_transform(self) -> None:
         told = self.params

@@ -1,7 +1,7 @@
 """The live view in the browser: a page on this machine, with picture, motion, force, health and a few buttons.
 
 Subscribes ``/diagnostics``, ``/rosout``, ``calibration_state``, ``force_distribution`` and ``true_force_distribution``,
-and, while somebody watches, ``image_raw`` and ``flow_features``.
+and, while somebody watches, ``image_raw``, ``flow_features`` and ``force_field``.
 """
 
 from __future__ import annotations
@@ -112,10 +112,11 @@ class LiveViewNode(Node):
         self._scene.look_again()
         self._pictures.add(topics.IMAGE, self._scene.add_image, keep=IMAGES)
         self._pictures.add(topics.FLOW_FEATURES, self._scene.add_motion, keep=IMAGES)
+        self._pictures.add(topics.FORCE_FIELD, self._scene.add_field, keep=IMAGES)
 
     def _show(self) -> None:
+        self._forces.drain()  # first: what belongs to a force is published before or right after it
         self._pictures.drain()
-        self._forces.drain()
         self._scene.view.malformed = self._forces.malformed + self._pictures.malformed
         now_ns = self.bus.clock.now_ns()
         if self._watched and self.server.has_room and self._scene.is_due(now_ns):

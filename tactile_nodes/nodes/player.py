@@ -1,5 +1,7 @@
 """Publishes a bag again: the same bytes, with the same distances in time.
 
+Forces of an earlier release are completed: what they did not tell is not known.
+
 Offers ``~/pause``, ``~/resume``, ``~/toggle_paused`` and ``~/play_next`` (std_srvs/Trigger); the parameter ``rate`` can
 be changed on the way. The node ends when it has played everything.
 """
@@ -21,7 +23,7 @@ from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, TactileError
-from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.messages import encode, time_from_ns, types
 from tactile_nodes.params import parameter
 
 MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
@@ -128,7 +130,8 @@ class PlayerNode(Node):
             return False
         if topic.name == topics.CLOCK.name and self.params.clock_hz > 0:
             return False  # there is one time only, and we tell it
-        if not self.reader.types.is_ours(topic.type_name):
+        known = self.reader.types
+        if not known.is_ours(topic.type_name) and not known.is_completed(topic.type_name):
             self.log.warn(f'{topic.name} is not played: {topic.type_name} is unknown here, or is another version')
             return False
         return True
@@ -172,7 +175,9 @@ class PlayerNode(Node):
         )
 
     def _publish(self, message: BagMessage) -> None:
-        self._publishers[message.topic].publish_bytes(message.data)
+        earlier = self.reader.types.is_completed(message.type_name)
+        data = encode(self.reader.decode(message)) if earlier else message.data
+        self._publishers[message.topic].publish_bytes(data)
 
     def _tell_time(self, bag_ns: int) -> None:
         if self._clock_publisher is not None:

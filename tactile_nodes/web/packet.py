@@ -4,7 +4,9 @@
 
     uint32                length of the JSON text, little-endian
     JSON, UTF-8           numbers and words; `sections` lists name and length [bytes] of what follows
-    the sections          bins (float32 [N]), motion (float32, dx dy confidence a region), image (JPEG)
+    the sections          bins (float32 [N]), surface (float32, pressure, shear x, shear y [kPa], pressure over half of
+                          the highest of its contact, a cell of a force field), motion (float32, dx dy confidence a
+                          region), image (JPEG)
     samples               the rest: stamp (float64 [s]), total and true total (float32 [N]) each
 
 The samples come last because they differ from viewer to viewer: who was passed over gets those that it missed.

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from tactile_nodes.bus.protocol import Received
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.viewing.measures import NS_PER_S
 from tactile_nodes.viewing.state import Snapshot, ViewState
+from tactile_nodes.viewing.surface import Surface, over_half, surface_of
 from tactile_nodes.web import packet, picture, telling
 from tactile_nodes.web.packet import Packet
 from tactile_nodes.web.recording import Recording
 
 FRESH_S = 0.5  # a force older than this does not hold back the pictures that come without one
+FIELD_WITHIN_S = 0.1  # a force field comes a moment after its force: so long the force before it is shown
 SLOW_EVERY_S = 0.5  # what a person cannot follow faster: rates, latencies, words
 _KEPT = 12  # frames: images wait so long for the force that was made of them
 
@@ -29,7 +34,9 @@ class Scene:
         self.controls: dict[str, bool] = {}
         self._images: OrderedDict[int, Received] = OrderedDict()
         self._motions: OrderedDict[int, Any] = OrderedDict()
-        self._truths: OrderedDict[int, float] = OrderedDict()
+        self._truths: OrderedDict[int, Any] = OrderedDict()
+        self._forces: OrderedDict[int, Any] = OrderedDict()
+        self._surfaces: OrderedDict[int, Surface] = OrderedDict()
         self._calibration: Any = None
         self._samples: list[tuple[float, float, float]] = []
         self._jpegs: tuple[int, bytes] = (0, b'')
@@ -47,15 +54,27 @@ class Scene:
 
     def add_truth(self, received: Received) -> None:
         self.view.add_truth(received)
-        _keep(self._truths, stamp_ns(received.message.header.stamp), received.message.total)
+        _keep(self._truths, stamp_ns(received.message.header.stamp), received.message)
 
     def add_force(self, received: Received) -> None:
         self.view.add_force(received)
         self._new = True
         message = received.message
         captured_ns = stamp_ns(message.header.stamp)
+        _keep(self._forces, captured_ns, message)
         total = math.nan if message.status == message.STATUS_INVALID else message.total
-        self._samples.append((captured_ns / NS_PER_S, total, self._truths.get(captured_ns, math.nan)))
+        truth = self._truths.get(captured_ns)
+        self._samples.append((captured_ns / NS_PER_S, total, math.nan if truth is None else truth.total))
+
+    def add_field(self, received: Received) -> None:
+        """A force field came in.
+
+        Raises:
+            MessageError: its arrays do not fill its grid.
+        """
+        if (surface := surface_of(received.message)) is not None:
+            self._new = True
+            _keep(self._surfaces, stamp_ns(received.message.header.stamp), surface)
 
     def add_diagnostics(self, received: Received) -> None:
         self.view.add_diagnostics(received)
@@ -74,6 +93,7 @@ class Scene:
         """Somebody watches again after a time in which no pictures were received."""
         self._images.clear()
         self._motions.clear()
+        self._surfaces.clear()
 
     def touching_n(self, now_ns: int) -> float | None:
         """The total force [N] when something touches; None when nothing does, or nobody knows. From any thread."""
@@ -93,22 +113,40 @@ class Scene:
     def packet(self, now_ns: int, viewers: int) -> Packet:
         """All that there is to see now."""
         self._new = False
-        shot = self.view.current(now_ns)
+        shot = self._shown(now_ns)
         at_ns = self._instant_ns(shot)
+        surface = self._surfaces.get(_stamp_ns(shot.force))
         told = {
             'age_s': round(shot.age_s, 3),
             'force': telling.force(shot.force),
+            'surface': telling.surface(surface),
             'truth': telling.truth(shot.truth),
             'image': {'stamp_s': at_ns / NS_PER_S} if at_ns else None,
             'motion': telling.motion(self._motions.get(at_ns)),
             'slow': self._slowly(now_ns) | {'viewers': viewers},
         }
-        sections = {'bins': _bins(shot.force), 'motion': self._arrows(at_ns), 'image': self._jpeg(at_ns)}
+        sections = {
+            'bins': _bins(shot.force),
+            'surface': _cells(surface, shot.force),
+            'motion': self._arrows(at_ns),
+            'image': self._jpeg(at_ns),
+        }
         return Packet(packet.body(told, sections), self.samples())
+
+    def _shown(self, now_ns: int) -> Snapshot:
+        """What to show; of a force whose field is still on its way the one before, so that both are of one instant."""
+        shot = self.view.current(now_ns)
+        last_ns = next(reversed(self._surfaces), 0)
+        behind_ns = _stamp_ns(shot.force) - last_ns
+        is_waiting = 0 < behind_ns < FIELD_WITHIN_S * NS_PER_S and last_ns in self._forces
+        if not is_waiting or shot.force.status == shot.force.STATUS_INVALID:
+            return shot
+        truth = None if shot.truth is None else self._truths.get(last_ns)
+        return replace(shot, force=self._forces[last_ns], truth=truth)
 
     def _instant_ns(self, shot: Snapshot) -> int:
         """The stamp of the picture to show: that of the force, unless none has come for a while."""
-        forced_ns = stamp_ns(shot.force.header.stamp) if shot.force is not None else 0
+        forced_ns = _stamp_ns(shot.force)
         if forced_ns in self._images and shot.age_s < FRESH_S:
             return forced_ns
         return next(reversed(self._images), 0)
@@ -155,5 +193,17 @@ def _keep(place: OrderedDict[int, Any], at_ns: int, thing: Any) -> None:
         place.popitem(last=False)
 
 
+def _stamp_ns(force: Any) -> int:
+    return stamp_ns(force.header.stamp) if force is not None else 0
+
+
 def _bins(force: Any) -> bytes:
     return force.normal_force.astype('<f4').tobytes() if force is not None else b''
+
+
+def _cells(surface: Surface | None, force: Any) -> bytes:
+    """Of each cell pressure, shear along x and y [kPa], and pressure over half of the highest of its contact."""
+    if surface is None:
+        return b''
+    outlines = over_half(surface, force.contacts)
+    return np.dstack([surface.pressure_kpa, surface.shear_kpa, outlines]).astype('<f4').tobytes()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.viewing.measures import NS_PER_S
+from tactile_nodes.viewing.net import net_of
 from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.viewing.state import SILENT_AFTER_S, NodeHealth, Snapshot
+from tactile_nodes.viewing.surface import Surface
 
 _STATUSES = ('ok', 'degraded', 'invalid')
 _LEVELS = ('ok', 'warning', 'error', 'stale')
@@ -29,11 +32,20 @@ def force(message: Any) -> dict[str, Any] | None:
         'unlikeness': message.unlikeness,
         'in_contact': bool(message.in_contact),
         'contacts': [_contact(each) for each in message.contacts],
+        'net': _net(message),
         'rows': message.rows,
         'cols': message.cols,
         'bin_mm': [message.bin_width * _MM, message.bin_height * _MM],
         'origin_mm': [message.origin.x * _MM, message.origin.y * _MM],
     }
+
+
+def surface(found: Surface | None) -> dict[str, Any] | None:
+    """The grid of a ForceField; its cells travel beside."""
+    if found is None:
+        return None
+    rows, cols = found.pressure_kpa.shape
+    return {'rows': rows, 'cols': cols, 'cell_mm': found.cell_mm, 'origin_mm': found.origin_mm}
 
 
 def truth(message: Any) -> dict[str, Any] | None:
@@ -90,6 +102,20 @@ def _contact(each: Any) -> dict[str, float]:
         'sigma_mm': each.position_sigma * _MM,
         'force_n': each.force,
         'sigma_n': each.force_sigma,
+        'shear_n': [each.shear_x, each.shear_y],
+        'torsion_n_mm': each.torsion * _MM,
+    }
+
+
+def _net(message: Any) -> dict[str, Any]:
+    found = net_of(message)
+    return {
+        'explanation': found.explanation,
+        'shear_n': found.shear_n,
+        'shear_sigma_n': found.shear_sigma_n or None,
+        'direction_deg': math.degrees(found.direction_rad),
+        'torsion_n_mm': found.torsion_n_mm,
+        'torsion_sigma_n_mm': found.torsion_sigma_n_mm or None,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sqlite3
 import struct
 import tracemalloc
@@ -19,6 +20,7 @@ from mcap.opcode import Opcode
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from tactile_nodes import messages
 from tactile_nodes.bag import growing_file
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
@@ -364,6 +366,20 @@ def test_older_version_of_our_type_is_decoded_as_it_was_and_not_taken_for_ours(t
     with bag_of_type(tmp_path / 'old', FORCE, 'int32 newtons', INT32_7) as reader:
         assert [reader.decode(message).newtons for message in reader.messages()] == [7]
         assert not reader.types.is_ours(FORCE)
+
+
+def test_forces_of_an_earlier_release_say_of_what_they_lack_that_it_is_not_known() -> None:
+    with BagReader(Path(__file__).parents[2] / 'examples/press_bag') as reader:  # of before shear was told
+        assert reader.types.is_completed(FORCE)
+        found = [reader.decode(message) for message in reader.messages(['/force_distribution'])]
+    pressed = max(found, key=lambda each: each.total)
+    assert pressed.total == pytest.approx(float(pressed.normal_force.sum()), abs=1e-6)
+    assert math.isnan(pressed.contacts[0].shear_x)
+    assert pressed.contacts[0].force == pytest.approx(pressed.total, abs=1e-3)
+    assert math.isnan(pressed.wrench.force.x)
+    assert pressed.wrench_covariance.tolist() == [-1.0] + [0.0] * 35
+    assert (pressed.explanation, pressed.shear_force_x.size) == (pressed.EXPLANATION_UNKNOWN, 0)
+    assert messages.decode(messages.encode(pressed), FORCE).total == pressed.total
 
 
 def test_our_own_definitions_are_recognised(bag: Path) -> None:

@@ -7,11 +7,14 @@ import math
 
 import numpy as np
 import pytest
+from fields import ring
 from rich.console import Console
 from seen import MS, diagnostics, force, received
 
+from tactile_nodes import conversions
 from tactile_nodes.cli import view_map, view_render
 from tactile_nodes.messages import types
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.state import ViewState
 
 
@@ -114,6 +117,22 @@ def test_the_plain_line_holds_the_same_numbers() -> None:
     assert 'force  0.250 N  true  0.500 N  error -0.250 N' in line
     assert 'capture to here p50 10.00 p99 10.00 ms' in line
     assert line.endswith('OK')
+
+
+def test_shear_torsion_and_explanation_are_told_where_they_are_known() -> None:
+    state = ViewState()
+    state.add_force(received(ring(10 * MS)[0], 20))
+    told = 'shear 0.600±0.020 N →  torsion 4.0±0.1 N mm  explained by field'
+    assert f'acting   {told}' in drawn(state)
+    assert told in view_render.line(state.snapshot(30 * MS))
+
+
+def test_a_model_that_knows_normal_forces_alone_tells_no_shear() -> None:
+    forces = conversions.force_fields(np.ones((9, 9), np.float32), BinGrid(9, 9, 36.0, 36.0))
+    state = ViewState()
+    state.add_force(received(types.ForceDistribution(**forces), 20))
+    assert 'shear' not in '\n'.join(drawn(state))
+    assert 'shear' not in view_render.line(state.snapshot(30 * MS))
 
 
 def test_the_summary_tells_frames_latency_drops_and_errors() -> None:

@@ -10,6 +10,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 from exported_bags import START_NS, STEP_NS, force, write_bag
+from fields import ring
+from matplotlib.quiver import Quiver
+
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
+from tactile_nodes.messages import encode
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 
@@ -64,6 +71,32 @@ def test_the_program_writes_a_picture(bag: Path, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(sys, 'argv', ['bag_to_figure.py', str(bag), '-o', str(tmp_path / 'touch.png')])
     assert example('bag_to_figure').main() == 0
     assert (tmp_path / 'touch.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_force_field_is_drawn_as_a_smooth_map_with_arrows_and_outlines(tmp_path: Path) -> None:
+    folder = tmp_path / 'ring'
+    writer = BagWriter(folder)
+    for topic, message in zip((FORCE_DISTRIBUTION, FORCE_FIELD), ring(START_NS), strict=True):
+        writer.add_topic(BagTopic.of_type(f'/{topic.name}', topic.type_name))
+        writer.write(f'/{topic.name}', encode(message), START_NS, START_NS)
+    writer.close()
+    script = example('bag_to_figure')
+    forces, truth = script.read(folder)
+    surface = script.read_surface(folder, '/', START_NS)
+    axes = script.draw(forces, truth, None, surface).axes[1]
+    (drawn,) = axes.images
+    assert drawn.get_interpolation() == 'bicubic'
+    assert drawn.get_array().sum() == pytest.approx(2e3, rel=1e-5)  # kPa on cells of 1 mm²: 2 N
+    (arrows,) = [each for each in axes.collections if isinstance(each, Quiver)]
+    # of blocks of 2 x 2 cells, four of 1 mm² each; what is shorter than 6 % of the longest is not drawn
+    assert np.ma.masked_array(arrows.U, arrows.Umask).sum() * 4e-3 == pytest.approx(0.6, rel=0.03)
+    assert axes.get_title() == '2.000 N, shear 0.600 N at 0.00 s'
+
+
+def test_a_bag_of_before_shear_was_told_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ['bag_to_figure.py', str(EXAMPLES / 'press_bag'), '-o', str(tmp_path / 'press.png')]
+    monkeypatch.setattr(sys, 'argv', words)
+    assert example('bag_to_figure').main() == 0
 
 
 def test_a_bag_without_forces_is_refused_in_a_sentence(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from feeding import START_NS, run
+from fields import CELLS, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -69,6 +70,33 @@ def test_only_what_somebody_listens_to_is_made(
     assert heard.take() is not None
 
 
+def test_the_field_is_received_only_while_somebody_wants_the_pressure(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    tested, source = node(bus, clock), publisher(topics.FORCE_FIELD)
+    look(tested, clock)
+    assert source.listeners == 0
+    heard = listen(topics.PRESSURE_MAP)
+    look(tested, clock)
+    assert source.listeners == 1
+    source.publish(ring(START_NS)[1])
+    run(tested)
+    received = heard.take()
+    assert received is not None
+    made = received.message
+    assert (made.encoding, made.height, made.width, stamp_ns(made.header.stamp)) == ('32FC1', CELLS, CELLS, START_NS)
+    assert np.asarray(made.data).view('<f4').sum() == pytest.approx(2e6, rel=1e-5)  # 2 N on cells of 1 mm²
+    heard.close()
+    look(tested, clock)
+    assert source.listeners == 0
+
+
+def look(tested: ForceViewsNode, clock: SteppedClock) -> None:
+    clock.advance(force_views.LOOK_PERIOD_S)
+    tested.spin_once()
+    run(tested)
+
+
 def test_whoever_comes_later_still_gets_the_transform(bus: InProcessBus, clock: SteppedClock, listen: Listen) -> None:
     tested = node(bus, clock, 'parent_frame_id:=finger', 'xyz_m:=[0.0, 0.0, 0.02]')
     heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
@@ -104,8 +132,9 @@ def test_diagnostics_say_what_was_made_of_which_view(
     assert (status.name, status.hardware_id, status.message) == (
         'force_views: views',
         'none',
-        'somebody listens to 1 of 4',
+        'somebody listens to 1 of 5',
     )
     assert {entry.key: entry.value for entry in status.values} == {
-        '/force_map': '0', '/force_points': '0', '/contact': '2', '/contact_markers': '0'
+        '/force_map': '0', '/force_points': '0', '/contact': '2', '/contact_markers': '0',
+        '/pressure_map': '0',
     }  # fmt: skip

@@ -27,7 +27,7 @@ Advertise = Callable[[Topic], Publisher]
 WORDS = {topics.DIAGNOSTICS.name, topics.ROSOUT.name, f'/{topics.CALIBRATION_STATE.name}'}
 FORCES = {f'/{topic.name}' for topic in (topics.FORCE_DISTRIBUTION, topics.TRUE_FORCE)}
 SAMPLE = struct.Struct('<dff')  # as packet.py describes it
-PICTURES = {f'/{topic.name}' for topic in (topics.IMAGE, topics.FLOW_FEATURES)}
+PICTURES = {f'/{topic.name}' for topic in (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_FIELD)}
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def subscribed(bus: InProcessBus) -> set[str]:
     return {end.name for end in bus.graph().subscriptions()}
 
 
-def test_while_nobody_watches_no_picture_is_received(
+def test_while_nobody_watches_no_picture_and_no_force_field_is_received(
     bus: InProcessBus, clock: SteppedClock, node: LiveViewNode
 ) -> None:
     pass_time(node, clock, 1.0)

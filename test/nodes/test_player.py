@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from feeding import START_NS
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
@@ -24,6 +26,7 @@ from tactile_nodes.params import Located, NodeParameters
 
 STRING = 'std_msgs/msg/String'
 COUNT = 5
+EARLIER = Path(__file__).parents[2] / 'examples/press_bag'
 
 
 class JumpingClock(SteppedClock):
@@ -109,6 +112,17 @@ def test_latched_topic_is_latched_again(bus, play) -> None:
 def test_type_that_is_unknown_here_is_left_out_and_said(play, capsys: pytest.CaptureFixture[str]) -> None:
     play().spin()
     assert '/odd is not played: lab_msgs/msg/Odd is unknown here' in capsys.readouterr().err
+
+
+def test_forces_of_an_earlier_release_are_played_as_those_of_this_one(bus, play) -> None:
+    forces = listen(bus, '/force_distribution', topics.FORCE_DISTRIBUTION.type_name)
+    play(bag=str(EARLIER), topics=['/force_distribution']).spin()
+    told = []
+    while (received := forces.take()) is not None:
+        told.append(received.message)
+    assert len(told) == 25
+    assert max(each.total for each in told) > 0.1
+    assert all(math.isnan(contact.shear_x) for each in told for contact in each.contacts)
 
 
 def test_plays_only_the_topics_it_is_given_under_their_new_names(bus, play) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fields import ring
 from matplotlib import colormaps
 
 from tactile_nodes import conversions
@@ -54,10 +55,11 @@ class Sensor:
     status: int = types.ForceDistribution.STATUS_OK
     reasons: int = 0
     sending: bool = True
+    has_field: bool = False
     _done: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
-        made = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION)
+        made = (topics.IMAGE, topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION, topics.FORCE_FIELD)
         self._ends = [self.bus.advertise(f'/{topic.name}', topic.type_name, topic.qos) for topic in made]
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -69,10 +71,10 @@ class Sensor:
     def _run(self) -> None:
         while not self._done.wait(1 / 60):
             if self.sending:
-                for end, message in zip(self._ends, self._messages(), strict=True):
+                for end, message in zip(self._ends, self._messages(), strict=False):  # a field is there at times
                     end.publish(message)
 
-    def _messages(self) -> tuple[Any, Any, Any]:
+    def _messages(self) -> tuple[Any, ...]:
         stamp_ns = self.bus.clock.now_ns()
         head = conversions.header(stamp_ns, 'gel')
         picture = np.tile(np.arange(0, 160, 4, dtype=np.uint8), (40, 1))
@@ -81,6 +83,8 @@ class Sensor:
             header=head, rows=2, cols=2, channels=2, encoding='cartesian_mean', values=arrows,
             confidence=np.ones(4, np.float32), image_width=40, image_height=40,
         )  # fmt: skip
+        if self.has_field:
+            return conversions.image_message(picture, head), motion, *ring(stamp_ns)
         bins = np.zeros((9, 9), np.float32)
         bins[3, 5] = self.total_n
         touching = (Contact(*PLACE_MM, self.total_n, 0.03, 0.004),) if self.total_n else ()
@@ -189,6 +193,74 @@ def test_the_bin_that_is_pressed_has_the_colour_of_its_force(page: Any) -> None:
         [red, green, blue],
     )
     assert count > 300  # a bin of about 35 x 35 pixels, less its number
+
+
+def test_a_force_field_is_shown_with_its_numbers_and_without_it_the_bins_come_back(page: Any, sensor: Sensor) -> None:
+    text(page, '#map-title').to_have_text('Force on each bin')
+    expect(page.locator('#net')).to_be_hidden()
+    sensor.has_field = True
+    text(page, '#map-title').to_have_text('Pressure and shear')
+    text(page, '#shear').to_have_text('0.600 ± 0.020 N')
+    text(page, '#torsion').to_have_text('4.0 ± 0.1 N mm')
+    text(page, '#explanation').to_have_text('field')
+    row = page.locator('#contacts tr').first
+    expect(row.locator('td').nth(3)).to_have_text('0.600')
+    expect(row.locator('td').nth(4)).to_have_text('4.00')
+    text(page, '#peak-unit').to_have_text('kPa')
+    assert [place for place in ('.net', '.contacts') if not is_whole(page, place)] == []
+    sensor.has_field = False
+    text(page, '#map-title').to_have_text('Force on each bin')
+    expect(page.locator('#net')).to_be_hidden()
+    assert page.faults == []
+
+
+def test_a_ring_is_drawn_as_a_smooth_ring_about_its_place(page: Any, sensor: Sensor) -> None:
+    sensor.has_field = True
+    text(page, '#map-title').to_have_text('Pressure and shear')
+    found = page.evaluate(
+        """async () => {
+            const { framed } = await import('/static/js/axes.js');
+            const canvas = document.getElementById('map'), context = canvas.getContext('2d');
+            const frame = framed(canvas.clientWidth, canvas.clientHeight, 36, 36);
+            const light = (away) => { // mean of the strongest channel on a circle of so many mm about (4, -3) mm
+                let sum = 0;
+                for (let step = 0; step < 72; step += 1) {
+                    const x = 4 + away * Math.cos(step * Math.PI / 36), y = -3 + away * Math.sin(step * Math.PI / 36);
+                    const place = [frame.left + (x + 18) * frame.scale, frame.top + (y + 18) * frame.scale];
+                    sum += Math.max(...context.getImageData(...place.map(Math.round), 1, 1).data.slice(0, 3)) / 72;
+                }
+                return sum;
+            };
+            const { left, top, across, down } = frame;
+            const data = new Uint32Array(context.getImageData(left, top, across, down).data.buffer);
+            return [light(1), light(5), light(9), new Set(data).size];
+        }"""
+    )
+    assert max(found[0], found[2]) < 60
+    assert found[1] > 150
+    assert found[3] > 200  # colours: bins, and steps between them, would have some ten
+
+
+def test_a_smooth_map_runs_through_its_cells_and_its_lines_lie_where_it_has_their_value(page: Any) -> None:
+    found = page.evaluate(
+        """async () => {
+            const { contour, finer } = await import('/static/js/smooth.js');
+            const ramp = finer(Float32Array.of(0, 1, 2, 3, 0, 1, 2, 3), 2, 4, 3);
+            const cone = Float32Array.from({ length: 81 }, (_, at) => Math.hypot(at % 9 - 4, Math.floor(at / 9) - 4));
+            const path = contour({ values: cone, rows: 9, cols: 9 }, 3, 0, 0, 10); // about (45, 45), 30 wide
+            const context = document.createElement('canvas').getContext('2d');
+            const angles = Array.from({ length: 16 }, (_, step) => step * Math.PI / 8);
+            const at = (away, angle) => [45 + away * Math.cos(angle), 45 + away * Math.sin(angle)];
+            const on = (away) => angles.filter((angle) => context.isPointInStroke(path, ...at(away, angle))).length;
+            context.lineWidth = 4;
+            return { middles: [1, 4, 7, 10].map((at) => ramp.values[12 + at]), between: ramp.values[12 + 5],
+                     size: [ramp.rows, ramp.cols], on: [on(25), on(30), on(35)] };
+        }"""
+    )
+    assert found['size'] == [6, 12]
+    assert found['middles'] == pytest.approx([0, 1, 2, 3], abs=1e-6)
+    assert found['between'] == pytest.approx(1 + 1 / 3, abs=1e-6)  # of a straight rise, a third of the way
+    assert found['on'] == [0, 16, 0]
 
 
 def test_the_page_follows_the_force(page: Any, sensor: Sensor) -> None:

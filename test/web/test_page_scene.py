@@ -8,10 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from fields import CELLS, ring
 from seen import MS, NAN, diagnostics, force, received
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.web import packet, picture
 from tactile_nodes.web.recording import Recording
@@ -78,6 +80,64 @@ def test_contacts_travel_in_millimetres_with_what_is_known_of_them() -> None:
     (found,) = told['force']['contacts']
     assert (found['x_mm'], found['y_mm'], found['sigma_mm']) == pytest.approx((4.0, -2.0, 0.1))
     assert found['sigma_n'] is None
+
+
+def test_a_field_travels_in_kilopascals_beside_the_force_of_its_stamp() -> None:
+    scene = Scene()
+    told_force, told_field = ring(10 * MS)
+    scene.add_force(received(told_force, 11))
+    scene.add_field(received(told_field, 11))
+    told, sections, _ = seen(scene, 12)
+    assert (told['surface']['rows'], told['surface']['cols']) == (CELLS, CELLS)
+    assert told['surface']['cell_mm'] + told['surface']['origin_mm'] == pytest.approx([1.0, 1.0, -18.0, -18.0])
+    pressure, along_x, _, outline = np.frombuffer(sections['surface'], '<f4').reshape(-1, 4).T
+    assert pressure.sum() * 1e-3 == pytest.approx(2.0, rel=1e-5)  # cells of 1 mm²
+    assert along_x.sum() * 1e-3 == pytest.approx(0.6, rel=1e-4)
+    assert outline.max() == pytest.approx(2.0)
+
+
+def test_net_shear_torsion_and_explanation_travel_and_what_is_not_known_is_null() -> None:
+    scene = Scene()
+    scene.add_force(received(ring(10 * MS)[0], 11))
+    net = seen(scene, 12)[0]['force']['net']
+    assert (net['explanation'], net['shear_n'], net['torsion_n_mm']) == (
+        'field',
+        pytest.approx(0.6),
+        pytest.approx(4.0),
+    )
+    fields = conversions.force_fields(np.ones((9, 9), np.float32), BinGrid(9, 9, 36.0, 36.0))
+    scene.add_force(received(types.ForceDistribution(header=conversions.header(20 * MS, ''), **fields), 21))
+    assert seen(scene, 22)[0]['force']['net']['shear_n'] is None
+
+
+def test_a_force_waits_a_moment_for_its_field_so_that_the_picture_does_not_flicker() -> None:
+    scene = Scene()
+    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
+        take(received(message, 11))
+    scene.add_force(received(ring(26 * MS)[0], 27))
+    told, sections, _ = seen(scene, 28)
+    assert told['force']['stamp_s'] == pytest.approx(0.010)
+    assert sections['surface']
+    scene.add_field(received(ring(26 * MS)[1], 28))
+    assert seen(scene, 29)[0]['force']['stamp_s'] == pytest.approx(0.026)
+
+
+def test_a_force_is_shown_without_a_field_when_none_comes_any_more() -> None:
+    scene = Scene()
+    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
+        take(received(message, 11))
+    scene.add_force(received(ring(120 * MS)[0], 121))
+    told, sections, _ = seen(scene, 122)
+    assert told['force']['stamp_s'] == pytest.approx(0.120)
+    assert (told['surface'], sections['surface']) == (None, b'')
+
+
+def test_an_invalid_force_waits_for_nothing() -> None:
+    scene = Scene()
+    for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
+        take(received(message, 11))
+    scene.add_force(received(ring(26 * MS, types.ForceDistribution.STATUS_INVALID)[0], 27))
+    assert seen(scene, 28)[0]['force']['status'] == 'invalid'
 
 
 def test_status_comes_with_its_reason_in_a_sentence() -> None:

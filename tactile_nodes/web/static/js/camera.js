@@ -1,10 +1,9 @@
 // The camera image with the motion of each region as an arrow, both of the same instant.
 
-import { fitted } from './canvas.js';
+import { addArrow, fitted, MARK, stroked } from './canvas.js';
 
 const LEAST_PX = 0.05; // of motion: shorter arrows would only be noise
 const LEAST_CONFIDENCE = 0.15;
-const HEAD = 0.38;
 
 /** Draws; returns the longest motion in pixels of the image. */
 export function drawCamera(canvas, bitmap, motion, arrows, gain) {
@@ -37,24 +36,6 @@ function drawArrows(context, motion, arrows, gain, frame) {
     const y = frame.top + (Math.floor(index / motion.cols) + 0.5) * stepY;
     addArrow(path, x, y, length >= LEAST_PX ? dx * gain * perPx : 0, length >= LEAST_PX ? dy * gain * perPy : 0);
   }
-  context.lineCap = context.lineJoin = 'round';
-  context.lineWidth = 4;
-  context.strokeStyle = 'rgba(0, 0, 0, 0.55)';
-  context.stroke(path);
-  context.lineWidth = 1.8;
-  context.strokeStyle = '#5be0ff';
-  context.stroke(path);
+  stroked(context, path, 4, 1.8, MARK);
   return longest;
-}
-
-function addArrow(path, x, y, dx, dy) {
-  path.moveTo(x, y);
-  path.lineTo(x + dx, y + dy);
-  const length = Math.hypot(dx, dy);
-  if (length < 2) return;
-  const reach = Math.min(7, length * HEAD) / length;
-  for (const side of [0.6, -0.6]) {
-    path.moveTo(x + dx, y + dy);
-    path.lineTo(x + dx - reach * (dx - side * dy), y + dy - reach * (dy + side * dx));
-  }
 }

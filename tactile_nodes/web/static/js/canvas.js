@@ -1,4 +1,8 @@
-// What both drawings share: a canvas that is as sharp as the screen.
+// What the drawings share: a canvas that is as sharp as the screen, and lines and arrows that are seen on any ground.
+
+export const MARK = '#5be0ff';
+export const HALO = 'rgba(0, 0, 0, 0.6)';
+const HEAD = 0.38; // of an arrow's length
 
 /** The context of a canvas whose pixels fit the screen's, scaled to CSS pixels, and its size in those. */
 export function fitted(canvas) {
@@ -13,4 +17,27 @@ export function fitted(canvas) {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
   return { context, width, height };
+}
+
+/** A path as a line with a dark rim. */
+export function stroked(context, path, rim, line, paint) {
+  context.lineCap = context.lineJoin = 'round';
+  for (const [width, style] of [[rim, HALO], [line, paint]]) {
+    context.lineWidth = width;
+    context.strokeStyle = style;
+    context.stroke(path);
+  }
+}
+
+/** An arrow from a place, by so many pixels. */
+export function addArrow(path, x, y, dx, dy) {
+  path.moveTo(x, y);
+  path.lineTo(x + dx, y + dy);
+  const length = Math.hypot(dx, dy);
+  if (length < 2) return;
+  const reach = Math.min(7, length * HEAD) / length;
+  for (const side of [0.6, -0.6]) {
+    path.moveTo(x + dx, y + dy);
+    path.lineTo(x + dx - reach * (dx - side * dy), y + dy - reach * (dy + side * dx));
+  }
 }

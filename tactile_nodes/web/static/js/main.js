@@ -6,19 +6,20 @@ import { Controls } from './controls.js';
 import { Link } from './link.js';
 import { drawMap } from './map.js';
 import { takeApart } from './packet.js';
-import { showContacts, showSlow, showStatus, showTotal } from './panels.js';
-import { Scale } from './scale.js';
+import { showContacts, showMap, showNet, showSlow, showStatus, showTotal } from './panels.js';
+import { KILOPASCALS, NEWTONS, Scale } from './scale.js';
+import { drawSurface, takeCells } from './surface.js';
 
 const OLD_S = 0.6; // a force older than this is no reading any more
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 const $ = (id) => document.getElementById(id);
 
 const page = {
-  number: 0, told: null, at: 0, bins: new Float32Array(), motion: new Float32Array(),
+  number: 0, told: null, at: 0, bins: new Float32Array(), motion: new Float32Array(), field: null,
   bitmap: null, imageStamp: 0, imageAt: 0, shown: [], slow: '',
 };
 let taken = 0;
-const scale = new Scale();
+const scales = { bins: new Scale(NEWTONS), pressure: new Scale(KILOPASCALS), shear: new Scale(KILOPASCALS) };
 const chart = new Chart($('chart'));
 const link = new Link(take, () => watch());
 const controls = new Controls(link);
@@ -37,10 +38,18 @@ async function take(buffer) {
 
 function show(packet, bitmap, number) {
   Object.assign(page, { number, told: packet.told, bins: packet.bins, motion: packet.motion, at: performance.now() });
-  if (packet.told.force && packet.told.force.status !== 'invalid') scale.fit(packet.bins, packet.told.force.stamp_s);
+  page.field = packet.told.surface ? takeCells(packet.told.surface, packet.cells) : null;
+  if (packet.told.force && packet.told.force.status !== 'invalid') fitScales(packet.told.force.stamp_s);
   if (!bitmap) return;
   page.bitmap?.close();
   Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
+}
+
+function fitScales(at) {
+  scales.bins.fit(page.bins, at);
+  if (!page.field) return;
+  scales.pressure.fit(page.field.pressure, at);
+  scales.shear.fit(page.field.arrows.found.map(({ dx, dy }) => Math.hypot(dx, dy)), at);
 }
 
 /** The picture of a packet, decoded; nothing when there is none, or none that was not shown before. */
@@ -55,7 +64,18 @@ async function bitmapOf({ told, jpeg }) {
 
 /** Newtons of the brightest colour. */
 function fullScale() {
-  return Number($('scale').value) || scale.full;
+  return Number($('scale').value) || scales.bins.full;
+}
+
+/** Kilopascals of the brightest colour, where there is a force field. */
+function pressureScale() {
+  return Number($('pressure-scale').value) || scales.pressure.full;
+}
+
+/** The force field where there is one, else the force on each bin. */
+function drawForce({ force }) {
+  if (page.field) drawSurface($('map'), page.field, force?.contacts ?? [], pressureScale(), scales.shear.full);
+  else drawMap($('map'), force, page.bins, fullScale());
 }
 
 function draw() {
@@ -64,7 +84,7 @@ function draw() {
   page.shown = page.shown.filter((at) => at > performance.now() - 2000);
   const longest = drawCamera($('camera'), page.bitmap, told.motion, page.motion, Number($('gain').value));
   $('longest').textContent = Number.isFinite(longest) ? longest.toFixed(1) : '–';
-  drawMap($('map'), told.force, page.bins, fullScale());
+  drawForce(told);
   chart.draw();
   $('true-key').hidden = !chart.hasTruth;
   const isLive = watch();
@@ -80,7 +100,9 @@ function watch() {
   const age = told?.force ? told.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
   showStatus(...statusOf(told, age, isLive), !isLive);
-  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age, fullScale());
+  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age);
+  showNet(told?.force?.net ?? null, isLive);
+  showMap(told?.force ?? null, page.field, isLive, page.field ? pressureScale() : fullScale());
   showContacts(told?.force ?? null, isLive);
   controls.show(told?.slow, link.open);
   document.body.classList.toggle('cut', !link.open);
@@ -129,7 +151,7 @@ function remember(id, value) {
   }
 }
 
-for (const id of ['gain', 'scale']) {
+for (const id of ['gain', 'scale', 'pressure-scale']) {
   const kept = remembered(id);
   if ([...$(id).options].some((option) => option.value === kept)) $(id).value = kept;
   $(id).addEventListener('change', () => {

@@ -16,6 +16,7 @@ export function takeApart(buffer) {
   return {
     told,
     bins: new Float32Array(sections.bins),
+    cells: new Float32Array(sections.surface),
     motion: new Float32Array(sections.motion),
     jpeg: sections.image,
     samples: samplesFrom(view, place),

@@ -7,10 +7,22 @@ const INFERNO =
   'fa9407fb9b06fca309fcaa0ffcb216fbba1ffac228f9c932f7d13df5d949f4e156f2e865f1ef75f3f586f6fa96fcffa4';
 const STEPS = INFERNO.length / 6;
 const COLOURS = Array.from({ length: STEPS }, (_, step) => `#${INFERNO.slice(6 * step, 6 * step + 6)}`);
+const SMOOTH = Uint32Array.from({ length: 4 * STEPS }, (_, place) => between((place / (4 * STEPS - 1)) * (STEPS - 1)));
+const LAST = SMOOTH.length - 1;
 // Pulling, which a gel under a probe cannot feel: where it shows, the model errs.
 const BELOW = ['#0b1d3a', '#123a6b', '#1c5a9e', '#3f86cf'];
 const NOT_FINITE = '#c026d3';
 const FAINT = 0.02; // of the full scale: below, noise would make the map flicker
+
+/** The colour at a step or between two, as the bytes red, green, blue and opacity. */
+function between(place) {
+  const low = Math.min(STEPS - 2, Math.floor(place));
+  const channels = [1, 3, 5].map((at) => {
+    const [from, to] = [low, low + 1].map((step) => parseInt(COLOURS[step].slice(at, at + 2), 16));
+    return Math.round(from + (place - low) * (to - from));
+  });
+  return new Uint32Array(Uint8Array.of(...channels, 255).buffer)[0];
+}
 
 /** The colour of a force on a scale from 0 to `fullScale`, both in newtons. */
 export function colour(force, fullScale) {
@@ -18,6 +30,14 @@ export function colour(force, fullScale) {
   const share = force / fullScale;
   if (share < -FAINT) return BELOW[Math.min(BELOW.length - 1, Math.floor(-share * BELOW.length))];
   return COLOURS[Math.max(0, Math.min(STEPS - 1, Math.floor(share * STEPS)))];
+}
+
+/** The same for many values at once, without steps: a pixel of an ImageData each. */
+export function colourPixels(values, fullScale, pixels) {
+  for (let index = 0; index < values.length; index += 1) {
+    const share = values[index] / fullScale;
+    pixels[index] = SMOOTH[share > 0 ? Math.min(LAST, Math.round(share * LAST)) : 0];
+  }
 }
 
 /** A colour to write on `colour(force, fullScale)` with. */

@@ -12,7 +12,7 @@ export function newtons(force) {
   return Number(text) === 0 ? text.replace('-', '') : text.replace('-', '−');
 }
 
-const fixed = (value, digits) => (value === null || value === undefined ? NONE : value.toFixed(digits).replace('-', '−'));
+const fixed = (value, digits) => (value === null || value === undefined ? NONE : value.toFixed(digits).replace(/^-(?=[0.]*$)/, '').replace('-', '−'));
 
 function say(id, text) {
   const place = $(id);
@@ -35,12 +35,10 @@ export function showStatus(status, word, reason, stale) {
   $('reason').title = reason;
 }
 
-/** Total, its deviation, the truth where it is known, and the largest bin. */
-export function showTotal(force, truth, isLive, age, fullScale) {
+/** Total, its deviation, and the truth where it is known. */
+export function showTotal(force, truth, isLive, age) {
   const trusted = isLive && force !== null && force.status !== 'invalid';
   say('total', trusted ? newtons(force.total_n) : NONE);
-  say('peak', trusted ? newtons(force.peak_n) : NONE);
-  $('peak').classList.toggle('over', trusted && force.peak_n > fullScale);
   if (!isLive && force) {
     say('sigma', `last ${newtons(force.total_n)} N, ${age.toFixed(0)} s ago`);
     say('truth', ' ');
@@ -50,9 +48,37 @@ export function showTotal(force, truth, isLive, age, fullScale) {
   say('truth', trusted && truth ? `true ${newtons(truth.total_n)} N` : ' ');
 }
 
+/** What the map shows: the highest pressure of a field or the largest bin, and whether that is beyond the colours. */
+export function showMap(force, field, isLive, fullScale) {
+  const trusted = isLive && force !== null && force.status !== 'invalid';
+  const most = field ? field.pressure.reduce((high, each) => Math.max(high, each || 0), 0) : force?.peak_n;
+  say('map-title', field ? 'Pressure and shear' : 'Force on each bin');
+  say('peak-word', field ? 'highest' : 'largest');
+  say('peak', !trusted ? NONE : field ? most.toPrecision(3) : newtons(most));
+  say('peak-unit', field ? 'kPa' : 'N');
+  $('peak').classList.toggle('over', trusted && most > fullScale);
+  $('scale').hidden = Boolean(field);
+  $('pressure-scale').hidden = !field;
+}
+
+/** Net shear with its direction, torsion, and how the motion was explained; nothing of models that do not look for it. */
+export function showNet(net, isLive) {
+  const known = isLive && net ? net : null;
+  $('net').hidden = !known?.explanation && (known?.shear_n ?? null) === null;
+  if ($('net').hidden) return;
+  say('shear', withSigma(newtons(known.shear_n), newtons(known.shear_sigma_n), 'N'));
+  $('shear-way').hidden = !(known.shear_n > 2 * (known.shear_sigma_n ?? 0));
+  $('shear-way').style.transform = `rotate(${(known.direction_deg ?? 0).toFixed(0)}deg)`;
+  say('torsion', withSigma(fixed(known.torsion_n_mm, 1), fixed(known.torsion_sigma_n_mm, 1), 'N mm'));
+  say('explanation', known.explanation || NONE);
+}
+
+const withSigma = (value, sigma, unit) => (value === NONE ? NONE : `${value}${sigma === NONE ? '' : ` ± ${sigma}`} ${unit}`);
+
 /** The strongest contacts, strongest first. */
 export function showContacts(force, isLive) {
   const found = isLive && force ? force.contacts : [];
+  $('contacts').parentElement.classList.toggle('sheared', found.some((each) => each.shear_n[0] !== null));
   const nothing = isLive ? 'nothing touches' : NONE;
   const rows = Array.from({ length: CONTACTS }, (_, index) => contactRow(index, found[index], found.length || index ? ' ' : nothing));
   $('contacts').replaceChildren(...rows);
@@ -61,14 +87,16 @@ export function showContacts(force, isLive) {
 function contactRow(index, contact, otherwise) {
   const row = element('tr');
   if (!contact) {
-    row.append(element('td', otherwise, 'none'), element('td', ''), element('td', ''));
+    row.append(element('td', otherwise, 'none'), ...Array.from({ length: 4 }, (_, cell) => element('td', '', cell > 1 ? 'more' : '')));
     return row;
   }
   const place = element('td', `${fixed(contact.x_mm, 2)}, ${fixed(contact.y_mm, 2)}`);
   const force = element('td', newtons(contact.force_n));
   if (contact.sigma_mm !== null) place.append(element('i', ` ± ${fixed(contact.sigma_mm, 2)}`));
   if (contact.sigma_n !== null) force.append(element('i', ` ± ${newtons(contact.sigma_n)}`));
-  row.append(element('td', `${index + 1}`), place, force);
+  const shear = contact.shear_n[0] === null ? NONE : newtons(Math.hypot(...contact.shear_n));
+  const more = [shear, fixed(contact.torsion_n_mm, 2)].map((text) => element('td', text, 'more'));
+  row.append(element('td', `${index + 1}`), place, force, ...more);
   return row;
 }
 

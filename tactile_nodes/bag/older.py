@@ -1,0 +1,87 @@
+"""Forces that an earlier release recorded, completed by what nobody knew then: readers meet one version of them.
+
+Only what is told of forces: of other types a field that is missing may change what is computed from the rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from tactile_nodes.messages import message_class, type_name, types
+from tactile_nodes.messages.store import store
+
+COMPLETED = frozenset({type_name(types.ForceDistribution)})
+_COVARIANCE = 'wrench_covariance'  # says by its first number that it is not known
+
+Definitions = Mapping[str, Any]
+"""Constants and fields of each type by its name, as rosbags reads them."""
+
+
+def is_earlier(name: str, definitions: Definitions) -> bool:
+    """Whether a bag's definition of a type lacks nothing but fields, each of which can be told as not known.
+
+    A list of messages cannot: an empty one would say that there was none.
+    """
+    if name not in definitions:
+        return True
+    known, fields = dict(store().fielddefs[name][1]), dict(definitions[name][1])
+    if any(known.get(field) != description for field, description in fields.items()):
+        return False
+    missing = [description for field, description in known.items() if field not in fields]
+    nested = [inner for description in fields.values() if (inner := _message_in(description))]
+    return not any(_is_list(each) for each in missing) and all(is_earlier(each, definitions) for each in nested)
+
+
+def completed(message: Any, name: str) -> Any:
+    """The message as this release knows its type; what it lacks is NaN, nought or empty."""
+    blank = message_class(name)()
+    told = {
+        field: _as_known(getattr(message, field), _message_in(description))
+        for field, description in store().fielddefs[name][1]
+        if hasattr(message, field)
+    }
+    return _nothing_known(blank, **told)
+
+
+def _nothing_known(blank: Any, **told: Any) -> Any:
+    """A message of zeros as one of what is not known, but for what is `told`."""
+    fields = (each.name for each in dataclasses.fields(blank) if each.name not in told)
+    return type(blank)(**told, **{field: _unknown(getattr(blank, field), field) for field in fields})
+
+
+def _as_known(value: Any, inner: str) -> Any:
+    """A field's value with the messages in it completed, too."""
+    if not inner:
+        return value
+    return [completed(each, inner) for each in value] if isinstance(value, list) else completed(value, inner)
+
+
+def _unknown(blank: Any, field: str) -> Any:
+    """What a field holds that nobody knows, from what it holds in a message of zeros."""
+    if field == _COVARIANCE:
+        return np.array([-1.0, *blank[1:]])
+    if isinstance(blank, float):
+        return math.nan
+    if isinstance(blank, np.ndarray) and blank.dtype.kind == 'f':
+        return np.full_like(blank, np.nan)
+    if dataclasses.is_dataclass(blank):
+        return _nothing_known(blank)
+    return blank
+
+
+def _message_in(description: Any) -> str:
+    """The type of the messages that a field holds, one or a list; empty where it holds none."""
+    kind, rest = description
+    if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
+        kind, rest = rest[0]
+    return str(rest) if kind == Nodetype.NAME else ''
+
+
+def _is_list(description: Any) -> bool:
+    return description[0] == Nodetype.SEQUENCE and bool(_message_in(description))
