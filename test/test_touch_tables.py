@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes import touch_tables
+from tactile_nodes import paths, touch_tables
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.touch_bodies import body_of
@@ -52,6 +52,14 @@ def test_a_description_says_what_presses_and_how(tmp_path: Path):
     body = body_of(contact.body)
     height = body.under(np.array([2.0, 0.0]), np.array([0.0, 0.0]))[0]
     assert height == pytest.approx([0.0, 0.1], abs=1e-6)
+
+
+def test_the_description_that_ships_is_two_fingers_a_little_apart_in_height():
+    contact = Contact.named(str(paths.share_directory() / 'config' / 'contacts' / 'two_fingers.yaml'))
+    left, right, between = body_of(contact.body).under(np.array([-4.5, 4.5, 0.0]), np.zeros(3))[0]
+    assert (left, right) == pytest.approx((0.0, 0.1), abs=1e-6)
+    assert between > 1.5
+    assert contact.twist_deg == 5.0
 
 
 @pytest.mark.parametrize(
