@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,20 +28,29 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import check_size, read_text
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.table import SPACING_MM, TouchTable
+from tactile_nodes.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
     from tactile_nodes.simulation.touch.bricks import Layer
     from tactile_nodes.simulation.touch.track import Way
 
-MESHES = '.stl', '.obj', '.ply'
-LARGEST_BYTES = 64 << 20
 CELLS, CELL_MM = 120, 0.4
 """Of the layer that contacts are solved on: 48 mm, after which it repeats."""
 
 USUAL = 'ring', 'edge', 'two'
 USUAL_MM2 = 18.0
 """What a live scene shows among presses, and how hard it presses over the shear modulus."""
+
+BOUNDS = {
+    'tilt_deg': (-180.0, 180.0),
+    'force_n': (0.001, 100.0),
+    'depth_mm': (0.0, 5.0),
+    'drag_mm': (0.0, 5.0),
+    'drag_deg': (-360.0, 360.0),
+    'twist_deg': (-90.0, 90.0),
+    'friction': (0.0, 10.0),
+}
 
 Tell = Callable[[int, int], None]
 
@@ -58,6 +67,12 @@ class Contact:
     drag_deg: float = 0.0
     twist_deg: float = 0.0
     friction: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in BOUNDS.items():
+            said = getattr(self, name)
+            if not all(low <= each <= high for each in (said if isinstance(said, tuple) else (said,))):
+                raise ConfigurationError(f"a contact's {name!r} must be from {low:g} to {high:g}, got {said!r}")
 
     @classmethod
     def named(cls, name: str) -> Contact:
@@ -114,7 +129,11 @@ def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
     from tactile_nodes.simulation.touch.bricks import Layer
     from tactile_nodes.simulation.touch.track import track_key
 
-    layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), _body(contact.body, contact.tilt_deg)
+    layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
+    if 2 * body.reach_mm > gel.size_mm:
+        raise ConfigurationError(
+            f'{body.name} is {2 * body.reach_mm:.0f} mm wide, and the gel {gel.size_mm:g} mm; give a smaller body'
+        )
     way = _way(contact, gel)
     return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')
 
@@ -156,78 +175,6 @@ def _way(contact: Contact, gel: Gel) -> Way:
     )
 
 
-def _body(named: object, tilt_deg: tuple[float, float]) -> Body:
-    """The body that is named, or those of a list as one, tilted."""
-    from tactile_nodes.simulation.touch.body import Body
-
-    if isinstance(named, Sequence) and not isinstance(named, str):
-        parts = [(_body(each['body'], (0.0, 0.0)), _place(each)) for each in named]
-        joined = Body.joined('several', parts)
-        return joined.tilted(*_leaning(tilt_deg)) if any(tilt_deg) else joined
-    name = str(named)
-    if Path(name).suffix.lower() in MESHES:
-        return _mesh(Path(name), tilt_deg)
-    body = _heights(Path(name)) if name.endswith('.npy') else _family(name)
-    return body.tilted(*_leaning(tilt_deg)) if any(tilt_deg) else body
-
-
-def _leaning(tilt_deg: tuple[float, float]) -> tuple[float, float]:
-    """Turned about x it is y that gets lower, and about y it is -x."""
-    return -tilt_deg[1], tilt_deg[0]
-
-
-def _family(name: str) -> Body:
-    from tactile_nodes.simulation.touch.families import FAMILIES, make_body
-
-    if name not in FAMILIES:
-        raise ConfigurationError(
-            f'there is no contact {name!r}; give one of: {", ".join(FAMILIES)}, or a file: a mesh '
-            f'({", ".join(MESHES)}), heights (.npy) or a description (.yaml)'
-        )
-    return make_body(name)
-
-
-def _mesh(file: Path, tilt_deg: tuple[float, float]) -> Body:
-    from tactile_nodes.simulation.touch.mesh import body_of_mesh
-
-    _check(file)
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ConfigurationError(f"{file}: meshes need: pip install 'tactile_nodes[mesh]'") from error
-    try:
-        mesh = trimesh.load_mesh(file, process=True)
-        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
-    except Exception as error:
-        raise ConfigurationError(f'{file} cannot be read as a mesh ({error}); export it again') from error
-    return body_of_mesh(file.stem, vertices, faces, tilt_deg)
-
-
-def _heights(file: Path) -> Body:
-    from tactile_nodes.simulation.touch.body import Body
-
-    _check(file)
-    try:
-        heights = np.load(file, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise ConfigurationError(f'{file} holds no array of heights ({error})') from error
-    if heights.ndim != 2 or heights.dtype.kind not in 'fiu':
-        raise ConfigurationError(f'{file} must hold a square of heights in mm, got {heights.dtype} {heights.shape}')
-    return Body.of_heights(file.stem, heights.astype(float))
-
-
-def _check(file: Path) -> None:
-    try:
-        check_size(file, LARGEST_BYTES)
-    except OSError as error:
-        raise ConfigurationError(f'cannot read the body {file} ({error.strerror}); check the path') from error
-
-
-def _place(part: Mapping[str, Any]) -> tuple[float, float, float]:
-    right, down = part.get('at_mm', (0.0, 0.0))
-    return float(right), float(down), float(part.get('raised_mm', 0.0))
-
-
 def _described(file: Path) -> Contact:
     """A contact that a YAML file describes."""
     import yaml
@@ -246,18 +193,24 @@ def _described(file: Path) -> Contact:
         if name != 'body' and not _fits(value, known[name]):
             raise ConfigurationError(f'{file}: {name!r} must be like {known[name]!r}, got {value!r}')
     tilt_deg = tuple(map(float, said.get('tilt_deg', (0.0, 0.0))))
-    return Contact(**{**said, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, said['body'])})
+    try:
+        return Contact(**{**said, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, said['body'])})
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{file}: {error}') from error
 
 
 def _beside(folder: Path, body: object) -> object:
     """Files of bodies are looked for beside the description."""
     if isinstance(body, list):
-        return [{**each, 'body': _beside(folder, each.get('body'))} for each in body if isinstance(each, dict)]
-    named = str(body)
-    return str(folder / named) if named.lower().endswith((*MESHES, '.npy')) else named
+        return [
+            {**each, 'body': _beside(folder, each.get('body'))} if isinstance(each, dict) else each for each in body
+        ]
+    if not isinstance(body, str):
+        return body
+    return str(folder / body) if is_mesh(body) or body.endswith(HEIGHTS) else body
 
 
 def _fits(value: object, like: object) -> bool:
     if isinstance(like, tuple):
         return isinstance(value, list) and len(value) == len(like) and all(_fits(each, 0.0) for each in value)
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return is_number(value)

@@ -23,7 +23,7 @@ CHECKED = ('sensing', 'simulation')
 jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED], 'beartype.beartype')
 
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints.
-hypothesis.settings.register_profile('suite', database=None, deadline=None, print_blob=True)
+hypothesis.settings.register_profile('suite', database=None, deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.register_profile('fuzz', database=None, deadline=None, print_blob=True)
 hypothesis.settings.load_profile(os.environ.get('TACTILE_HYPOTHESIS', 'suite'))
 

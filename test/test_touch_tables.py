@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes import touch_tables
+from tactile_nodes import paths, touch_tables
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import load_gel
+from tactile_nodes.touch_bodies import body_of
 from tactile_nodes.touch_tables import Contact, ready_contacts, solved_contact, usual_contact
 
 
@@ -48,9 +49,17 @@ def test_a_description_says_what_presses_and_how(tmp_path: Path):
     assert (contact.force_n, contact.tilt_deg, contact.friction) == (1.5, (0.0, 1.0), 0.6)
     assert contact.body[1]['body'] == str(tmp_path / 'pad.npy')
     np.save(tmp_path / 'pad.npy', np.zeros((11, 11)))
-    body = touch_tables._body(contact.body, (0.0, 0.0))
+    body = body_of(contact.body)
     height = body.under(np.array([2.0, 0.0]), np.array([0.0, 0.0]))[0]
     assert height == pytest.approx([0.0, 0.1], abs=1e-6)
+
+
+def test_the_description_that_ships_is_two_fingers_a_little_apart_in_height():
+    contact = Contact.named(str(paths.share_directory() / 'config' / 'contacts' / 'two_fingers.yaml'))
+    left, right, between = body_of(contact.body).under(np.array([-4.5, 4.5, 0.0]), np.zeros(3))[0]
+    assert (left, right) == pytest.approx((0.0, 0.1), abs=1e-6)
+    assert between > 1.5
+    assert contact.twist_deg == 5.0
 
 
 @pytest.mark.parametrize(
@@ -59,6 +68,8 @@ def test_a_description_says_what_presses_and_how(tmp_path: Path):
         ('force_n: 2.0\n', 'describes no contact: it needs at least: body: ring'),
         ('body: ring\nfroce_n: 2.0\n', "a contact has no 'froce_n'; it has: body, tilt_deg, force_n"),
         ('body: ring\nforce_n: much\n', "'force_n' must be like 2.0, got 'much'"),
+        ('body: ring\nforce_n: -1.0\n', r"contact.yaml: a contact's 'force_n' must be from 0.001 to 100, got -1"),
+        ('body: ring\ntilt_deg: [0, 200]\n', r"'tilt_deg' must be from -180 to 180, got \(0.0, 200.0\)"),
         ('body: [\n', 'cannot read the contact'),
     ],
 )
@@ -84,6 +95,35 @@ def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         (tmp_path / file).write_text('no numbers\n')
     with pytest.raises(ConfigurationError, match=said):
         solved_contact(load_gel('paper'), Contact.named(name))
+
+
+@pytest.mark.parametrize(
+    ('body', 'said'),
+    [
+        ([], 'a list of bodies needs at least one'),
+        (['ring'], r"a body of a list is like \{body: ring, at_mm: .*, got 'ring'"),
+        ([{'body': 'ring', 'up_mm': 3.0}], 'a body of a list is like'),
+        ([{'body': 'ring', 'at_mm': [1.0]}], 'a body of a list is like'),
+        ([{'body': 'ring', 'at_mm': [1e9, 0.0]}], 'within 40 mm'),
+    ],
+)
+def test_a_list_of_bodies_says_what_each_is_and_where(body: object, said: str):
+    with pytest.raises(ConfigurationError, match=said):
+        body_of(body)
+
+
+def test_a_body_of_heights_is_tilted_a_little_only():
+    with pytest.raises(ConfigurationError, match=r'ring can be tilted by 20 degrees at most, got \[0.0, 90.0\]'):
+        body_of('ring', (0.0, 90.0))
+
+
+def test_a_body_wider_than_the_gel_is_refused_with_both_sizes(tmp_path: Path):
+    np.save(tmp_path / 'plate.npy', np.zeros((361, 361)))
+    with pytest.raises(ConfigurationError, match='plate is 36 mm wide, and the gel 32 mm; give a smaller body'):
+        solved_contact(load_gel('paper'), Contact(str(tmp_path / 'plate.npy')))
+    np.save(tmp_path / 'field.npy', np.zeros((2500, 2500), np.float16))
+    with pytest.raises(ConfigurationError, match='is 250 mm wide, more than 40; cut it'):
+        body_of(str(tmp_path / 'field.npy'))
 
 
 def test_a_contact_of_a_gel_as_hard_as_another_presses_in_proportion():

@@ -15,6 +15,7 @@ a folder                                     its images in natural order (`camer
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from tactile_nodes.clock import Clock
@@ -22,24 +23,26 @@ from tactile_nodes.drivers.camera import SIMULATED, Camera, CameraSettings
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 
-def open_camera(settings: CameraSettings, clock: Clock) -> Camera:
+def open_camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None = None) -> Camera:
     """The camera that `settings.source` names, open; a live one reconnects by itself (`Reconnecting`).
+
+    `told` hears what the simulated one does where opening takes long.
 
     Raises:
         ConfigurationError: the source names no kind of camera.
         DeviceError, ImageError: as `Camera.open`.
     """
-    camera = _camera(settings, clock)
+    camera = _camera(settings, clock, told)
     camera.open()
     return camera
 
 
-def _camera(settings: CameraSettings, clock: Clock) -> Camera:
+def _camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None) -> Camera:
     source = settings.source.strip()
     if source == SIMULATED:
         from tactile_nodes.drivers.camera_simulated import SimulatedCamera
 
-        return SimulatedCamera(settings, clock)
+        return SimulatedCamera(settings, clock, told)
     if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
         return _stream(scheme.group(1).lower(), settings, clock)
     if source.isdigit() or source.startswith('/dev/'):

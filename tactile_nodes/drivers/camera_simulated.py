@@ -7,7 +7,7 @@ builds the same scene (`build_scene`) knows the truth for every frame from the f
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -22,11 +22,14 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldScene
 from tactile_nodes.simulation.touch.table import TouchTable
-from tactile_nodes.touch_tables import Contact, ready_contacts, solved_contact
+from tactile_nodes.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
 
 NAME = 'the simulated camera'
 TIP, MIXED = 'tip', 'mixed'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
+
+Told = Callable[[str], None]
+"""Hears, while a scene is built, what takes long."""
 
 
 class Untouched:
@@ -43,9 +46,10 @@ class SimulatedCamera:
     A camera that looks at a shared world (`scene.world`) shows the gel of that world as soon as there is one.
     """
 
-    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+    def __init__(self, settings: CameraSettings, clock: Clock, told: Told | None = None) -> None:
         self._settings = settings
         self._clock = clock
+        self._told = told
         self._scene: Scene | None = None
         self._world: worlds.SharedWorld | None = None
         self._start_ns = 0
@@ -70,10 +74,13 @@ class SimulatedCamera:
         return Health(Level.OK, f'rendering, {self._dropped} frames lost')
 
     def open(self) -> None:
-        """Build the scene and render once, so that the first frame comes as fast as the others."""
+        """Build the scene and render once, so that the first frame comes as fast as the others.
+
+        A contact that nobody has solved yet is solved first, which takes some ten seconds and is told.
+        """
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
-        scene = build_scene(self._settings.scene)
+        scene = build_scene(self._settings.scene, self._told)
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
@@ -122,24 +129,32 @@ class SimulatedCamera:
         return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
 
 
-def build_scene(settings: SceneSettings) -> Scene:
+def build_scene(settings: SceneSettings, told: Told | None = None) -> Scene:
     """The gel and what happens to it; the same settings give the same world in every process.
 
     Raises:
         ConfigurationError: a gel file that cannot be used, or a contact that cannot be solved.
     """
     gel = _gel(settings)
-    bodies = _bodies(settings.contact, gel)
+    bodies = _bodies(settings.contact, gel, told)
     return Scene(gel, _schedule(settings, settings.start_ns, bodies), table=contact_table(gel), bodies=bodies)
 
 
-def _bodies(contact: str, gel: Gel) -> dict[str, TouchTable]:
+def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
     """What touches the gel beside its tip; a contact that nobody has solved yet takes some ten seconds."""
     if contact in ('', TIP):
         return {}
     if contact == MIXED:
         return ready_contacts(gel)
-    return {contact: solved_contact(gel, Contact.named(contact))}
+    wanted = usual_contact(gel, contact) if contact in USUAL else Contact.named(contact)
+    return {contact: solved_contact(gel, wanted, told and _progress(contact, told))}
+
+
+def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
+    def tell(done: int, stages: int) -> None:
+        told(f'solving how the gel deforms under {contact}, once: {done} of {stages} stages')
+
+    return tell
 
 
 def _schedule(settings: SceneSettings, start_ns: int, bodies: Mapping[str, TouchTable]) -> TouchSchedule:

@@ -64,7 +64,10 @@ class CameraNode(Node):
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
         self._camera = opened_within(
-            self.params.open_within_s, lambda: open_camera(self.params, self.clock), self.clock, self._waiting
+            self.params.open_within_s,
+            lambda: open_camera(self.params, self.clock, self._opening),
+            self.clock,
+            self._waiting,
         )
         name = self._camera.description.get('source', self.params.source)
         self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture', 'recording'), name)
@@ -93,6 +96,10 @@ class CameraNode(Node):
         wanted = self._image.topic, f'{self.names.namespace.rstrip("/")}/{self.params.wait_for}'
         ends = (end for each in self.bus.graph().participants for end in each.subscriptions)
         return any((end.name, end.node) == wanted for end in ends)
+
+    def _opening(self, told: str) -> None:
+        self.log.info(told)
+        self.still_wanted()
 
     def _waiting(self, error: DeviceError) -> None:
         self.still_wanted()

@@ -69,6 +69,7 @@ class Optics:
         self._gel = gel
         self._tables = {'tip': table, **(others or {})}
         self._bodies, self._placed = dict(bodies or {}), dict[Touch, Placed]()
+        self._over: Touch | None = None
         self._shear: dict[str, ShearTable] = {}
         self.camera = camera_of(gel)
         self._turn = camera_turn(gel)
@@ -94,7 +95,11 @@ class Optics:
         return moved
 
     def _touched(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
-        """What a body does; how it sees the markers from its place is remembered for the last few places."""
+        """What a body does."""
+        return self._placed_at(touch).moved_mm(touch.stage)
+
+    def _placed_at(self, touch: Touch) -> Placed:
+        """How a body sees the markers from its place, remembered for the last few places."""
         if touch.body not in self._bodies:
             known = ', '.join(self._bodies) or 'none'
             raise ConfigurationError(f'no table was given for the body {touch.body!r}; there are: {known}')
@@ -103,7 +108,15 @@ class Optics:
             while len(self._placed) >= PLACES_KEPT:
                 del self._placed[next(iter(self._placed))]
             self._placed[place] = Placed(self._bodies[touch.body], self.markers_mm, place)
-        return self._placed[place].moved_mm(touch.stage)
+        return self._placed[place]
+
+    def _come_near(self, presses: tuple[Shaping, ...]) -> None:
+        """A body that stays over a place will touch there; what that takes is found now, in idle frames."""
+        for touch in presses:
+            if isinstance(touch, Touch):
+                if touch == self._over:
+                    self._placed_at(touch)
+                self._over = touch
 
     def _field(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
         if press.indenter not in self._lookups:
@@ -132,6 +145,7 @@ class Optics:
     def radiance(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'h w']:
         """The image in grey levels before noise and rounding."""
         if not any(press.touching for press in presses):
+            self._come_near(presses)
             return self._rest
         last, drawn = self._last
         if presses != last:  # while a tip rests, only the noise changes

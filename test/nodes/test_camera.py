@@ -11,6 +11,7 @@ import pytest
 from feeding import PATTERN
 from stream_server import plugged_in
 
+from tactile_nodes import touch_tables
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.diagnostics import Level
@@ -19,7 +20,7 @@ from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SystemClock, monotonic_s
-from tactile_nodes.errors import AskedToEndError, DeviceNotFoundError, ImageError
+from tactile_nodes.errors import AskedToEndError, ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.nodes.camera import CameraNode
 
@@ -111,6 +112,44 @@ def test_camera_that_is_asked_to_end_while_it_waits_waits_no_longer(
     arguments.ending.set()
     with pytest.raises(AskedToEndError):
         CameraNode(bus, arguments)
+
+
+def test_a_ring_touches_the_simulated_gel_where_it_is_asked_for(
+    bus: InProcessBus, start: Callable[..., CameraNode]
+) -> None:
+    truths, images = listen(bus, topics.TRUE_FORCE), listen(bus, topics.IMAGE)
+    start('scene.contact:=ring', 'scene.start_ns:=1', 'fps:=5.0')
+    pressed = [first(truths).message for _ in range(10)]  # each visit lasts 2 s
+    most = max(pressed, key=lambda each: each.total)
+    assert most.total == pytest.approx(2.0, rel=0.3)
+    assert np.count_nonzero(np.asarray(most.normal_force) > 0.02) >= 4
+    assert first(images).message.height == 440
+
+
+@pytest.mark.parametrize(
+    ('contact', 'said'),
+    [
+        ('rign', "^there is no contact 'rign'; give one of: tip, ball, .*, or a file: "),
+        ('missing.stl', r'^cannot read the body missing.stl \(No such file or directory\); check the path$'),
+    ],
+)
+def test_a_contact_that_is_none_is_one_sentence(start: Callable[..., CameraNode], contact: str, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        start(f'scene.contact:={contact}')
+
+
+def test_a_contact_that_is_solved_says_how_far_it_is_and_may_be_given_up(
+    bus: InProcessBus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    monkeypatch.setattr(touch_tables, 'CELLS', 48)
+    monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
+    logged = listen(bus, topics.ROSOUT)
+    arguments = parse_arguments(['--ros-args', '-p', 'scene.contact:=ball'])
+    arguments.ending.set()
+    with pytest.raises(AskedToEndError):
+        CameraNode(bus, arguments)
+    assert first(logged).message.msg == 'solving how the gel deforms under ball, once: 1 of 7 stages'
 
 
 def test_diagnostics_name_the_device(start: Callable[..., CameraNode], tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ from tactile_nodes.messages import types
 
 DOMAIN = 71
 PATIENCE_S = 30.0
+ALONE = 'page:=false', 'monitor:=false'
+"""What fails without them fails with them."""
 
 
 @contextmanager
@@ -90,18 +92,22 @@ def test_live_launch_senses_the_press_of_the_simulated_probe(bus: ZmqBus, tmp_pa
         assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
 
 
-def test_missing_camera_is_one_sentence_and_a_failure(tmp_path: Path) -> None:
-    with launched('live', 'source:=/dev/video99', log=tmp_path) as process:
+@pytest.mark.parametrize(
+    ('wrong', 'named'),
+    [('source:=/dev/video99', '/dev/video99'), ('contact:=rign', "there is no contact 'rign'; give one of: tip, ball")],
+)
+def test_what_is_not_there_is_one_sentence_at_the_end_and_a_failure(tmp_path: Path, wrong: str, named: str) -> None:
+    with launched('live', wrong, *ALONE, log=tmp_path) as process:
         output, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode != 0
-        assert '/dev/video99' in output
+        assert named in output.splitlines()[-1]
         assert 'Traceback' not in output
 
 
 def test_model_file_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> None:
     damaged = tmp_path / 'damaged.safetensors'
     damaged.write_bytes(b'not a model')
-    with launched('live', f'model:={damaged}', log=tmp_path) as process:
+    with launched('live', f'model:={damaged}', *ALONE, log=tmp_path) as process:
         output, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode != 0
         assert 'damaged.safetensors' in output

@@ -91,7 +91,7 @@ def test_the_same_is_read_of_a_contact_that_drags(place: tuple[float, float, flo
 
 def told(reading: Reading) -> list[float]:
     """All its numbers in a row."""
-    contacts = [number for each in reading.contacts for number in dataclasses.astuple(each)]
+    contacts = [number for each in reading.contacts for number in dataclasses.astuple(each) if number is not None]
     return [*contacts, reading.total_sigma_n, reading.unlikeness]
 
 

@@ -1,6 +1,7 @@
-"""The numbers of docs/simulation.md: python test/simulation/study.py mesh|linear|friction|pair|shear|speed|surface
+"""The numbers of docs/simulation.md: python test/simulation/study.py NAME, one of the functions at the end.
 
-Each takes a minute or two on one core. These are measurements, not tests; the tests check the same in small.
+Each takes a minute or two on one core, `touches` five. These are measurements, not tests; the tests check the same in
+small.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from tactile_nodes.benchmarks.collection import CNC, SAFE_Z_MM, named
 from tactile_nodes.collection.rehearsal import Rehearsal
 from tactile_nodes.collection.rest import go_to_gel
 from tactile_nodes.collection.surface import find_surface
+from tactile_nodes.drivers.camera import SceneSettings
+from tactile_nodes.drivers.camera_simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table, solution_of
@@ -32,6 +35,10 @@ from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 from tactile_nodes.simulation.scene import PressSchedule, Scene
 from tactile_nodes.simulation.solution import Problem, solve_problem
+from tactile_nodes.simulation.touch.bricks import Bricks, Layer
+from tactile_nodes.simulation.touch.families import make_body
+from tactile_nodes.simulation.touch.track import Way, solve_track
+from tactile_nodes.touch_tables import CELL_MM, CELLS
 
 DEPTHS = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5)
 MARKERS_R, MARKERS_Z = np.linspace(0, 6, 31), np.linspace(-6, -1.5, 19)
@@ -179,6 +186,8 @@ def speed() -> None:
         table=contact_table(FINITE),
     )
 
+    ring = build_scene(SceneSettings(contact='ring', start_ns=1))
+
     def press(i: int) -> tuple[Press, ...]:
         """Another depth each time: what stays as it was is not drawn anew."""
         return (Press(2.0, 1.0, 1.0 + i * 1e-3),)
@@ -191,6 +200,7 @@ def speed() -> None:
         'press, JPEG': lambda i: jpeg.render(press(i), i),
         'press, dragged': lambda i: optics.render((dataclasses.replace(press(i)[0], shift_mm=(0.3, 0.1)),), i),
         'two presses': lambda i: optics.render((*press(i), Press(-5.0, 3.0, 1.5)), i),
+        'live scene: a ring': lambda i: ring.render(1 + i * 16_666_667),
         'live scene: settling, blur and JPEG': lambda i: settling.render(i * 16_666_667),
     }.items():
         render(0)
@@ -218,5 +228,25 @@ def surface() -> None:
         print(gel or 'paper', indenter, ' '.join(f'{each * 1000:+.1f}' for each in found), 'µm')
 
 
+def touches() -> None:
+    """Contacts of 2 N on the paper's gel, dragged by 0.6 mm: as shipped (0.4 mm), and on a finer grid (0.3 mm)."""
+    way = Way(force_mm2=18.0, drag_mm=0.6, press_stages=3, drag_stages=3)
+    for name in ('ball', 'ring', 'edge', 'screw'):
+        told = []
+        for cells, rows in ((CELLS, 9), (4 * CELLS // 3, 11)):
+            bricks = Bricks(Layer(cells, CELLS * CELL_MM / cells, FINITE.layer_mm, rows=rows))
+            start = time.process_time()
+            track = solve_track(bricks, make_body(name), way)
+            took_s = time.process_time() - start
+            pressed, dragged = (np.abs(track.moved_mm[i]).max(axis=(2, 3)) for i in (3, -1))
+            level = [np.interp(-2.0, track.z_mm, each) for each in (pressed[:, 2], dragged[:, 0])]
+            shear = track.force[-1, 0] / 18
+            told.append((track.depth_mm[3], shear, *level))
+            print(f'{name} {cells} cells, {rows} rows: {took_s:.0f} s, {track.depth_mm[3]:.3f} mm deep,', end=' ')
+            print(f'shear {shear:.3f} of the force, slips {track.slip_share[-1]:.0%};', end=' ')
+            print(f'2 mm down: {level[0]:.3f} mm down, {level[1]:.3f} mm aside', flush=True)
+        print(name, 'differs by', ' '.join(f'{a / b - 1:+.1%}' for a, b in zip(*told, strict=True)), flush=True)
+
+
 if __name__ == '__main__':
-    {each.__name__: each for each in (mesh, linear, friction, pair, shear, speed, surface)}[sys.argv[1]]()
+    {each.__name__: each for each in (mesh, linear, friction, pair, shear, speed, surface, touches)}[sys.argv[1]]()

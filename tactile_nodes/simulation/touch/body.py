@@ -37,7 +37,7 @@ class Body:
         Raises:
             ConfigurationError: there is no body at all, or the heights are no square.
         """
-        if height_mm.ndim != 2 or height_mm.shape[0] != height_mm.shape[1]:
+        if height_mm.ndim != 2 or height_mm.shape[0] != height_mm.shape[1] or len(height_mm) < 2:
             raise ConfigurationError(f'the body {name!r} needs a square of heights, got the shape {height_mm.shape}')
         there = np.isfinite(height_mm)
         if not there.any():

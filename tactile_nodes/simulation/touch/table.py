@@ -193,15 +193,17 @@ def _weights(places: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int
     """Cubic B-splines at places of a grid, mirrored at its borders, as a matrix on all of its coefficients."""
     parts, indices = [], []
     for place, count in zip(places, shape, strict=True):
-        first = np.floor(place).astype(np.intp)
+        first = np.floor(place).astype(np.int32)
         t = (place - first)[:, None]
         parts.append(np.concatenate([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * (t + t**2 - t**3), t**3], 1) / 6)
-        index = np.abs(first[:, None] + np.arange(-1, 3))
+        index = np.abs(first[:, None] + np.arange(-1, 3, dtype=np.int32))
         indices.append(np.where(index > count - 1, 2 * (count - 1) - index, index))
-    weight = np.einsum('na,nb,nc->nabc', *parts).reshape(len(places[0]), -1).astype(np.float32)
+    up, down, right = (each.astype(np.float32) for each in parts)
+    plane = (down[:, :, None] * right[:, None]).reshape(-1, 1, 16)
+    weight = (up[:, :, None] * plane).reshape(len(up), 64)
     z, y, x = indices
     index = (z[:, :, None, None] * shape[1] + y[:, None, :, None]) * shape[2] + x[:, None, None, :]
-    rows = np.arange(0, weight.size + 1, 64)
+    rows = np.arange(0, weight.size + 1, 64, dtype=np.int32)
     from scipy.sparse import csr_matrix
 
     return csr_matrix((weight.ravel(), index.reshape(-1), rows), (len(weight), int(np.prod(shape))))

@@ -1,0 +1,143 @@
+"""Bodies by what names them: a family ('ring'), a mesh, heights, or a list of these that move as one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import check_size
+
+if TYPE_CHECKING:
+    from tactile_nodes.simulation.touch.body import Body
+
+MESHES = '.stl', '.obj', '.ply'
+HEIGHTS = '.npy'
+LARGEST_BYTES = 64 << 20
+STEEPEST_DEG = 20.0
+"""Heights know no undercut, so that they are tilted a little only; a mesh may be turned at will."""
+
+FARTHEST_MM = 40.0
+
+Tilt = tuple[float, float]
+"""About x, then about y, in degrees."""
+
+
+def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
+    """The body that is named, or those of a list as one, tilted.
+
+    Raises:
+        ConfigurationError: there is no such family or file, or what it holds is no body.
+    """
+    from tactile_nodes.simulation.touch.body import Body
+
+    if isinstance(named, (list, tuple)):
+        return _tilted(Body.joined('several', [_part(each) for each in _some(named)]), tilt_deg)
+    name = str(named)
+    if is_mesh(name):
+        return _mesh(Path(name), tilt_deg)
+    return _tilted(_heights(Path(name)) if name.endswith(HEIGHTS) else _family(name), tilt_deg)
+
+
+def is_mesh(name: str) -> bool:
+    """By the ending of the file."""
+    return Path(name).suffix.lower() in MESHES
+
+
+def _tilted(body: Body, tilt_deg: Tilt) -> Body:
+    """Turned about x it is y that gets lower, and about y it is -x."""
+    if not any(tilt_deg):
+        return body
+    if max(map(abs, tilt_deg)) > STEEPEST_DEG:
+        raise ConfigurationError(
+            f'{body.name} can be tilted by {STEEPEST_DEG:g} degrees at most, got {list(tilt_deg)}; only a mesh may be '
+            'turned further'
+        )
+    return body.tilted(-tilt_deg[1], tilt_deg[0])
+
+
+def _some(parts: list[object] | tuple[object, ...]) -> list[object] | tuple[object, ...]:
+    if not parts:
+        raise ConfigurationError('a list of bodies needs at least one, like: body: [{body: ring}]')
+    return parts
+
+
+def _part(part: object) -> tuple[Body, tuple[float, float, float]]:
+    """A body of a list, and where it is: right, down, raised."""
+    if (
+        isinstance(part, dict)
+        and isinstance(part.get('body'), str)
+        and not part.keys() - {'body', 'at_mm', 'raised_mm'}
+    ):
+        at_mm = part.get('at_mm', [0.0, 0.0])
+        place = [*at_mm, part.get('raised_mm', 0.0)] if isinstance(at_mm, list) else []
+        if len(place) == 3 and all(map(_is_near, place)):
+            return body_of(part['body']), (float(place[0]), float(place[1]), float(place[2]))
+    raise ConfigurationError(
+        f'a body of a list is like {{body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}}, within {FARTHEST_MM:g} mm, '
+        f'got {part!r}'
+    )
+
+
+def _is_near(number: object) -> bool:
+    return is_number(number) and abs(float(number)) <= FARTHEST_MM  # type: ignore[arg-type]
+
+
+def is_number(value: object) -> bool:
+    """Finite, and no yes or no."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _family(name: str) -> Body:
+    from tactile_nodes.simulation.touch.families import FAMILIES, make_body
+
+    if name not in FAMILIES:
+        raise ConfigurationError(
+            f'there is no contact {name!r}; give one of: {", ".join(FAMILIES)}, or a file: a mesh '
+            f'({", ".join(MESHES)}), heights ({HEIGHTS}) or a description (.yaml)'
+        )
+    return make_body(name)
+
+
+def _mesh(file: Path, tilt_deg: Tilt) -> Body:
+    from tactile_nodes.simulation.touch.mesh import body_of_mesh
+
+    _check(file)
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ConfigurationError(f"{file}: meshes need: pip install 'tactile_nodes[mesh]'") from error
+    try:
+        mesh = trimesh.load_mesh(file, process=True)
+        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
+    except Exception as error:
+        raise ConfigurationError(f'{file} cannot be read as a mesh ({error}); export it again') from error
+    return body_of_mesh(file.stem, vertices, faces, tilt_deg)
+
+
+def _heights(file: Path) -> Body:
+    from tactile_nodes.simulation.touch.body import SPACING_MM, Body
+
+    _check(file)
+    try:
+        heights = np.load(file, allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise ConfigurationError(f'{file} holds no array of heights ({error})') from error
+    if heights.ndim != 2 or heights.dtype.kind not in 'fiu':
+        raise ConfigurationError(f'{file} must hold a square of heights in mm, got {heights.dtype} {heights.shape}')
+    wide_mm = max(heights.shape) * SPACING_MM
+    if wide_mm > FARTHEST_MM + 1:
+        raise ConfigurationError(
+            f'{file} is {wide_mm:.0f} mm wide, more than {FARTHEST_MM:.0f}; cut it: heights are {SPACING_MM:g} mm apart'
+        )
+    return Body.of_heights(file.stem, heights.astype(float))
+
+
+def _check(file: Path) -> None:
+    try:
+        check_size(file, LARGEST_BYTES)
+    except OSError as error:
+        raise ConfigurationError(f'cannot read the body {file} ({error.strerror}); check the path') from error

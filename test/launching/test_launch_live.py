@@ -1,0 +1,29 @@
+"""What the arguments of our own launch file for live sensing become."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tactile_nodes import paths
+
+
+@pytest.mark.parametrize(('given', 'contact'), [({}, 'tip'), ({'contact': 'ring'}, 'ring'), ({'contact': '7'}, '7')])
+def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict[str, str], contact: str):
+    arguments = [{'name': name, 'value': value} for name, value in {'page': 'false', **given}.items()]
+    included = {'file': str(paths.share_directory() / 'launch' / 'live.launch.yaml'), 'arg': arguments}
+    notes = interpret(yaml.safe_dump([{'include': included}]))
+    told = [
+        (words[:3], values['ros__parameters']['scene.contact'])
+        for words in notes.commands
+        for option, file in itertools.pairwise(words)
+        if option == '--params-file'
+        for values in yaml.safe_load(Path(file).read_text()).values()
+        if 'scene.contact' in values['ros__parameters']
+    ]
+    [(command, value)] = told
+    assert 'camera' in ' '.join(command)
+    assert value == contact
