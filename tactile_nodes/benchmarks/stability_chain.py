@@ -98,3 +98,11 @@ class Chain:
         force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0, average_noise=self._average_noise)
         self._watching.feel(stamp_ns, force)
         return force
+
+    def field(self, force: types.ForceDistribution) -> types.ForceField | None:
+        """The fine maps beside the force that was read last, of a model that knows them."""
+        return self._estimating.field(force)
+
+    def nominal_n(self, total_n: float) -> float:
+        """The error of such a total that is usual of the model."""
+        return self._estimating.now.loaded.model.readout.nominal_n(total_n)

@@ -31,6 +31,7 @@ BENCHMARKS = {
     'page': 'what the live view in the browser costs the sensor: nobody, one, five viewers, one that hangs',
     'endurance': 'hours of sensing: does memory, a queue or a count of files or threads grow?',
     'system_faults': 'processes killed, run folder gone, garbage and crowds on the bus: what does sensing lose?',
+    'contacts': 'any contact: where, how hard, which shear, by ten families of bodies, in disturbed pictures, too',
     'fingers': 'two fingers that squeeze one object: do their readings agree?',
 }
 

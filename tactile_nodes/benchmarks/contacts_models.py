@@ -1,0 +1,52 @@
+"""Models `field` of one gel, calibrated with more and less presses on that very gel, or with none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.field_calibration import sensor_of, with_field
+from tactile_nodes.learning.field_fit import described
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer_checks import source_readout
+from tactile_nodes.learning.transfer_fit import transfer
+from tactile_nodes.model_file import LoadedModel, save_model
+from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.simulation.gel import Gel
+
+DEEPEST_MM, SHALLOWEST_MM = 2.0, 0.25
+UNTOUCHED = 0.5
+"""A picture of the untouched gel for every two frames, as a calibration takes them."""
+
+
+def calibrated(source: LoadedModel, gel: Gel, presses: int, folder: Path, progress: Progress) -> Path:
+    """The file of a model of a gel, from so many presses of the paper's tip; of none from the description alone."""
+    file = folder / f'field-{presses}.safetensors'
+    readout = source.model.readout
+    assert isinstance(readout, FieldReadout)
+    card: dict[str, Any] = dict(source.card)
+    if presses:
+        dataset = _pressed(source, gel, presses, progress)
+        made = with_field(source, transfer(source_readout(source), dataset, progress, forced=True), dataset, progress)
+        fitted = made.readout
+    else:
+        scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
+        fitted = described(sensor_of(card, source.model_id), scaling, progress).readout
+    card['gel'] = {'id': gel.gel_id}
+    save_model(file, replace(source.model, readout=fitted, model_id='unsaved'), card)
+    return file
+
+
+def _pressed(source: LoadedModel, gel: Gel, presses: int, progress: Progress) -> Dataset:
+    """Presses as far apart as can be, at random depths, and pictures of the gel untouched beside them."""
+    data = DataConfig(
+        plan='spread', presses=presses, seed=gel.seed, reach_mm=13.5, shallowest_mm=SHALLOWEST_MM,
+        deepest_mm=DEEPEST_MM, without_contact=UNTOUCHED, presses_per_rest_image=0,
+    )  # fmt: skip
+    flow, encoding = Choice(*source.flow), Choice(*source.encoding)
+    return simulate(TrainConfig(data=data, flow=flow, encoding=encoding, gel=gel), progress)

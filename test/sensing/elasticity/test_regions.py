@@ -1,0 +1,57 @@
+"""What regions see, against the layer by Hankel transform and a projection of points by hand."""
+
+import numpy as np
+import pytest
+
+from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions, turned
+from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.camera import rotation
+from tactile_nodes.simulation.mechanics import Layer
+
+FOCAL, PUPIL_MM = 290.0, 23.0
+
+
+@pytest.fixture(scope='module')
+def regions() -> Regions:
+    return Regions(Sensor(), 20, 20)
+
+
+def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -> None:
+    """1 N of Hertz's pressure over 0.8 mm at (3, 0) mm, seen by a region above and right of it, depth by depth."""
+    known, place = np.array([9 * 20 + 13]), np.array([[3.0, 0.0]])
+    terms = regions.terms_of_ball(place, 0.8, known)[0, 0].reshape(2, DEPTHS, 3)[:, :, 0]
+    pixel = np.array([[100 + 22 * 13 + 10.5, 20 + 22 * 9 + 10.5]])
+    camera, layer = FisheyeCamera(640, 480, FOCAL), Layer(6.0, 0.111, 0.5)
+    ray = camera.unproject(pixel)[0]
+    for depth, at_mm in enumerate(regions.depths_mm.tolist()):
+        point = np.array([0, 0, -PUPIL_MM]) + ray * (PUPIL_MM - at_mm) / ray[2]
+        away = point[:2] - place[0]
+        distance = float(np.hypot(*away))
+        outward, upward = (float(each[0, 0]) for each in layer.displacement_mm(0.8, [distance], np.array([-at_mm])))
+        moved = np.array([*away / distance * outward, upward])
+        start = point + np.array([0, 0, PUPIL_MM])
+        told = camera.project(np.stack([start + moved * 1e-3, start]))
+        by_hand = 1e3 * (told[0] - told[1])
+        assert terms[:, depth] == pytest.approx(by_hand, rel=0.06, abs=0.02), at_mm
+
+
+def test_a_patch_is_felt_as_a_ball_of_its_size_at_its_place(regions: Regions) -> None:
+    """From some distance they are alike (Saint-Venant)."""
+    known = np.arange(0, 400, 37)
+    patch = 9 * 18 + 6
+    ball = regions.terms_of_ball(regions.patches.centres_mm[patch : patch + 1], 1.0, known)[0]
+    square = regions.terms_of_patches(known)[..., patch]
+    assert ball[:, :, ::3] == pytest.approx(square[:, :, ::3], abs=0.05 * float(np.abs(square[:, :, ::3]).max()))
+
+
+def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:
+    shares = regions.nominal_shares.reshape(DEPTHS, 3)
+    assert shares[:, 0].sum() == pytest.approx(1.0)
+    assert not shares[:, 1:].any()
+    assert (np.diff(shares[:, 0]) > 0).all()  # what lies deeper is nearer to the camera
+
+
+def test_a_camera_is_turned_as_the_simulated_one_is() -> None:
+    angles = np.radians([2.0, -3.0, 40.0])
+    assert turned(*angles.tolist()) == pytest.approx(rotation(angles))

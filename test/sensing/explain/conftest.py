@@ -1,0 +1,27 @@
+"""A small sensor for tests: 10x10 regions of the simulated one, and their response without any press."""
+
+import numpy as np
+import pytest
+
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.explain.field import FieldSolver
+from tactile_nodes.sensors import Sensor
+
+SIDE, NOISE_PX = 10, 0.004
+
+
+@pytest.fixture(scope='session')
+def regions() -> Regions:
+    return Regions(Sensor(), SIDE, SIDE)
+
+
+@pytest.fixture(scope='session')
+def response(regions: Regions) -> np.ndarray:
+    terms = regions.terms_of_patches(np.arange(regions.count))
+    told = np.einsum('rptu,t->rpu', terms, regions.nominal_shares.astype(np.float32))
+    return np.ascontiguousarray(told.reshape(2 * regions.count, -1))
+
+
+@pytest.fixture(scope='session')
+def solver(regions: Regions, response: np.ndarray) -> FieldSolver:
+    return FieldSolver(response, regions.patches, NOISE_PX, 0.03)

@@ -1,0 +1,99 @@
+"""The field of motions that were made with known forces."""
+
+import numpy as np
+import pytest
+
+from tactile_nodes.sensing.explain.contacts import contacts_of, slip_share
+from tactile_nodes.sensing.explain.field import FieldSolver
+from tactile_nodes.sensing.explain.spread import FieldSpread
+
+NOISE_PX = 0.004
+
+
+def moved(solver: FieldSolver, forces: np.ndarray, seed: int = 1) -> np.ndarray:
+    """The motion of all regions under forces on patches, with noise."""
+    motion = (solver.response @ forces.reshape(-1)).reshape(-1, 2)
+    return motion + NOISE_PX * np.random.default_rng(seed).standard_normal(motion.shape)
+
+
+def disc(solver: FieldSolver, at_mm: tuple[float, float], radius_mm: float, total_n: float) -> np.ndarray:
+    """Normal forces alone, spread evenly over a disc."""
+    away = np.hypot(*(solver.patches.centres_mm - np.array(at_mm)).T)
+    forces = np.zeros((3, solver.patches.count))
+    forces[0] = total_n * (away < radius_mm) / (away < radius_mm).sum()
+    return forces
+
+
+def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldSolver) -> None:
+    forces = disc(solver, (3.0, -2.0), 3.0, 1.5)
+    forces[1] = 0.3 * forces[0]
+    motion = moved(solver, forces)
+    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    assert field.total_n == pytest.approx(1.5, rel=0.05)
+    assert field.forces_n[1].sum() == pytest.approx(0.45, rel=0.05)
+    assert abs(field.forces_n[2].sum()) < 0.02
+    told, true = (solver.patches.over_bins(each) for each in (field.forces_n[0], forces[0]))
+    assert np.abs(told - true).sum() / 2 < 0.15 * 1.5
+
+
+def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
+    motion = moved(solver, np.zeros((3, solver.patches.count)))
+    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    assert field.gain < 8.0
+    assert field.total_n < 0.01
+
+
+def test_a_region_that_was_followed_wrongly_and_knows_it_does_no_harm(solver: FieldSolver) -> None:
+    forces = disc(solver, (0.0, 0.0), 3.0, 1.0)
+    motion, sure = moved(solver, forces), np.ones(len(solver.response) // 2)
+    lost = np.argsort(-np.hypot(*motion.T))[2:5]
+    motion[lost], sure[lost] = 3.0, 0.0
+    field = solver.field(motion, solver.say(motion, sure))
+    assert field.total_n == pytest.approx(1.0, rel=0.1)
+
+
+def test_totals_lie_within_what_is_stated_of_them(solver: FieldSolver) -> None:
+    """More is stated than noise alone makes, since patches without evidence of their own may hide force."""
+    forces, totals, stated = disc(solver, (-4.0, 5.0), 3.0, 0.5), [], []
+    for seed in range(40):
+        motion = moved(solver, forces, seed)
+        field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+        totals.append(field.total_n)
+        stated.append(field.deviation(np.repeat([1.0, 0.0, 0.0], len(field.active))))
+    assert np.abs(np.array(totals) - 0.5).max() < 1.645 * np.mean(stated)
+    assert np.mean(stated) < 0.1
+
+
+def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> None:
+    forces = disc(solver, (-8.0, 0.0), 2.0, 1.0) + disc(solver, (8.0, 0.0), 2.0, 0.5)
+    motion = moved(solver, forces)
+    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    first, second = contacts_of(field, solver.patches, FieldSpread())[:2]
+    assert (first.x_mm, second.x_mm) == (pytest.approx(-8.0, abs=0.4), pytest.approx(8.0, abs=0.4))
+    assert (first.force_n, second.force_n) == (pytest.approx(1.0, abs=0.1), pytest.approx(0.5, abs=0.1))
+    assert first.region is not None
+    assert 5.0 < first.region.area_mm2 < 30.0  # pi 2² is 12.6
+    assert first.sigma_n < 0.1
+
+
+def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
+    """Shear around the middle, q = 0.2 N / mm² r: the moment is that sum over the patches."""
+    forces = disc(solver, (0.9, 0.9), 4.0, 3.0)
+    away = solver.patches.centres_mm - 0.9
+    turning = 0.08 * (forces[0] > 0) * forces[0].max()
+    forces[1], forces[2] = -turning * away[:, 1], turning * away[:, 0]
+    motion = moved(solver, forces)
+    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    (contact, *_) = contacts_of(field, solver.patches, FieldSpread())
+    true = float((away[:, 0] * forces[2] - away[:, 1] * forces[1]).sum())
+    assert contact.region is not None
+    assert contact.region.torsion_n_mm == pytest.approx(true, rel=0.1)
+
+
+def test_what_slips_is_where_friction_is_greatest() -> None:
+    """Cattaneo's rim: a middle that sticks at a third of the limit, a rim of 40 % of the force at the limit."""
+    pressed = np.array([0.6, 0.2, 0.2])
+    rubbed = np.array([[0.6 * 0.2, 0.2 * 0.6, 0.2 * 0.6], [0.0, 0.0, 0.0]])
+    assert slip_share(pressed, rubbed) == pytest.approx(0.4)
+    assert slip_share(pressed, np.zeros((2, 3))) == 0.0
+    assert slip_share(pressed, 0.5 * np.stack([pressed, np.zeros(3)])) == pytest.approx(1.0)
