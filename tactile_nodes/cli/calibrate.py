@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from tactile_nodes.learning.field_calibration import Pressed
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.transfer import Made
 
@@ -24,6 +25,8 @@ examples:
   tactile calibrate first_bag second_bag --model portable --gel gel-7 -o gel-7.safetensors --curve
   tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
   tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights, a pen
+  tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --ball-mm 5
+  tactile calibrate --sensor my_sensor.yaml --model field -o mine.safetensors    # any contact, before any press
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
 
@@ -42,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--curve', action='store_true', help='of bags: also say how the error falls with the number of presses'
     )
     parser.add_argument('--layer', type=Path, metavar='FILE', help="of a network: how the paper's layer is fitted")
+    parser.add_argument(
+        '--sensor', metavar='YAML', help='of a model of any contact: the description of the sensor, if it is another'
+    )
+    parser.add_argument('--ball-mm', type=float, default=0.0, metavar='R', help='radius of the ball that pressed')
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
     parser.add_argument(
         '--force', action='store_true', help='write the model also if it reads held-out presses no better than before'
@@ -55,8 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.model_file import find_model
     from tactile_nodes.paths import check_output
 
-    if sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures))) != 1:
-        raise ConfigurationError('give the presses on the new gel: either bags or --dataset FILE or --pictures CSV')
+    given = sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures)))
+    if not given and arguments.sensor:
+        return _of_description(arguments)
+    if given != 1:
+        raise ConfigurationError(
+            'give the presses on the new gel, bags or --dataset FILE or --pictures CSV, or only its --sensor YAML'
+        )
     _require_used(arguments)
     model = find_model(arguments.model)
     check_output(arguments.output, *arguments.bags, arguments.dataset, arguments.pictures, arguments.layer, model)
@@ -68,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)
     print(f'{arguments.output}: model {model_id}, from {made.presses} presses')
     print(f'form {made.reason}')
+    if field := getattr(made, 'field', ''):
+        print(f'force field {field}')
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     _say_objection(made.objection)
@@ -110,6 +124,32 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
     return 0
 
 
+def _pressed(arguments: argparse.Namespace) -> Pressed:
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.field_calibration import Pressed
+    from tactile_nodes.sensors import load_sensor
+
+    if arguments.ball_mm < 0:
+        raise ConfigurationError(f'--ball-mm is the radius of a ball and cannot be {arguments.ball_mm:g}')
+    return Pressed(load_sensor(arguments.sensor) if arguments.sensor else None, arguments.ball_mm)
+
+
+def _of_description(arguments: argparse.Namespace) -> int:
+    """A model that no press has told anything yet."""
+    from tactile_nodes.learning.field_calibration import described_model
+    from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.paths import check_output
+    from tactile_nodes.sensors import load_sensor
+
+    source = find_model(arguments.model)
+    check_output(arguments.output, source, Path(arguments.sensor))
+    sensor = load_sensor(arguments.sensor)
+    model_id = described_model(load_model(source), sensor, arguments.gel, arguments.output, TerminalProgress())
+    print(f'{arguments.output}: model {model_id}, from the description {arguments.sensor} and no press')
+    return 0
+
+
 def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
     from tactile_nodes.learning.transfer import calibrate
     from tactile_nodes.learning.transfer_layer import load_layer_config
@@ -118,8 +158,9 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
     model, output = find_model(arguments.model), arguments.output
     layer = load_layer_config(arguments.layer) if arguments.layer else None
     return calibrate(
-        model, arguments.dataset, output, layer=layer, progress=progress, command=command, forced=arguments.force
-    )
+        model, arguments.dataset, output, layer=layer, progress=progress, command=command, forced=arguments.force,
+        pressed=_pressed(arguments),
+    )  # fmt: skip
 
 
 def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
@@ -135,12 +176,14 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     fitting = None if arguments.curve else progress
     gel = gel_told(arguments.gel)
     with closing(Calibrator(source.loaded, gel, all_of_them, fitting, forced=arguments.force)) as calibrator:
-        written = Written(source, calibrator, command)
+        written = Written(source, calibrator, command, progress, _pressed(arguments))
         with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
             if arguments.curve:
                 take_presses(calibrator, presses, progress.say, command=command)
             else:
                 with progress.bar('reading presses', presses.count) as bar:
                     take_presses(calibrator, presses, lambda text: bar.advance(1, text), along=False)
-            made = finish(calibrator, presses, progress.say, command)
-        return written.to(arguments.output), made
+            finish(calibrator, presses, progress.say, command)
+        model_id = written.to(arguments.output)
+    assert written.made is not None
+    return model_id, written.made

@@ -15,7 +15,9 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.bags import CollectionBag, RecordedPress
 from tactile_nodes.learning.building import told_of
 from tactile_nodes.learning.calibrator import Calibrator, PressRead, Reading, curves
-from tactile_nodes.learning.transfer import Source, write
+from tactile_nodes.learning.field_calibration import Pressed
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer import Source, completed, write
 from tactile_nodes.learning.transfer_fit import Transfer
 
 Tell = Callable[[str], None]
@@ -133,8 +135,17 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
 class Written:
     """Writes what a calibrator found, and says how it went."""
 
-    def __init__(self, source: Source, calibrator: Calibrator, command: str = '') -> None:
+    def __init__(
+        self,
+        source: Source,
+        calibrator: Calibrator,
+        command: str = '',
+        progress: Progress | None = None,
+        pressed: Pressed | None = None,
+    ) -> None:
         self._source, self._calibrator, self._command = source, calibrator, command
+        self._progress, self._pressed = progress, pressed
+        self.made: Transfer | None = None
         self._begun_ns = perf_ns()
 
     def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
@@ -143,7 +154,8 @@ class Written:
         assert made is not None
         assert recordings is not None
         seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
-        return write(self._source, recordings, made, output, seconds=seconds, command=self._command, replaces=replaces)
+        source, self.made = completed(self._source, recordings, made, self._progress, self._pressed)
+        return write(source, recordings, self.made, output, seconds=seconds, command=self._command, replaces=replaces)
 
 
 def new_file(folder: Path, gel: str) -> Path:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.field_fit import FieldFit, fit_field
+from tactile_nodes.learning.field_fit import FieldFit, described, fit_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import OtherGel, Transfer, folds_of
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping, to_values
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.readout import FieldReadout
@@ -46,17 +48,25 @@ def train_field(
     return replace(made.readout, tips=tips), {'field': report, **card_of_sensor(sensor, config.ball_mm)}
 
 
-def with_field(
-    loaded: LoadedModel, made: Transfer, dataset: Dataset, progress: Progress | None, ball_mm: float = 0.0
-) -> Transfer:
-    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses.
+@dataclass(frozen=True)
+class Pressed:
+    """What a person says of a sensor and of the ball (radius, mm) that pressed it; 0 and none: as the source does."""
 
-    `ball_mm` is the radius of the ball that pressed, the source's unless given.
-    """
+    sensor: Sensor | None = None
+    ball_mm: float = 0.0
+
+    def told(self, card: Mapping[str, Any]) -> dict[str, Any]:
+        """A source's card with that."""
+        said = {} if self.sensor is None else {SENSOR: to_values(self.sensor)}
+        return {**card, **said, **({BALL_MM: self.ball_mm} if self.ball_mm else {})}
+
+
+def with_field(loaded: LoadedModel, made: Transfer, dataset: Dataset, progress: Progress | None) -> Transfer:
+    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses."""
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
         return made
     sensor = sensor_of(loaded.card, loaded.model_id)
-    fit = _fitted(sensor, made.readout, dataset, ball_mm or float(loaded.card[BALL_MM]), progress or Progress())
+    fit = _fitted(sensor, made.readout, dataset, float(loaded.card[BALL_MM]), progress or Progress())
     return replace(made, readout=replace(fit.readout, tips=made.readout), field=fit.reason)
 
 
@@ -68,6 +78,31 @@ def _fitted(
     known = other.rows[np.isfinite(dataset.presses[other.rows]).all(axis=1)]
     fold = folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
     return fit_field(sensor, other.live_scaling, dataset, known, fold, ball_mm, progress)
+
+
+def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path, progress: Progress) -> str:
+    """Write the model of a sensor that nobody has pressed yet, from its description alone; its id.
+
+    Raises:
+        ModelError: the source has no force field.
+        ConfigurationError: the description tells forces on other bins, or of pictures of another size.
+    """
+    readout, model = loaded.model.readout, loaded.model
+    if not isinstance(readout, FieldReadout):
+        raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
+    require_bins(sensor, model.bins)
+    if (crop := sensor.image.crop) != loaded.card['crop_px']:
+        raise ConfigurationError(f'{sensor.name} has a crop of {crop} px, and the model reads {loaded.card["crop_px"]}')
+    scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
+    made = described(sensor, scaling, progress).readout
+    card = {
+        **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
+        **card_of_sensor(sensor, float(loaded.card[BALL_MM])),
+        'gel': {'id': gel or sensor.name},
+        'data': {'origin': 'description'},
+        'made_with': f'tactile_nodes {__version__}',
+    }
+    return save_model(output, replace(model, readout=made, model_id='unsaved'), card)
 
 
 def require_bins(sensor: Sensor, bins: BinGrid) -> None:

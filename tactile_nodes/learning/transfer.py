@@ -11,7 +11,7 @@ from typing import Any
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
-from tactile_nodes.learning.field_calibration import BALL_MM, SENSOR, with_field
+from tactile_nodes.learning.field_calibration import BALL_MM, SENSOR, Pressed, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
@@ -59,10 +59,12 @@ def calibrate(
     progress: Progress | None = None,
     command: str = '',
     forced: bool = False,
+    pressed: Pressed | None = None,
 ) -> tuple[str, Made]:
     """Write the model of the gel that was pressed; its id, and how it came about.
 
-    A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`.
+    A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`;
+    `pressed` is what a readout of any contact has to know beside that, as its source says unless given.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -76,6 +78,7 @@ def calibrate(
         made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
     else:
         made = transferred(source.loaded, recordings, progress, forced=forced)
+        source, made = completed(source, recordings, made, progress, pressed)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, made, output, seconds=seconds, command=command), made
 
@@ -92,6 +95,22 @@ def _with_layer(
     return transfer_network(loaded, recordings.as_samples(), layer, progress, forced=forced)
 
 
+def completed(
+    source: Source,
+    recordings: RecordedPresses,
+    made: Transfer,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+) -> tuple[Source, Transfer]:
+    """With the force field, of a source that has one; and the source, its card telling of the sensor that pressed.
+
+    Raises:
+        DatasetError: no press has a force that is known.
+    """
+    loaded = source.loaded if pressed is None else replace(source.loaded, card=pressed.told(source.loaded.card))
+    return replace(source, loaded=loaded), with_field(loaded, made, recordings.as_samples(), progress)
+
+
 def transferred(
     loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None, *, forced: bool = False
 ) -> Transfer:
@@ -103,9 +122,7 @@ def transferred(
     """
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)
-    dataset = recordings.as_samples()
-    made = transfer(source_readout(loaded), dataset, progress, forced=forced)
-    return with_field(loaded, made, dataset, progress)
+    return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:
