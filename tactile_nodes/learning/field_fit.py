@@ -43,8 +43,9 @@ DOUBT = 0.03
 """Share of its motion by which a region may be off once presses have told how it responds."""
 
 LEAST_NOISE_PX = 0.004
-UNPRESSED = 0.05
-"""Share by which forces are off where no press told the response: as gels differ from their description."""
+UNPRESSED, FEW = 0.035, 10
+"""Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
+so few."""
 
 JUDGES = 40
 ROOM = 1.4
@@ -119,7 +120,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
     shares = np.tile(regions.nominal_shares, (int((scaling.trusted > 0).sum()), 1))
     response = _response(regions, scaling, shares, progress or Progress())
     spread = FieldSpread(response=UNPRESSED)
-    readout = FieldReadout(scaling, response, regions.bins, _noise_px(scaling), 3 * DOUBT, spread, 2 * ROOM)
+    readout = FieldReadout(scaling, response, regions.bins, _noise_px(scaling), 3 * DOUBT, spread, ROOM)
     return FieldFit(readout, 'description', 1.0, 0, {})
 
 
@@ -162,8 +163,9 @@ def fit_field(
         bar.advance()
     doubt = DOUBT if form == 'regions' else 3 * DOUBT
     readout = FieldReadout(scaling, response, regions.bins, _noise_px(scaling), doubt)
-    off, misfit = _judged(readout, regions, held[form], dataset, rows, fold)
-    readout = replace(readout, misfit_limit=ROOM * misfit, spread=FieldSpread(response=off))
+    misfit = _misfit_of_held(readout, regions, held[form], dataset, rows, fold)
+    off = UNPRESSED * (math.sqrt(min(1.0, FEW / len(rows))) if form == 'regions' else 1.0)
+    readout = replace(readout, misfit_limit=ROOM * max(misfit, 1.0), spread=FieldSpread(response=off))
     return FieldFit(readout, form, presses.gain(start), len(rows), misfits)
 
 
@@ -252,18 +254,18 @@ def _told(
     return summed.reshape(-1, summed.shape[-1])
 
 
-def _judged(
+def _misfit_of_held(
     readout: FieldReadout,
     regions: Regions,
     made: list[np.ndarray],
     dataset: Dataset,
     rows: np.ndarray,
     fold: np.ndarray,
-) -> tuple[float, float]:
-    """By which share forces are off beside what the fit states, and the misfit, of some presses held out."""
+) -> float:
+    """What the field leaves over of some presses that were held out: what one of a hundred exceeds."""
     judges = np.arange(len(rows))[:: max(1, len(rows) // JUDGES)]
     terms = regions.terms_of_patches(np.flatnonzero(readout.scaling.trusted.reshape(-1) > 0))
-    beyond, misfits = [], []
+    misfits = []
     for out, shares in zip(np.unique(fold), made, strict=True):
         solver = replace(readout, response=_told(terms, shares)).solver
         for judge in judges[fold[judges] == out].tolist():
@@ -271,10 +273,5 @@ def _judged(
             motion = readout.motion(dataset.features[row].astype(np.float32))
             sure = dataset.confidence[dataset.rest[row]].reshape(-1)[readout.scaling.trusted.reshape(-1) > 0]
             found = solver.field(motion, solver.say(motion, sure))
-            force_n, count = float(dataset.presses[row, 3]), len(found.active)
-            stated = readout.spread.normal_n(
-                found.deviation(np.repeat([1.0, 0.0, 0.0], count)) if count else 0.0, found.total_n
-            )
-            beyond.append(((found.total_n - force_n) ** 2 - stated**2) / max(force_n, 0.05) ** 2)
             misfits.append(found.misfit)
-    return math.sqrt(max(float(np.median(beyond)), 0.0)), float(np.percentile(misfits, 99))
+    return float(np.percentile(misfits, 99))

@@ -13,12 +13,12 @@ from jaxtyping import Float32
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact
 
 CLOSE_MM = 15.0
-"""Contacts that are nearer to each other do not just add up."""
+"""Tips that are nearer to each other do not just add up."""
 
 
 def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
     """Whether a readout can say how far off it is of such contacts; where it does not know their unlikeness it can."""
-    pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0]
+    pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0 and each.region is None]
     close = any(math.dist(*pair) < CLOSE_MM for pair in itertools.combinations(pressing, 2))
     return not close and not unlikeness >= BEYOND_UNLIKENESS
 

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 STEPS = 30
+TINY = 1e-12
 RELAXED = 1.6
 STIFF = 0.03
 """Of the mean of the diagonal: the weight of the constraint in each step."""
@@ -15,12 +16,13 @@ def in_cone(
     normal: Float[np.ndarray, ' n'], shear: Float[np.ndarray, '2 n'], friction: float
 ) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, '2 n']]:
     """The nearest forces with |shear| <= friction * normal: with friction 1, (0, (2, 0)) becomes (1, (1, 0))."""
-    size = np.hypot(*shear)
-    inside, outside = size <= friction * normal, friction * size <= -normal
-    edge = (normal + friction * size) / (1 + friction * friction)
-    pressed = np.where(inside, normal, np.where(outside, 0.0, edge))
-    share = np.where(inside, 1.0, friction * pressed / np.maximum(size, 1e-12))
-    return pressed, shear * share
+    size = np.sqrt(shear[0] * shear[0] + shear[1] * shear[1])
+    edge = np.maximum(normal + friction * size, 0.0) / (1 + friction * friction)
+    # Outside the polar cone, where friction * size <= -normal, the edge is 0; inside the cone nothing changes.
+    limit = friction * edge
+    inside = size <= friction * normal
+    share = np.where(inside, 1.0, limit / np.maximum(size, TINY))
+    return np.where(inside, normal, edge), shear * share
 
 
 def least_squares(
@@ -34,11 +36,14 @@ def least_squares(
     stepped = information.copy()
     stepped[np.diag_indices(len(towards))] += stiff
     solve = np.linalg.inv(stepped)
-    held, off = np.zeros_like(towards), np.zeros_like(towards)
+    begin, held, off = solve @ towards, np.zeros_like(towards), np.zeros_like(towards)
+    solve *= stiff
     for _ in range(STEPS):
-        free = solve @ (towards + stiff * (held - off))
-        wanted = RELAXED * free + (1 - RELAXED) * held + off
-        pressed, shear = in_cone(wanted[:count], wanted[count:].reshape(2, count), friction)
-        held = np.concatenate([pressed, shear.ravel()])
+        wanted = RELAXED * (begin + solve @ (held - off)) + (1 - RELAXED) * held + off
+        held[:count], held[count:] = _flat(in_cone(wanted[:count], wanted[count:].reshape(2, count), friction))
         off = wanted - held
     return held
+
+
+def _flat(forces: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return forces[0], forces[1].reshape(-1)

@@ -120,11 +120,10 @@ class FieldSolver:
         for _ in range(ROUNDS):
             if not active.size:
                 break
-            columns = self._columns(active)
-            weighted = columns * say[:, None].astype(np.float32)
-            information = (columns.T @ weighted).astype(float)
-            towards = weighted.T.astype(float) @ flat
-            towards[: active.size] -= self._held(pressed)[active]
+            caused = self._caused(active)
+            weighted = caused * say.astype(np.float32)
+            information, towards = weighted @ caused.T, weighted @ flat.astype(np.float32)
+            towards[: active.size] -= self._held(pressed)[active].astype(np.float32)
             information[np.diag_indices(len(information))] += GRANTED
             solved = least_squares(information, towards, FRICTION).reshape(3, -1)
             forces = np.zeros((3, count))
@@ -133,9 +132,15 @@ class FieldSolver:
             active = np.flatnonzero(self._nearby(pressed) > DROPPED * pressed.sum())
         return self._field(forces, before, information, flat, say) if len(information) else self._nothing(flat, say)
 
-    def _columns(self, active: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'rows m']:
+    @cached_property
+    def _by_force(self) -> Float32[np.ndarray, 'unknowns rows']:
+        return np.ascontiguousarray(self.response.T)
+
+    def _caused(self, active: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'm rows']:
+        """What 1 N of each force on some patches moves: a row a force."""
         count = self.patches.count
-        return self.response[:, np.concatenate([active, active + count, active + 2 * count])]
+        rows: np.ndarray = self._by_force[np.concatenate([active, active + count, active + 2 * count])]
+        return rows
 
     def _nearby(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         """Mean over each patch and its neighbours."""
@@ -149,9 +154,9 @@ class FieldSolver:
     def _field(
         self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray
     ) -> Field:
-        left = motion - self._columns(active) @ forces[:, active].reshape(-1)
+        left = motion - forces[:, active].reshape(-1) @ self._caused(active)
         misfit, gain = self._fit(motion, left, say)
-        return Field(forces, active, np.linalg.inv(information), misfit, gain)
+        return Field(forces, active, np.linalg.inv(information).astype(float), misfit, gain)
 
     def _nothing(self, motion: np.ndarray, say: np.ndarray) -> Field:
         none = np.zeros((3, self.patches.count))

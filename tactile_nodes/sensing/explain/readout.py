@@ -14,7 +14,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.contacts import contacts_of
-from tactile_nodes.sensing.explain.field import ACTIVE, LEAST_N, Field, FieldSolver
+from tactile_nodes.sensing.explain.field import Field, FieldSolver
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
@@ -24,6 +24,9 @@ LEAST_REGIONS = 12
 MOST_TIPS = 3
 TIP_BINS = 3
 """A tip's force is found on bins within so many rows and columns."""
+
+PEAK, NOISE_N = 0.25, 0.008
+"""Of the linear answer: what counts as a place is so high beside the highest, and above its noise."""
 
 RUBBED = 0.15
 """Shear over pressure in the linear answer from which a contact is no tip that only presses."""
@@ -139,8 +142,8 @@ class FieldReadout:
         """At how many places tips may press; 0 where the linear answer speaks against it."""
         pressed = np.maximum(coarse[0], 0.0)
         rubbed = float(np.hypot(*coarse[1:].sum(axis=1)))
-        on = pressed > max(3 * ACTIVE * float(pressed.max()), LEAST_N)
-        if not on.any() or rubbed > RUBBED * float(pressed.sum()):
+        on = pressed > max(PEAK * float(pressed.max()), NOISE_N)
+        if not on.any() or rubbed > RUBBED * float(pressed.sum()) + NOISE_N:
             return 0
         count, _, boxes, _ = cv2.connectedComponentsWithStats(
             on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8), connectivity=8

@@ -21,10 +21,10 @@ class FieldSpread:
     floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
-    normal: tuple[float, float] = (0.7, 0.015)
-    shear: tuple[float, float] = (1.0, 0.02)
-    bins: tuple[float, float] = (1.0, 0.1)
-    place_floor_mm: float = 0.05
+    normal: tuple[float, float] = (0.5, 0.012)
+    shear: tuple[float, float] = (0.8, 0.012)
+    bins: tuple[float, float] = (0.3, 0.045)
+    place_floor_mm: float = 0.08
     nominal: tuple[float, float] = (0.006, 0.05)
     response: float = 0.0
 
