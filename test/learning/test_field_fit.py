@@ -1,0 +1,97 @@
+"""The response of regions from presses: what a gel differs by is found, and no more numbers than presses support."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field_fit import described, fit_field
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensors import Sensor
+
+SIDE, BALL_MM, NOISE_PX = 8, 0.6, 0.004
+SENSOR = Sensor()
+
+
+@pytest.fixture(scope='module')
+def scaling() -> InputScaling:
+    shape = SIDE, SIDE, 2
+    return InputScaling(
+        np.zeros(shape, np.float32), np.full(shape, 1 / NOISE_PX, np.float32), np.ones(shape[:2], np.float32)
+    )
+
+
+@pytest.fixture(scope='module')
+def terms() -> tuple[np.ndarray, np.ndarray]:
+    """Places on the surface, and what each term of all regions makes of 1 N there."""
+    places = np.random.default_rng(4).uniform(-12, 12, (60, 2))
+    regions = Regions(SENSOR, SIDE, SIDE)
+    return places, regions.terms_of_ball(places, 0.5, np.arange(regions.count))
+
+
+def pressed(terms: tuple[np.ndarray, np.ndarray], shares: np.ndarray, count: int) -> Dataset:
+    """Presses of 0.1 to 0.3 N on a gel whose regions have these shares."""
+    random, (places, made) = np.random.default_rng(5), (each[:count] for each in terms)
+    force = random.uniform(0.1, 0.3, count)
+    motion = np.einsum('nrpt,rt->nrp', made, shares) * force[:, None, None]
+    motion = (motion + NOISE_PX * random.standard_normal(motion.shape)).reshape(count, SIDE, SIDE, 2)
+    rows = np.column_stack([places, np.full(count, 0.5), force]).astype(np.float32)
+    return Dataset(motion.astype(np.float16), rows, np.zeros(count, int), np.ones((1, SIDE, SIDE), np.float32), 'made')
+
+
+def nominal() -> np.ndarray:
+    regions = Regions(SENSOR, SIDE, SIDE)
+    return np.tile(regions.nominal_shares, (regions.count, 1))
+
+
+def fitted(dataset: Dataset, scaling: InputScaling):
+    count = len(dataset.presses)
+    return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL_MM)
+
+
+def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+    fit = fitted(pressed(terms, 1.25 * nominal(), 30), scaling)
+    assert fit.form == 'gain'
+    assert fit.gain == pytest.approx(1.25, rel=0.02)
+    described_response = described(SENSOR, scaling).readout.response
+    assert fit.readout.response == pytest.approx(1.25 * described_response, abs=0.05)
+
+
+def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+    fit = fitted(pressed(terms, nominal(), 30), scaling)
+    assert fit.form == 'description'
+    assert set(fit.misfits) == {'description', 'gain', 'regions'}
+
+
+def test_regions_with_markers_of_their_own_are_told_by_many_presses(
+    scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]
+):
+    """Each region's depths count up to half more or less: with sixty presses they are known better than before."""
+    random = np.random.default_rng(6)
+    shares = nominal()
+    shares[:, ::3] *= random.uniform(0.5, 1.5, shares[:, ::3].shape)
+    fit = fitted(pressed(terms, shares, 60), scaling)
+    assert fit.form == 'regions'
+    made = Regions(SENSOR, SIDE, SIDE).terms_of_patches(np.arange(SIDE * SIDE))
+    true, start = (np.einsum('rptu,rt->rpu', made, each).reshape(2 * SIDE * SIDE, -1) for each in (shares, nominal()))
+    assert np.linalg.norm(fit.readout.response - true) < 0.4 * np.linalg.norm(start - true)
+
+
+def test_what_no_press_told_is_stated_less_sure(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+    shares = nominal()
+    shares[:, ::3] *= np.random.default_rng(6).uniform(0.5, 1.5, shares[:, ::3].shape)
+    none, many = described(SENSOR, scaling).readout, fitted(pressed(terms, shares, 60), scaling).readout
+    assert none.spread.normal_n(0.0, 1.0) > 1.5 * many.spread.normal_n(0.0, 1.0)
+
+
+def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+    dataset = pressed(terms, nominal(), 20)
+    presses = dataset.presses.copy()
+    presses[:, 3] = np.nan
+    with pytest.raises(DatasetError, match='no press has a force that is known'):
+        fitted(dataclasses.replace(dataset, presses=presses), scaling)

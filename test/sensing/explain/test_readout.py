@@ -1,0 +1,104 @@
+"""The readout `field`: what it tells of a frame, and that a file keeps it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.network import InputScaling
+
+SIDE, NOISE_PX = 10, 0.004
+CARD = {
+    'flow': {'name': 'inverse_compositional', 'options': {'rows': SIDE, 'cols': SIDE}},
+    'encoding': {'name': 'cartesian_mean', 'options': {'rows': SIDE, 'cols': SIDE}},
+    'crop_px': 440, 'gel': {'id': 'made'},
+}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def readout(response: np.ndarray) -> FieldReadout:
+    shape = SIDE, SIDE, 2
+    scaling = InputScaling(
+        np.zeros(shape, np.float32), np.full(shape, 1 / NOISE_PX, np.float32), np.ones(shape[:2], np.float32)
+    )
+    return FieldReadout(scaling, response, BinGrid(), NOISE_PX)
+
+
+def seen(readout: FieldReadout, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Features under forces on patches, with noise, and full confidence."""
+    motion = readout.response @ forces.reshape(-1)
+    motion = motion + NOISE_PX * np.random.default_rng(3).standard_normal(motion.shape)
+    return motion.reshape(SIDE, SIDE, 2).astype(np.float32), np.ones((SIDE, SIDE), np.float32)
+
+
+def edge(readout: FieldReadout) -> np.ndarray:
+    """2 N along a line of eight patches, dragged along y by 0.4 N."""
+    forces = np.zeros((3, readout.solver.patches.count))
+    line = 6 * 18 + np.arange(4, 12)
+    forces[0, line], forces[2, line] = 0.25, 0.05
+    return forces
+
+
+def test_a_frame_is_told_with_wrench_bins_and_fine_map_that_agree(readout: FieldReadout) -> None:
+    forces = edge(readout)
+    reading = readout.read(*seen(readout, forces))
+    acting = reading.acting
+    assert acting is not None
+    assert acting.explanation == 'field'
+    total = float(reading.normal_force_n.sum())
+    assert total == pytest.approx(2.0, rel=0.05)
+    assert acting.wrench[2] == pytest.approx(-total, rel=1e-4)
+    assert acting.wrench[1] == pytest.approx(float(acting.shear_n[..., 1].sum()), abs=1e-4)
+    x, y = readout.solver.patches.centres_mm[6 * 18 + np.arange(4, 12)].mean(axis=0)
+    assert acting.wrench[3] == pytest.approx(-y * 2.0, rel=0.05)  # (0, 0, -f) at (x, y) turns by (-y f, x f, 0)
+    assert acting.wrench[4] == pytest.approx(x * 2.0, abs=0.5)
+    assert acting.wrench[5] == pytest.approx(x * 0.4, abs=0.15)
+    assert acting.field is not None
+    area = float(np.prod(readout.solver.patches.size_mm))
+    assert float(acting.field.pressure_mpa.sum()) * area == pytest.approx(total, rel=1e-3)
+    assert np.linalg.eigvalsh(acting.wrench_covariance).min() >= 0
+    (contact,) = reading.contacts
+    assert contact.region is not None
+    assert contact.region.length_mm > 3 * contact.region.width_mm
+    assert abs(contact.region.angle_rad) < 0.2
+
+
+def test_noise_is_explained_by_nothing(readout: FieldReadout) -> None:
+    reading = readout.read(*seen(readout, np.zeros((3, readout.solver.patches.count))))
+    assert reading.acting is not None
+    assert reading.acting.explanation == 'nothing'
+    assert not reading.normal_force_n.any()
+    assert reading.total_sigma_n > 0
+
+
+def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout) -> None:
+    values, sure = seen(readout, edge(readout))
+    plain = readout.read(values, sure)
+    swirl = 0.3 * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32)
+    odd = readout.read(values + swirl, sure)
+    assert odd.unlikeness > 2
+    assert odd.total_sigma_n > 2 * plain.total_sigma_n
+
+
+def test_a_file_keeps_it(readout: FieldReadout, tmp_path: Path) -> None:
+    layout = FeatureLayout('cartesian_mean', SIDE, SIDE, 2)
+    file = tmp_path / 'field.safetensors'
+    save_model(file, ForceModel(layout, BinGrid(), readout), CARD)
+    loaded = load_model(file).model
+    values, sure = seen(readout, edge(readout))
+    told = ForceEstimator(loaded).predict(Features('cartesian_mean', values, sure))
+    assert told.total_n == pytest.approx(float(readout.read(values, sure).normal_force_n.sum()), rel=5e-3)
+    assert told.acting is not None
+
+
+def test_a_response_of_other_bins_is_refused(readout: FieldReadout) -> None:
+    with pytest.raises(ModelError, match='does not fit'):
+        readout.require_fit(2 * SIDE * SIDE, BinGrid(8, 8))
