@@ -25,20 +25,34 @@ def in_cone(
     return np.where(inside, normal, edge), shear * share
 
 
+def inverse(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
+    """Of a symmetric positive matrix, by Cholesky's factor: a third of the work of any matrix."""
+    from scipy.linalg.lapack import get_lapack_funcs
+
+    factorise, invert = get_lapack_funcs(('potrf', 'potri'), (matrix,))
+    factor, failed = factorise(matrix, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError('the forces of this contact cannot be told apart')
+    lower: np.ndarray = np.tril(invert(factor, lower=1)[0])
+    whole: np.ndarray = lower + np.tril(lower, -1).T
+    return whole
+
+
 def least_squares(
     information: Float[np.ndarray, 'm m'],
     towards: Float[np.ndarray, ' m'],
     friction: float,
+    steps: int = STEPS,
 ) -> Float[np.ndarray, ' m']:
     """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least."""
     count = len(towards) // 3
     stiff = STIFF * float(np.trace(information)) / len(towards)
     stepped = information.copy()
     stepped[np.diag_indices(len(towards))] += stiff
-    solve = np.linalg.inv(stepped)
+    solve = inverse(stepped)
     begin, held, off = solve @ towards, np.zeros_like(towards), np.zeros_like(towards)
     solve *= stiff
-    for _ in range(STEPS):
+    for _ in range(steps):
         wanted = RELAXED * (begin + solve @ (held - off)) + (1 - RELAXED) * held + off
         held[:count], held[count:] = _flat(in_cone(wanted[:count], wanted[count:].reshape(2, count), friction))
         off = wanted - held

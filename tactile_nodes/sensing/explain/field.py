@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
-from tactile_nodes.sensing.explain.cone import least_squares
+from tactile_nodes.sensing.explain.cone import inverse, least_squares
 
 FRICTION = 1.0
 """No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
@@ -25,8 +25,8 @@ FRICTION = 1.0
 HELD, SPREAD = 12.0, 0.003
 """How strongly patches are held down, and the share of the whole force that counts as being around every patch."""
 
-ROUNDS = 2
-"""With weights from the linear answer, then from the first field."""
+FIRST_STEPS, STEPS = 15, 30
+"""Of the solver: to what holds patches down in the end, and to the answer."""
 
 GRANTED = 50.0
 """Information on each force (1/N²) that is granted without evidence: none is some hundred mN for nothing."""
@@ -116,21 +116,43 @@ class FieldSolver:
         around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
         active = np.flatnonzero((around > max(ACTIVE * around.max(), LEAST_N))[self.patches.bin_of])
         pressed = around[self.patches.bin_of] * self.patches.bins.count / count
-        forces, information = np.zeros((3, count)), np.zeros((0, 0))
-        for _ in range(ROUNDS):
-            if not active.size:
-                break
-            caused = self._caused(active)
-            weighted = caused * say.astype(np.float32)
-            information, towards = weighted @ caused.T, weighted @ flat.astype(np.float32)
-            towards[: active.size] -= self._held(pressed)[active].astype(np.float32)
-            information[np.diag_indices(len(information))] += GRANTED
-            solved = least_squares(information, towards, FRICTION).reshape(3, -1)
-            forces = np.zeros((3, count))
-            forces[:, active] = solved
-            pressed, before = forces[0], active
-            active = np.flatnonzero(self._nearby(pressed) > DROPPED * pressed.sum())
-        return self._field(forces, before, information, flat, say) if len(information) else self._nothing(flat, say)
+        if not active.size:
+            return self._nothing(flat, say)
+        information, evidence = self._evidence(active, flat, say)
+        first = self._solved(information, evidence, active, pressed, FIRST_STEPS)
+        # Patches around which there is next to nothing are left out; what is known of the others stays.
+        kept = self._nearby(first[0])[active] > DROPPED * first[0].sum()
+        if not kept.any():
+            return self._nothing(flat, say)
+        active, chosen = active[kept], np.tile(kept, 3)
+        information = information[np.ix_(chosen, chosen)]
+        forces = self._solved(information, evidence[chosen], active, first[0], STEPS)
+        return self._field(forces, active, information, flat, say)
+
+    def _evidence(
+        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], say: Float[np.ndarray, ' rows']
+    ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
+        """What the motion says of the forces on some patches: its information on them, and that times the best ones."""
+        caused = self._caused(active)
+        weighted = caused * say.astype(np.float32)
+        information = weighted @ caused.T
+        information[np.diag_indices(len(information))] += np.float32(GRANTED)
+        return information, weighted @ motion.astype(np.float32)
+
+    def _solved(
+        self,
+        information: Float32[np.ndarray, 'm m'],
+        evidence: Float32[np.ndarray, ' m'],
+        active: Int[np.ndarray, ' n'],
+        pressed: Float[np.ndarray, ' patches'],
+        steps: int,
+    ) -> Float[np.ndarray, '3 patches']:
+        """The best forces in the cone, patches held down as `pressed` says what is around them."""
+        towards = evidence.copy()
+        towards[: active.size] -= self._held(pressed)[active].astype(np.float32)
+        forces = np.zeros((3, self.patches.count))
+        forces[:, active] = least_squares(information, towards, FRICTION, steps).reshape(3, -1)
+        return forces
 
     @cached_property
     def _by_force(self) -> Float32[np.ndarray, 'unknowns rows']:
@@ -156,7 +178,7 @@ class FieldSolver:
     ) -> Field:
         left = motion - forces[:, active].reshape(-1) @ self._caused(active)
         misfit, gain = self._fit(motion, left, say)
-        return Field(forces, active, np.linalg.inv(information).astype(float), misfit, gain)
+        return Field(forces, active, inverse(information).astype(float), misfit, gain)
 
     def _nothing(self, motion: np.ndarray, say: np.ndarray) -> Field:
         none = np.zeros((3, self.patches.count))
