@@ -197,8 +197,7 @@ class AxisymmetricResponse:
         k, weights = self.force.weights_of(force)
         along = np.einsum('pdnf,nf->ndp', self.profiles[:, :, k[:, None] + _FOUR], weights[0] * force[:, None])
         i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
-        row = i + (np.arange(len(force)) * along.shape[1])[:, None]
-        four = along.reshape(-1, along.shape[2]).take(row[..., None] + _FOUR, axis=0)
+        four = along[np.arange(len(force))[:, None, None], i[..., None] + _FOUR]
         value: np.ndarray = np.matmul(near[0][..., None, :], four)[..., 0, :]
         return value
 
@@ -213,8 +212,8 @@ class AxisymmetricResponse:
         block = self.profiles[:, :, k[:, None] + _FOUR]
         along = np.einsum('pdnf,gnf->gndp', block, by_force)
         i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
-        row = (i + (np.arange(len(force)) * along.shape[2])[:, None])[..., None] + _FOUR
-        four = along.reshape(2, -1, along.shape[3]).take(row, axis=1)
-        value, outward = np.matmul(near.transpose(1, 2, 0, 3), four[0]).transpose(2, 0, 1, 3)
-        by_force = np.matmul(near[0][..., None, :], four[1])[..., 0, :]
-        return value, outward / np.sqrt(distance**2 + BEND_MM**2)[..., None], by_force * self.softness
+        number = np.arange(len(force))[:, None, None]
+        four = along[:, number, i[..., None] + _FOUR]
+        value = np.einsum('nrip,nri->nrp', four[0], near[0])
+        outward = np.einsum('nrip,nri->nrp', four[0], near[1]) / np.sqrt(distance**2 + BEND_MM**2)[..., None]
+        return value, outward, np.einsum('nrip,nri->nrp', four[1], near[0]) * self.softness

@@ -60,8 +60,7 @@ class SplineAxis:
         along = (np.clip(values, self.low, self.high) - self.low) * per_unit
         first = np.minimum(along.astype(np.intp), self.intervals - 1)
         t = along - first
-        powers = np.stack([np.ones_like(t), t, t * t, t * t * t], axis=-1)
-        both = np.stack([powers @ part.T for part in _BOTH])  # an einsum of both takes six times as long
+        both: np.ndarray = np.einsum('gij,...j->g...i', _BOTH, np.stack([t**0, t, t**2, t**3], axis=-1))
         both[1] *= per_unit
         return first, both
 
