@@ -96,7 +96,7 @@ def first_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='session')
 def other_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """16 presses on another gel: half as hard again, other markers, the camera 0.7 mm aside."""
+    """Ten presses on another gel: half as hard again, other markers, the camera 0.7 mm aside."""
     from press_bags import OTHER, Sensor, spread_collection
 
-    return spread_collection(tmp_path_factory.mktemp('bags') / 'other', Sensor(OTHER), 16)
+    return spread_collection(tmp_path_factory.mktemp('bags') / 'other', Sensor(OTHER), 10)

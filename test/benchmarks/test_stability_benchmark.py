@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as draw
 
 from tactile_nodes.benchmarks.report import surroundings
-from tactile_nodes.benchmarks.stability import QUICK, follow, measure, read
+from tactile_nodes.benchmarks.stability import follow, measure, read
 from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
 from tactile_nodes.benchmarks.stability_floor import bound, floor_n, least_ratio
 from tactile_nodes.benchmarks.stability_page import page, picture_of
@@ -38,7 +38,7 @@ def test_every_disturbance_grows_and_says_at_which_levels_it_shall_hold(case: Ca
 def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: Path) -> None:
     cases = [named('lost pixels')[0], named('all black')[0]]
     result = surroundings('tactile bench stability --quick')
-    result |= measure(cases, ['fast'], QUICK, Progress(), largest_only=True)
+    result |= measure(cases, ['fast'], ONE, Progress(), largest_only=True)
     text = page(result)
     assert '| lost pixels, 5 % ' in text
     assert 'dark image 100%' in text
@@ -49,7 +49,7 @@ def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: 
 
 def test_the_same_stream_is_read_alike_again(world: World) -> None:
     change = named('brightness')[0].at(0.9)
-    assert follow(world, change, ['fast'], QUICK) == follow(world, change, ['fast'], QUICK)
+    assert follow(world, change, ['fast'], ONE) == follow(world, change, ['fast'], ONE)
 
 
 def test_the_floor_is_that_of_independent_pixels_and_rises_with_an_unknown_that_looks_alike() -> None:

@@ -13,7 +13,7 @@ from tactile_nodes.model_file import find_model, load_model
 def scores() -> dict[str, Score]:
     loaded = load_model(find_model('portable'))
     runs = (IMAGE, 0), (PEN_WEIGHT, 7)
-    made = measure(loaded, range(1), Progress(), runs, seed=4242, frames=30)
+    made = measure(loaded, range(1), Progress(), runs, seed=4242, frames=20)
     return {each.way: each for each in made}
 
 

@@ -129,7 +129,7 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     same, output = tmp_path / 'same.npz', tmp_path / 'same.safetensors'
-    save_dataset(same, recorded(pressed(42, 4, 1.0, 0.0), 'same'))  # as the gel of the model itself
+    save_dataset(same, recorded(pressed(28, 4, 1.0, 0.0), 'same'))  # as the gel of the model itself
     words = ['calibrate', '--model', str(model), '--dataset', str(same), '-o', str(output)]
     assert main(words) == 1
     assert 'the calibration would not pay: held-out presses are read' in capsys.readouterr().err
@@ -159,7 +159,7 @@ def test_bags_make_a_calibration_without_a_data_set(
     loaded = load_model(output)
     assert (loaded.gel, loaded.card['data']['origin']) == ('gel-7', 'calibration')
     said = loaded.card['training']['calibration']
-    assert said['presses'] == 16
+    assert said['presses'] == 10
     assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
     assert loaded.rest_image.shape == (440, 440)
 

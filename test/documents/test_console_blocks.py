@@ -88,8 +88,13 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.fixture(scope='module')
 def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
-    """`tactile launch live`, and a bag of it under each name that the pages give to one."""
-    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable']
+    """`tactile launch live`, and a bag of it under each name that the pages give to one.
+
+    At a third of its rate, since it takes the processor from the commands for as long as they run.
+    """
+    slow = folder / 'slow.yaml'
+    slow.write_text((ROOT / 'config/live.yaml').read_text().replace('fps: 60.0', 'fps: 20.0'))
+    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable', f'config:={slow}']
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -51,8 +51,8 @@ def calibrator(first_model: Path, own_cache: Path) -> Iterator[Calibrator]:
 
 @pytest.fixture(scope='module')
 def calibrated(first_model: Path, other_bag: Path, own_cache: Path) -> Iterator[tuple[Calibrator, list[str]]]:
-    """Of 15 presses with one fit in between and one at the end, and what was told."""
-    rule = StopRule(most=15, first=10)
+    """Of ten presses with one fit in between and one at the end, and what was told."""
+    rule = StopRule(most=10, first=6)
     lines: list[str] = []
     made = Calibrator(load_model(first_model), {'id': 'gel-7'}, rule)
     with closing(made), closing(BagPresses([other_bag])) as presses:
@@ -92,8 +92,8 @@ def test_few_presses_never_end_it_and_many_always_do() -> None:
 
 def test_a_press_is_read_before_a_fit_has_seen_it(calibrated: tuple[Calibrator, list[str]]) -> None:
     calibrator, _ = calibrated
-    assert [read.number for read in calibrator.read] == list(range(1, 16))
-    assert [read.after is None for read in calibrator.read] == [True] * 10 + [False] * 5
+    assert [read.number for read in calibrator.read] == list(range(1, 11))
+    assert [read.after is None for read in calibrator.read] == [True] * 6 + [False] * 4
 
 
 def test_presses_that_no_fit_has_seen_are_read_better_with_the_calibration(
@@ -107,10 +107,10 @@ def test_presses_that_no_fit_has_seen_are_read_better_with_the_calibration(
 
 def test_held_out_errors_are_told_with_what_more_presses_would_give(calibrated: tuple[Calibrator, list[str]]) -> None:
     calibrator, lines = calibrated
-    assert [fit.presses for fit in calibrator.fits] == [10, 15]
+    assert [fit.presses for fit in calibrator.fits] == [6, 10]
     told = [line for line in lines if 'off where held out' in line]
-    assert told[0].startswith('10 presses: ')
-    assert any('no more presses: 15 presses are as many as were asked for' in line for line in lines)
+    assert told[0].startswith('6 presses: ')
+    assert any('no more presses: 10 presses are as many as were asked for' in line for line in lines)
 
 
 def test_the_file_names_gel_source_presses_and_errors(
@@ -127,7 +127,7 @@ def test_the_file_names_gel_source_presses_and_errors(
     assert loaded.card['source']['model_id'] == source.loaded.model_id
     assert loaded.card['replaces'] == in_use
     said = loaded.card['training']['calibration']
-    assert said['presses'] == 15
+    assert said['presses'] == 10
     assert said['after']['force_rmse_n'] < said['before']['force_rmse_n'] / 2
 
 
@@ -150,17 +150,17 @@ def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
 def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    """The rig finds press 10 doubtful after the fit, and one more comes."""
-    for press in pressed[:10]:
+    """The rig finds press 6 doubtful after the fit, and one more comes."""
+    for press in pressed[:6]:
         calibrator.take(press)
     calibrator.fit(TOLD)
     first = calibrator.made
     calibrator.fit(TOLD)
     assert first is calibrator.made is not None
-    calibrator.take(told_otherwise(pressed[9], status=types.Press.STATUS_SUSPECT))
-    calibrator.take(pressed[10])
+    calibrator.take(told_otherwise(pressed[5], status=types.Press.STATUS_SUSPECT))
+    calibrator.take(pressed[6])
     calibrator.fit(TOLD)
-    assert calibrator.presses == 10
+    assert calibrator.presses == 6
     assert calibrator.made is not None and calibrator.made is not first
 
 

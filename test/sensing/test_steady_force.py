@@ -52,18 +52,18 @@ def test_a_steady_force_is_half_as_noisy_after_eight_frames_and_never_noisier() 
     assert (by_frame[1:] < 0.9).all()
 
 
-@pytest.mark.parametrize('rate', [0.1, 0.3, 0.6, 1.0, 2.0, 5.0, 30.0])
+@pytest.mark.parametrize('rate', [0.1, 0.6, 2.0, 30.0])
 def test_a_ramp_is_no_further_off_than_single_frames(rate: float) -> None:
     """A root mean square of 100 courses of 20 frames, which have frames in common, is off by 3 %."""
     assert rms(errors(rate * np.arange(20.0))) < 1.06
 
 
-@pytest.mark.parametrize('size', [0.5, 1.0, 2.0, 3.0, 5.0, 50.0])
+@pytest.mark.parametrize('size', [0.5, 2.0, 5.0, 50.0])
 def test_a_step_is_no_further_off_than_single_frames(size: float) -> None:
     assert rms(errors(np.where(np.arange(16) < 8, 0.0, size))[:, 8:]) < 1.06
 
 
-@pytest.mark.parametrize('height', [1.0, 3.0, 10.0, 30.0])
+@pytest.mark.parametrize('height', [3.0, 30.0])
 def test_a_slow_sine_is_hardly_further_off_than_single_frames(height: float) -> None:
     """One turn a second at 60 frames a second: it bends by (2 pi / 60)² of its height from frame to frame."""
     assert rms(errors(height * np.sin(np.arange(60) * 2 * np.pi / 60))) < 1.06
