@@ -19,7 +19,9 @@ from tactile_nodes.model_file import LoadedModel, save_model
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.simulation.gel import Gel
 
-DEEPEST_MM, SHALLOWEST_MM = 2.0, 0.25
+DEEPEST_MM, SHALLOWEST_MM = 1.1, 0.25
+"""Up to where the layer responds linearly; harder presses tell nothing more of other contacts."""
+
 UNTOUCHED = 0.5
 """A picture of the untouched gel for every two frames, as a calibration takes them."""
 

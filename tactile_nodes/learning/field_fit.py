@@ -36,7 +36,7 @@ PRESSED_SHARE = 0.9
 """Of a ball's radius: its contact is no wider, however deep it is pressed."""
 
 RADIUS_STEP_MM = 0.1
-DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.1
+DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.06
 """How far regions differ: in what a depth counts, as a share of its fifth, and in how far off their rays are (mm)."""
 
 DOUBT = 0.03

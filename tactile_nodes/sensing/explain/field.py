@@ -25,6 +25,10 @@ FRICTION = 1.0
 HELD, SPREAD = 12.0, 0.003
 """How strongly patches are held down, and the share of the whole force that counts as being around every patch."""
 
+WIDE = 20.0
+"""Patches over which the force spreads from which a contact is wide: the middle of such a one shows next to nothing and
+is filled rather than held down, by so much less as the square of their number says."""
+
 FIRST_STEPS, STEPS = 15, 30
 """Of the solver: to what holds patches down in the end, and to the answer."""
 
@@ -171,7 +175,10 @@ class FieldSolver:
         return mean.ravel()
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
-        return HELD / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
+        total = max(float(pressed.sum()), LEAST_N)
+        # As many patches as an even force would need to be as much spread: 1 of one patch, n of n alike.
+        over = total**2 / max(float(pressed @ pressed), 1e-12)
+        return HELD * min(1.0, (WIDE / over) ** 2) / (self._nearby(pressed) + SPREAD * total)
 
     def _field(
         self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray
