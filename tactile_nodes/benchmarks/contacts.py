@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """All models on the same pictures, then the field in disturbed ones."""
-    from tactile_nodes.benchmarks.contacts_cases import cases
+    from tactile_nodes.benchmarks.contacts_cases import broad_cases, cases
     from tactile_nodes.benchmarks.contacts_frames import CONDITIONS
     from tactile_nodes.benchmarks.contacts_scores import by_family, summed
     from tactile_nodes.sensing.compiling import use_compiled
@@ -81,12 +81,22 @@ def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]
         models = _models(arguments, gel, Path(folder), progress)
         scores, result['dis_ms'] = _read(models, gel, chosen, CONDITIONS[0], progress)
         result['models'] = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
+        broad, _ = _read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
+        result['broad'] = {name: [_told(each) for each in found] for name, found in broad.items()}
         best = {name: file for name, file in models.items() if name == f'field, {PRESSES[0]} presses'}
         result['disturbed'] = {}
         for condition in () if arguments.no_disturbances else CONDITIONS:
             scores, _ = _read(best, gel, chosen, condition, progress)
             result['disturbed'][condition.name] = summed(*scores.values())
     return result
+
+
+def _told(score: Score) -> dict[str, Any]:
+    """Of a broad contact: what was told of its force, and whether the interval holds it."""
+    return {
+        'contact': score.family, 'true_n': score.true_n, 'told_n': score.true_n + score.total_n,
+        'misplaced': score.misplaced, 'held': score.total_held, 'ok': score.ok,
+    }  # fmt: skip
 
 
 def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Progress) -> dict[str, str]:

@@ -12,9 +12,9 @@ from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.touch.body import Body
+from tactile_nodes.simulation.touch.body import Body, grid
 from tactile_nodes.simulation.touch.bricks import Bricks, Layer
-from tactile_nodes.simulation.touch.families import FAMILIES, make_body
+from tactile_nodes.simulation.touch.families import FAMILIES, make_body, rectangle
 from tactile_nodes.simulation.touch.table import SPACING_MM, Touch, TouchTable
 from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
 from tactile_nodes.touch_tables import CELL_MM, CELLS, known_table, write_table
@@ -22,6 +22,8 @@ from tactile_nodes.touch_tables import CELL_MM, CELLS, known_table, write_table
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
 HARDEST_OF = {'tip': 1.0}
 """What takes the paper's tip 2 mm deep; the other families are pressed with up to 3 N."""
+
+BROAD, BROAD_N = 'flat 20x20 mm', (2.0, 5.0, 10.0)
 
 RIM_MM = 1.0
 """How far inside the surface every contact stays."""
@@ -51,6 +53,20 @@ def cases(gel: Gel, seed: int, per_family: int, progress: Progress | None = None
             for place, family in enumerate(FAMILIES):
                 found.append(_case(gel, seed, place, family, number))
                 bar.advance(1, f'{family} {number}')
+    return found
+
+
+def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
+    """A flat square of 20 mm at 2, 5 and 10 N: so wide beside the layer that under its middle next to nothing moves."""
+    found, layer = [], Layer(CELLS, CELL_MM, gel.layer_mm)
+    body = Body.of_heights(BROAD, rectangle(20.0, 20.0, *grid(12.0)))
+    with (progress or Progress()).bar('solving broad contacts', len(BROAD_N)) as bar:
+        for number, force_n in enumerate(BROAD_N):
+            way = Way(force_mm2=round(force_n / gel.shear_modulus_mpa, 6), press_stages=2)
+            table = _solved(gel, layer, body, [way])
+            touch = Touch(f'{BROAD}-{number}', 1.0, -1.0, 0.2, float(table.stages - 1))
+            found.append(Case(f'{BROAD}, {force_n:g} N', number, touch, table, False))
+            bar.advance()
     return found
 
 

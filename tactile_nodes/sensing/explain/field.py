@@ -69,9 +69,19 @@ class Field:
     def total_n(self) -> float:
         return float(self.forces_n[0].sum())
 
+    @property
+    def wide(self) -> float:
+        """How far the force is spread beyond a contact of which all is seen: 0, to 1 where it is twice as wide."""
+        return float(np.clip(spread_over(self.forces_n[0]) / WIDE - 1, 0.0, 1.0))
+
     def deviation(self, levers: Float[np.ndarray, ' m']) -> float:
         """Standard deviation of a sum of the active patches' forces, each times its lever."""
         return float(np.sqrt(max(float(levers @ self.covariance @ levers), 0.0)))
+
+
+def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
+    """On how many patches an even force would be as much spread: 1 of one patch, n of n alike."""
+    return max(float(pressed.sum()) ** 2 / max(float(pressed @ pressed), 1e-12), 1.0)
 
 
 @dataclass(frozen=True)
@@ -175,10 +185,8 @@ class FieldSolver:
         return mean.ravel()
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
-        total = max(float(pressed.sum()), LEAST_N)
-        # As many patches as an even force would need to be as much spread: 1 of one patch, n of n alike.
-        over = total**2 / max(float(pressed @ pressed), 1e-12)
-        return HELD * min(1.0, (WIDE / over) ** 2) / (self._nearby(pressed) + SPREAD * total)
+        filled = min(1.0, (WIDE / spread_over(pressed)) ** 2)
+        return HELD * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
 
     def _field(
         self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray

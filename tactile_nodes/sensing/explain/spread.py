@@ -17,13 +17,15 @@ class FieldSpread:
     """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
 
     `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
-    bin and its neighbours; `place_mm` is the least that a place is off by. `nominal` is what is usual of a total: a
+    bin and its neighbours; `wide` is the share of the normal force of contacts whose middle
+    shows nothing; `place_floor_mm` is the least that a place is off by. `nominal` is what is usual of a total: a
     floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
     normal: tuple[float, float] = (0.5, 0.012)
     shear: tuple[float, float] = (0.8, 0.012)
     bins: tuple[float, float] = (0.3, 0.045)
+    wide: float = 0.07
     place_floor_mm: float = 0.08
     nominal: tuple[float, float] = (0.006, 0.05)
     response: float = 0.0
@@ -85,5 +87,7 @@ class FieldSpread:
         reach = np.sqrt(np.einsum('p,pc->c', field.forces_n[0], np.square(patches.centres_mm)) / max(total, 1e-9))
         shares = np.array([self.shear[1], self.shear[1], self.normal[1], *self.normal[1] * reach[::-1], 0.0])
         shares[5] = self.shear[1] * float(np.hypot(*reach))
-        off = np.hypot(shares, self.response * np.array([1, 1, 1, *reach[::-1], np.hypot(*reach)])) * total
+        by_response = self.response * np.array([1, 1, 1, *reach[::-1], np.hypot(*reach)])
+        unseen = self.wide * field.wide * np.array([0, 0, 1, *reach[::-1], 0])
+        off = np.sqrt(np.square(shares) + np.square(by_response) + np.square(unseen)) * total
         return wrench, fitted * np.outer(factors, factors) + np.diag(np.square(off))

@@ -1,4 +1,4 @@
-"""A small sensor for tests: 10x10 regions of the simulated one, and their response without any press."""
+"""The simulated sensor with 20x20 regions, and their response without any press."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field import FieldSolver
 from tactile_nodes.sensors import Sensor
 
-SIDE, NOISE_PX = 10, 0.004
+SIDE, NOISE_PX = 20, 0.004
 
 
 @pytest.fixture(scope='session')

@@ -15,7 +15,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.network import InputScaling
 
-SIDE, NOISE_PX = 10, 0.004
+SIDE, NOISE_PX = 20, 0.004
 CARD = {
     'flow': {'name': 'inverse_compositional', 'options': {'rows': SIDE, 'cols': SIDE}},
     'encoding': {'name': 'cartesian_mean', 'options': {'rows': SIDE, 'cols': SIDE}},
