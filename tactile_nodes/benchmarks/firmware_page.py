@@ -1,0 +1,70 @@
+"""The page of the firmware benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tactile_nodes.benchmarks.firmware_faults import FAULTS
+from tactile_nodes.benchmarks.firmware_press import COMMANDED_MM
+from tactile_nodes.benchmarks.report import table
+
+INTRODUCTION = f"""# Drivers on real firmware
+
+What real firmware, in its own simulators, does with the project's drivers, and what each fault comes to. The descent is
+that of a collection (drivers, hands, safety and guard), 1 mm/s down, the fault at 0.3 mm depth, {COMMANDED_MM:g} mm commanded.
+The force sensor is a Net F/T box behind a proxy that adds what the paper's gel gives at the depth that the firmware reports.
+
+- Deepest: by the firmware's own reports, heard before the fault can change them, and asked for once more in the end.
+- Noticed: from the fault to what stopped the press. At rest: from the fault to the last report of another place (ten reports
+  a second; –: none came).
+- The way up is that of a collection after a fault: a retract, and a force that says nothing touches. In the end: height above
+  the gel; below 0, the tip is left where it stopped, for a person to look at.
+- A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """All firmware, one after the other."""
+    return '\n\n'.join([INTRODUCTION, *(_section(name, each) for name, each in result.items())])
+
+
+def complaints(result: Mapping[str, Any]) -> list[str]:
+    """Presses that went on though something was wrong, or stopped though nothing was."""
+    return [
+        f'{name}, {FAULTS[fault].title}: {outcome["reached_mm"]:.2f} mm, {outcome["said"] or "nothing was said"}'
+        for name, each in result.items()
+        for fault, outcome in each['faults'].items()
+        if 'failed' not in outcome and bool(outcome['said']) == is_harmless(fault, each['kind'])
+    ]
+
+
+def is_harmless(fault: str, kind: str) -> bool:
+    """Whether the press is to go on: Marlin's lines have a checksum, so that damaged ones are said again."""
+    return FAULTS[fault].harmless or (kind == 'marlin' and fault in {'deeper_1', 'deeper_9', 'sideways', 'faster'})
+
+
+def _section(name: str, each: Mapping[str, Any]) -> str:
+    machine = each['machine']
+    about = (
+        f'{each["sources"] or "Sources: not told."}\n\n`{each["command"]}`; {machine["processor"]}, '
+        f'{machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit {each["commit"]}.'
+    )
+    parts = [f'## {name}', about]
+    if each['obeys']:
+        parts.append(table(['asked for', 'what came of it'], [[key, text] for key, text in each['obeys'].items()]))
+    if each['faults']:
+        parts.append(_faults(each['faults']))
+    return '\n\n'.join(parts)
+
+
+def _faults(found: Mapping[str, Any]) -> str:
+    heads = ['fault', 'deepest [mm]', 'noticed [s]', 'at rest [s]', 'what stopped it', 'the way up', 'in the end [mm]']
+    return table(heads, [_row(FAULTS[name].title, found[name]) for name in FAULTS if name in found])
+
+
+def _row(title: str, outcome: Mapping[str, Any]) -> list[str]:
+    if 'failed' in outcome:
+        return [title, '–', '–', '–', f'not tried: {outcome["failed"]}', '–', '–']
+    times = ['–' if outcome[key] is None else f'{outcome[key]:.2f}' for key in ('noticed_s', 'rest_s')]
+    said = outcome['said'] or 'nothing'
+    return [title, f'{outcome["reached_mm"]:.2f}', *times, said, outcome['up'], f'{outcome["up_mm"]:.2f}']
