@@ -1,9 +1,9 @@
 """Real firmware in its own simulator: what does it do with the drivers, and what does each fault in mid-press come to?
 
-A firmware is named by the command that starts its simulator, which talks on its standard streams; by a network socket; or
-by a serial port, where a real machine moves: with nothing under its tip. Behind the command stands what the user has built;
-nothing is fetched here. It has to be set up as for a rig; its settings are read and never written. Named firmware that was
-measured before stays in the results.
+A firmware is named by the command that starts its simulator, which talks on its standard streams; by a network socket;
+or by a serial port, where a real machine moves: with nothing under its tip. The simulator is what the user has built;
+nothing is fetched here. It has to be set up as for a rig; its settings are read and never written. What was measured
+before and is not measured again stays in the results.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import argparse
 import json
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.benchmarks.firmware_faults import FAULTS
+from tactile_nodes.benchmarks.firmware_faults import FAULTS, Fault
 from tactile_nodes.benchmarks.firmware_obeys import obeys
 from tactile_nodes.benchmarks.firmware_page import complaints, page
 from tactile_nodes.benchmarks.firmware_press import Machine, press
 from tactile_nodes.benchmarks.report import keep, surroundings
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.drivers.cnc import RISKS, CncSettings
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.learning.progress import TerminalProgress
@@ -30,28 +30,25 @@ from tactile_nodes.learning.progress import TerminalProgress
 NAME, OBEYS = 'firmware', 'obeys'
 GRBL_GEL_MM, GRBL_UP_MM = (-20.0, -20.0, -20.0), -19.0
 MARLIN_GEL_MM, MARLIN_UP_MM = (20.0, 20.0, 20.0), 21.0
-MARLIN_BOX = {'lowest_mm': (0.0, 0.0, 0.0), 'highest_mm': (120.0, 120.0, 60.0)}
+MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``tactile bench firmware``."""
-    source = {'action': 'append', 'default': [], 'metavar': 'NAME=COMMAND'}
-    parser.add_argument('--grbl', **source, help='a Grbl, grblHAL or FluidNC; may be given several times')
-    parser.add_argument('--marlin', **source, help='a Marlin, or what speaks as one; likewise')
+    for kind, text in (('grbl', 'a Grbl, grblHAL or FluidNC'), ('marlin', 'a Marlin, or what speaks as one')):
+        parser.add_argument(
+            f'--{kind}', action='append', default=[], metavar='NAME=COMMAND', help=f'{text}; repeatable'
+        )
     parser.add_argument('--sources', default='', metavar='TEXT', help='which sources they were built of, for the page')
     parser.add_argument('--home-command', default='G28', help='of a Marlin (default: %(default)s)')
     parser.add_argument(
         '--accept', nargs='+', default=[], choices=RISKS, metavar='RISK', help=f'of {", ".join(map(repr, RISKS))}'
     )
     parser.add_argument(
-        '--net-ft',
-        default='',
-        metavar='HOST:RDT:HTTP',
-        help='a Net F/T box that stands still, instead of an emulated one',
+        '--net-ft', default='', metavar='HOST:RDT:HTTP', help='a Net F/T box without load, instead of an emulated one'
     )
-    parser.add_argument(
-        '--only', nargs='+', choices=[OBEYS, *FAULTS], metavar='WHAT', help=f'of {OBEYS}, {", ".join(FAULTS)}'
-    )
+    names = [OBEYS, *FAULTS]
+    parser.add_argument('--only', nargs='+', choices=names, metavar='WHAT', help=f'of {", ".join(names)}')
     parser.add_argument('-o', '--output', type=Path, default=Path(NAME), metavar='FOLDER', help='for the results')
     parser.epilog = "example: tactile bench firmware --grbl 'Grbl 1.1h=./grbl_sim.exe -n -s /dev/null -b /dev/null'"
 
@@ -63,8 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     for machine in chosen:
         found = result.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
         found |= {**surroundings(_command(machine, arguments)), 'kind': machine.kind, 'sources': arguments.sources}
-        _try(machine, arguments.only or [OBEYS, *FAULTS], found)
-        keep(arguments.output, NAME, page(result), result)
+        for _ in _tried(machine, arguments.only or [OBEYS, *FAULTS], found):
+            keep(arguments.output, NAME, page(result), result)
     print(page(result))
     wrong = complaints({machine.name: result[machine.name] for machine in chosen})
     print('\n'.join(wrong))
@@ -80,16 +77,19 @@ def machines(arguments: argparse.Namespace) -> list[Machine]:
     accept = tuple(arguments.accept)
     grbl = CncSettings(safe_z_mm=GRBL_UP_MM, accept=accept)
     marlin = CncSettings(
-        kind='marlin', safe_z_mm=MARLIN_UP_MM, home_command=arguments.home_command, accept=accept, **MARLIN_BOX
+        kind='marlin',
+        lowest_mm=MARLIN_LOWEST_MM,
+        highest_mm=MARLIN_HIGHEST_MM,
+        safe_z_mm=MARLIN_UP_MM,
+        home_command=arguments.home_command,
+        accept=accept,
     )
     found = [
         *(Machine(*_named(text), grbl, GRBL_GEL_MM, arguments.net_ft) for text in arguments.grbl),
         *(Machine(*_named(text), marlin, MARLIN_GEL_MM, arguments.net_ft) for text in arguments.marlin),
     ]
     if not found:
-        raise ConfigurationError(
-            'name at least one firmware with --grbl or --marlin; see tactile bench firmware --help'
-        )
+        raise ConfigurationError('name at least one firmware with --grbl or --marlin; see --help')
     if arguments.net_ft and not re.fullmatch(r'[^:]+:\d+:\d+', arguments.net_ft):
         raise ConfigurationError(f'--net-ft is HOST:RDT:HTTP with two port numbers, got {arguments.net_ft!r}')
     return found
@@ -102,19 +102,26 @@ def _named(text: str) -> tuple[str, str]:
     return name.strip(), source.strip()
 
 
-def _try(machine: Machine, what: Sequence[str], found: dict[str, Any]) -> None:
+def _tried(machine: Machine, what: Sequence[str], found: dict[str, Any]) -> Iterator[None]:
+    """Each in turn, into `found`."""
     clock, progress = SystemClock(), TerminalProgress()
     with tempfile.TemporaryDirectory(prefix='tf') as folder:
         if OBEYS in what:
             progress.say(f'{machine.name}: what it does without a fault')
             found[OBEYS] = obeys(machine, clock, Path(folder))
+            yield
         for name, fault in FAULTS.items():
             if name in what and machine.kind in fault.kinds:
                 progress.say(f'{machine.name}: {fault.title}')
-                try:
-                    found['faults'][name] = asdict(press(machine, fault, clock, Path(folder)))
-                except TactileError as error:
-                    found['faults'][name] = {'failed': str(error)}
+                found['faults'][name] = _pressed(machine, fault, clock, Path(folder))
+                yield
+
+
+def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict[str, Any]:
+    try:
+        return asdict(press(machine, fault, clock, folder))
+    except TactileError as error:
+        return {'failed': str(error)}
 
 
 def _command(machine: Machine, arguments: argparse.Namespace) -> str:

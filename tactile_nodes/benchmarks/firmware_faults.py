@@ -15,7 +15,7 @@ THRESHOLD = 0x8001_0000
 LATE_S, FALTER = 1.5, 0.8
 NOISE_COUNTS = (5000.0, 100.0)
 BANNERS = {'grbl': b"Grbl 1.1h ['$' for help]\r\n", 'marlin': b'start\n'}
-ZERO = {'grbl': rb'[MW]Pos:[-\d.,]+', 'marlin': rb'^X:\S+ Y:\S+ Z:\S+'}
+ZERO = {'grbl': rb'[MW]Pos:[-\d.,]+', 'marlin': rb'\bX:\S+ Y:\S+ Z:\S+(?= E)'}
 AT_ZERO = {'grbl': b'MPos:0.000,0.000,0.000', 'marlin': b'X:0.00 Y:0.00 Z:0.00'}
 BANNER = re.compile(rb'(?i)^(grbl|grblhal) \d|^start\s*$')
 BOTH = ('grbl', 'marlin')
@@ -91,7 +91,7 @@ def _reports(old: bytes, new: Callable[[re.Match[bytes]], bytes], times: int) ->
 
 
 def _one_report(line: Line) -> None:
-    axes = rb'(?<=MPos:)-?\d' if line.kind == 'grbl' else rb'(?<=^X:)\d'
+    axes = rb'(?<=MPos:)-?\d' if line.kind == 'grbl' else rb'(?<=\bX:)\d(?=.* E:)'
     _reports(axes, lambda found: found[0] + b'7', 1)(line)
 
 
@@ -139,6 +139,10 @@ def noisy() -> Lying:
     return lambda last: tuple(value + noise.gauss(0.0, NOISE_COUNTS[axis >= 3]) for axis, value in enumerate(last))
 
 
+def _halved(deeper_mm: float) -> int:
+    return 1 << max(0, min(8, math.ceil(deeper_mm / 0.1)))
+
+
 FAULTS = {
     'none': Fault('nothing', harmless=True),
     'deeper_1': Fault('Z of one jog 1 mm deeper (one digit)', digit(b'Z', lambda z: z - 1.0)),
@@ -159,9 +163,7 @@ FAULTS = {
     'old_force': Fault('the force of 0.3 mm for ever, with noise', lie=noisy()),
     'one_axis': Fault('Fz repeats, the other axes do not', lie=lambda last: last, sensor='net_ft z'),
     'late': Fault('samples become 1.5 s old', late_s=LATE_S),
-    'slower': Fault(
-        'half as many samples from 0.1 mm to 0.1 mm', every=lambda mm: 1 << max(0, min(8, math.ceil(mm / 0.1)))
-    ),
+    'slower': Fault('half as many samples from 0.1 mm to 0.1 mm', every=_halved),
     'threshold': Fault('the box latches its own threshold', status=THRESHOLD),
     'no_number': Fault('one axis of the force sensor is no number (Bota)', lie=no_number, sensor='bota'),
 }

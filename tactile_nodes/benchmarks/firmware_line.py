@@ -210,7 +210,7 @@ class Heard:
     def take(self, line: str, now_ns: int) -> None:
         """A line was said."""
         report = parse_report(line) if line.startswith('<') else None
-        place = report.machine if report is not None else marlin_place(line)
+        place = report.machine if report is not None else marlin_place(line.removeprefix('ok '))
         if place is None:
             return
         if self._restarted and self._last is not None:

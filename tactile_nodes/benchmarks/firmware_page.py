@@ -12,14 +12,15 @@ from tactile_nodes.benchmarks.report import table
 INTRODUCTION = f"""# Drivers on real firmware
 
 What real firmware, in its own simulators, does with the project's drivers, and what each fault comes to. The descent is
-that of a collection (drivers, hands, safety and guard), 1 mm/s down, the fault at 0.3 mm depth, {COMMANDED_MM:g} mm commanded.
-The force sensor is a Net F/T box behind a proxy that adds what the paper's gel gives at the depth that the firmware reports.
+that of a collection (drivers, hands, safety, guard): 1 mm/s down, the fault at 0.3 mm depth, {COMMANDED_MM:g} mm
+commanded. The force sensor is a Net F/T box behind a proxy that adds what the paper's gel gives at the depth that the
+firmware reports.
 
 - Deepest: by the firmware's own reports, heard before the fault can change them, and asked for once more in the end.
-- Noticed: from the fault to what stopped the press. At rest: from the fault to the last report of another place (ten reports
-  a second; –: none came).
-- The way up is that of a collection after a fault: a retract, and a force that says nothing touches. In the end: height above
-  the gel; below 0, the tip is left where it stopped, for a person to look at.
+- Noticed: from the fault to what stopped the press. At rest: from the fault to the last report of another place (ten
+  reports a second; –: none came).
+- The way up is that of a collection after a fault: a retract, and a force that says that nothing touches. In the end:
+  height above the gel; below 0, the tip is left where it stopped, for a person to look at.
 - A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
 
 

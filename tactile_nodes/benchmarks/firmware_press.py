@@ -1,4 +1,4 @@
-"""One press on a firmware, with a fault in it: what a rig does, on a gel and a sensor that follow the firmware's word."""
+"""One press on a firmware, with a fault in it: as a rig does, on a gel and a sensor that follow the firmware's word."""
 
 from __future__ import annotations
 
