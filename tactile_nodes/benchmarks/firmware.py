@@ -20,7 +20,7 @@ from typing import Any
 from tactile_nodes.benchmarks.firmware_faults import FAULTS, Fault
 from tactile_nodes.benchmarks.firmware_obeys import obeys
 from tactile_nodes.benchmarks.firmware_page import complaints, page
-from tactile_nodes.benchmarks.firmware_press import Machine, press
+from tactile_nodes.benchmarks.firmware_press import PORT, Machine, press
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.drivers.cnc import RISKS, CncSettings
@@ -30,6 +30,7 @@ from tactile_nodes.learning.progress import TerminalProgress
 NAME, OBEYS = 'firmware', 'obeys'
 GRBL_GEL_MM, GRBL_UP_MM = (-20.0, -20.0, -20.0), -19.0
 MARLIN_GEL_MM, MARLIN_UP_MM = (20.0, 20.0, 20.0), 21.0
+ATTEMPTS = 3
 MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
 
@@ -118,10 +119,14 @@ def _tried(machine: Machine, what: Sequence[str], found: dict[str, Any]) -> Iter
 
 
 def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict[str, Any]:
-    try:
-        return asdict(press(machine, fault, clock, folder))
-    except TactileError as error:
-        return {'failed': str(error)}
+    """Again from the beginning when something fails before the press: a simulator may hang on a busy computer."""
+    failed: list[str] = []
+    for _ in range(ATTEMPTS):
+        try:
+            return {**asdict(press(machine, fault, clock, folder)), 'failed_before': failed}
+        except TactileError as error:
+            failed.append(str(error).replace(str(folder / PORT), 'it'))
+    return {'failed': failed[-1], 'failed_before': failed}
 
 
 def _command(machine: Machine, arguments: argparse.Namespace) -> str:

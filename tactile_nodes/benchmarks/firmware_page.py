@@ -21,6 +21,7 @@ firmware reports.
   reports a second; –: none came).
 - The way up is that of a collection after a fault: a retract, and a force that says that nothing touches. In the end:
   height above the gel; below 0, the tip is left where it stopped, for a person to look at.
+- What fails before the press is begun again, up to three times.
 - A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
 
 
@@ -55,6 +56,7 @@ def _section(name: str, each: Mapping[str, Any]) -> str:
         parts.append(table(['asked for', 'what came of it'], [[key, text] for key, text in each['obeys'].items()]))
     if each['faults']:
         parts.append(_faults(each['faults']))
+        parts += _failed(each['faults'])
     return '\n\n'.join(parts)
 
 
@@ -69,3 +71,11 @@ def _row(title: str, outcome: Mapping[str, Any]) -> list[str]:
     times = ['–' if outcome[key] is None else f'{outcome[key]:.2f}' for key in ('noticed_s', 'rest_s')]
     said = outcome['said'] or 'nothing'
     return [title, f'{outcome["reached_mm"]:.2f}', *times, said, outcome['up'], f'{outcome["up_mm"]:.2f}']
+
+
+def _failed(found: Mapping[str, Any]) -> list[str]:
+    """What failed on the way to a press, which was then begun again."""
+    why = [f'{FAULTS[name].title}: {each}' for name in found for each in found[name].get('failed_before', [])]
+    return ['Begun again, as something failed before the press:\n\n' + '\n'.join(f'- {each}' for each in why)] * bool(
+        why
+    )

@@ -36,6 +36,7 @@ COMMANDED_MM, BEGINS_MM, ABOVE_MM = 2.0, 0.3, 0.2
 PRESS_MM_MIN, TRAVEL_MM_MIN = 60.0, 1200.0
 SLOPE = 0.577  # of the loading line of the paper's gel, (N^2/3)/mm
 NOISE = (0.005, 0.0001)
+PORT = 'firmware'  # its name in the folder of a trial
 SETTLE_S, ASKED_S = 1.0, 3.0
 LIMITS = LimitSettings(force_silence_ms=300.0)
 
@@ -118,7 +119,7 @@ class Bench:
 
     @property
     def _path(self) -> Path:
-        return self.folder / 'firmware'
+        return self.folder / PORT
 
     def named(self, text: str) -> str:
         """A sentence with the firmware's name instead of its port's."""

@@ -221,6 +221,9 @@ class MarlinDialogue:
         if not self._unanswered:
             return
         request = self._unanswered[0]
+        if request.text == PLACE and not (extra or request.lines or request.resend):
+            self.garbled += 1  # an ok too many, as a late one after a resend: the place comes before its own
+            return
         request.lines.append(extra)  # some firmware puts the answer to M114 there
         if request.resend and request.error is None:
             self._repeat(request)

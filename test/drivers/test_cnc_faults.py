@@ -187,6 +187,16 @@ def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
     assert rig.rest() < 0.8
 
 
+def test_an_ok_too_many_of_a_marlin_is_not_taken_for_the_answer_to_another_line() -> None:
+    """As a late one after a line that was asked for again: each later answer would count for the line after its own."""
+    rig = press_rig('marlin')
+    rig.press(lambda: rig.device.say(b'ok\n'))
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+    rig.hands.retreat()
+    assert rig.tip[2] == pytest.approx(35.0, abs=0.01)
+    assert rig.cnc.health.level is Level.OK
+
+
 def test_after_a_restart_nothing_moves_but_up() -> None:
     rig = press_rig(**UNLOCKED, safe_z_mm=-5.0)
     with pytest.raises(DeviceFaultError, match='restarted by itself'):
