@@ -39,6 +39,8 @@ class Fault:
         status: bits in each record.
         sensor: which one it has to be.
         harmless: whether the press is to go on to its end.
+        damages_a_line: to the firmware; where lines have a checksum it is said again, and the press goes on.
+        bounded: the press may go on, as nothing goes further than it was sent.
         kinds: which firmware it concerns.
     """
 
@@ -50,6 +52,8 @@ class Fault:
     status: int = 0
     sensor: str = 'net_ft'
     harmless: bool = False
+    damages_a_line: bool = False
+    bounded: bool = False
     kinds: tuple[str, ...] = BOTH
 
 
@@ -145,10 +149,12 @@ def _halved(deeper_mm: float) -> int:
 
 FAULTS = {
     'none': Fault('nothing', harmless=True),
-    'deeper_1': Fault('Z of one jog 1 mm deeper (one digit)', digit(b'Z', lambda z: z - 1.0)),
-    'deeper_9': Fault('Z of one jog 9 mm deeper (one digit)', digit(b'Z', lambda z: z - 9.0)),
-    'sideways': Fault('X of one jog 1 mm aside (one digit)', digit(b'X', lambda x: x - 1.0)),
-    'faster': Fault('F60 of one jog becomes F960 (one digit more)', digit(b'F', lambda feed: feed + 900.0)),
+    'deeper_1': Fault('Z of one jog 1 mm deeper (one digit)', digit(b'Z', lambda z: z - 1.0), damages_a_line=True),
+    'deeper_9': Fault('Z of one jog 9 mm deeper (one digit)', digit(b'Z', lambda z: z - 9.0), damages_a_line=True),
+    'sideways': Fault('X of one jog 1 mm aside (one digit)', digit(b'X', lambda x: x - 1.0), damages_a_line=True),
+    'faster': Fault(
+        'F60 of one jog becomes F960 (one digit more)', digit(b'F', lambda feed: feed + 900.0), bounded=True
+    ),
     'report': Fault('one report damaged on its way', _one_report, harmless=True),
     'restart': Fault('the board restarts (power lost for a moment)', _restart),
     'unheard': Fault('the board restarts, its banner is lost', _restart_unheard),

@@ -1,10 +1,10 @@
 """The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything.
 
-Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that it
-would deal with for long while something moves, but for what only the end of motion answers; then it answers
-``M114`` at once also while it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1,
-and Marlin 2 with M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a
-missing answer counts as silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
+Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that takes
+it long while something moves, but for what only the end of motion answers; then it answers ``M114`` at once also while
+it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1, and Marlin 2 with
+M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a missing answer counts as
+silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
 """
 
 from __future__ import annotations
@@ -195,8 +195,7 @@ class MarlinDialogue:
                 'stopped answering, so its place is not known; cut its power, look at it, and connect again'
             )
             raise DeviceTimeoutError(
-                f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; '
-                'it hangs: cut its power and connect again'
+                f'{self.name} did not answer {line!r} within {timeout_s:g} s; it hangs: cut its power and connect again'
             )
 
     # Listening; all under the link's lock.
