@@ -5,11 +5,12 @@ the gel, so the homing command must be given. It deals with one line after the o
 come to rest; so `wait_idle` sends that only when the motion can be over, and `status` is answered meanwhile: with the
 real place by a Marlin with M114_REALTIME, else with the target. It has no feed hold. Only with its emergency parser
 does ``M410`` stop it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps
-of 0.05 mm.
+of 0.05 mm; and where these are fewer than 6 steps of every axis, in none, as Marlin drops such moves without a word.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping
 
@@ -34,6 +35,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTim
 PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
 STOP_S = 10.0
 NUMBER = r'-?\d{1,6}(?:\.\d*)?'
+FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 
 
@@ -41,6 +43,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
     """One controller; the arguments are those of `SerialCnc`."""
 
     _queued = 0
+    _steps_per_mm: Place | None = None  # known where a jog has to be as short as to be dropped
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -81,7 +84,25 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
+        if self.blind_step_mm is not None:
+            with contextlib.suppress(DeviceFaultError):  # Marlin 1 does not tell it, others do not know the question
+                self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
         dialogue.polling = True
+
+    def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        """As `Cnc.jog`.
+
+        Raises:
+            ConfigurationError: besides, one of so few steps that Marlin would drop it.
+        """
+        if self._steps_per_mm is not None:
+            steps = max(round(abs(way) * each) for way, each in zip((dx, dy, dz), self._steps_per_mm, strict=True))
+            if 0 < steps < FEWEST_STEPS:
+                raise ConfigurationError(
+                    f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
+                    'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
+                )
+        super().jog(dx, dy, dz, feed=feed)
 
     def home(self) -> None:
         """As `Cnc.home`, with the command that the settings give."""
@@ -223,6 +244,13 @@ def marlin_identity(lines: list[str]) -> Identity:
     match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
     name, version = match.groups() if match else ('Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
+
+
+def marlin_steps(lines: list[str]) -> Place | None:
+    """Steps per mm of x, y, z in ``M92 X80.00 Y80.00 Z400.00 E500.00``; None: it is not told."""
+    found = (re.search(rf'M92 X({NUMBER}) Y({NUMBER}) Z({NUMBER})', line) for line in lines)
+    match = next((each for each in found if each is not None), None)
+    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None
 
 
 def _place_in(lines: list[str]) -> Place | None:

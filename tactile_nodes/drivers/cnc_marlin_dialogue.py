@@ -195,7 +195,8 @@ class MarlinDialogue:
                 'stopped answering, so its place is not known; cut its power, look at it, and connect again'
             )
             raise DeviceTimeoutError(
-                f'{self.name} did not answer {line!r} within {timeout_s:g} s; it hangs: cut its power and connect again'
+                f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; '
+                'it hangs: cut its power and connect again'
             )
 
     # Listening; all under the link's lock.
