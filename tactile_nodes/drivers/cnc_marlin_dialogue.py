@@ -288,6 +288,7 @@ class MarlinDialogue:
         self.starts += 1
         if self.connected:
             self.lose_place('restarted by itself, so its place is not known; look at its supply, then connect again')
+            self.brake('')  # should it be no restart, but something that only looks like one
         self._break_off(f'was lost, because the machine {self.fault or "was restarted"}')
         self._unanswered.clear()
 

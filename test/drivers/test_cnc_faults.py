@@ -187,6 +187,15 @@ def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
     assert rig.rest() < 0.8
 
 
+@pytest.mark.parametrize(('kind', 'banner'), [('grbl', b"Grbl 1.1h ['$' for help]\r\n"), ('marlin', b'start\n')])
+def test_a_controller_that_says_a_banner_and_goes_on_is_stopped(kind: str, banner: bytes) -> None:
+    """Reports come every 0.1 s, and it brakes at once; the jogs that it was sent would lead to 0.75 mm."""
+    rig = press_rig(kind)
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+        rig.press(lambda: rig.device.say(banner))
+    assert rig.rest() < 0.45
+
+
 def test_an_ok_too_many_of_a_marlin_is_not_taken_for_the_answer_to_another_line() -> None:
     """As a late one after a line that was asked for again: each later answer would count for the line after its own."""
     rig = press_rig('marlin')
