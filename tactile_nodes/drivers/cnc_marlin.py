@@ -26,7 +26,7 @@ from tactile_nodes.drivers.cnc import (
 )
 from tactile_nodes.drivers.cnc_dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc_envelope import AXES, guard, told
-from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
+from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, STOP, MarlinDialogue
 from tactile_nodes.drivers.cnc_motion import Motion, Verdict
 from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
@@ -127,7 +127,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         dialogue = self._talk()
         self._stops += 1
         if not dialogue.fault:
-            dialogue.interrupt('M410', STOP_S)
+            dialogue.interrupt(STOP, STOP_S)
             dialogue.ask('M400', STOP_S, prompt=False)
             dialogue.ask('G90', STOP_S)
         self._at_rest()

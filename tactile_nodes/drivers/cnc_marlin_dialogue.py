@@ -25,6 +25,7 @@ NO_OK_S = 0.3
 LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
 MOVING_S = 0.1  # between two questions while something moves
+STOP = 'M410'  # answered after a second, in which it does nothing else
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
 
@@ -100,8 +101,8 @@ class MarlinDialogue:
         with self.link.changed:
             if not self._unanswered:
                 return False
-            oldest = self._unanswered[0]
-            at_once = oldest.prompt and (self.answers_in_motion or not oldest.in_motion)
+            oldest, stops = self._unanswered[0], any(each.text == STOP for each in self._unanswered)
+            at_once = oldest.prompt and not stops and (self.answers_in_motion or not oldest.in_motion)
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
@@ -154,9 +155,11 @@ class MarlinDialogue:
         with self.link.changed:
             self.refusal = self.refusal or refusal
             self.generation += 1
-            request = _Numbered('M410')
+            request = _Numbered(STOP)
             self._unanswered.append(request)
-            request.sent_ns = self.link.send(b'M410\n')  # without number: past what waits, by its emergency parser
+            request.sent_ns = self.link.send(
+                STOP.encode('ascii') + b'\n'
+            )  # without number: past what waits, by its emergency parser
             self._break_off(f'was broken off, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:

@@ -21,6 +21,7 @@ from tactile_nodes.emulators.world import World
 from tactile_nodes.params import parameter
 
 QUEUE, RECEIVE_BYTES, PLANNER_BLOCKS, BUSY_NS = 4, 128, 16, 2_000_000_000
+CLEANING_NS = 1_000_000_000  # after a quick stop it deals with nothing for so long
 STEPS_PER_MM: Vector = (80.0, 80.0, 400.0)
 FEWEST_STEPS = 6
 BOOT = ('start', 'echo: Last Updated: 2025-11-24 | Author: (none, default config)', 'Marlin 2.1.2.7')
@@ -71,6 +72,7 @@ class Marlin(SerialDevice):
         self._relative, self._homed, self._feed_mm_s = False, False, 20.0
         self._killed = False
         self._dropped: Vector | None = None  # where it was sent by a move that was too short
+        self._cleaning_ns = 0
         self._wake_ns: int | None = None
         self._start_program(self._main())
 
@@ -111,6 +113,7 @@ class Marlin(SerialDevice):
             yield lambda: bool(self._waiting)
             command = self._accepted(self._waiting.popleft())
             if command:
+                yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
                 yield from self._execute(command)
                 self.answer()
 
@@ -240,6 +243,12 @@ class Marlin(SerialDevice):
     def _quick_stop(self) -> None:
         self._dropped = None
         self._planner.flush(self.now_ns)
+        self._cleaning_ns = self.now_ns + CLEANING_NS
+
+    def _stop_in_turn(self, words: dict[str, float]) -> Program:  # noqa: ARG002
+        if not self._settings.emergency_parser:
+            self._quick_stop()
+        yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
 
     def _kill(self) -> None:
         self._planner.flush(self.now_ns)
@@ -313,5 +322,5 @@ _HANDLERS: dict[str, Handler] = {
     'M114': Marlin._position,
     'M115': Marlin._identify,
     'M400': Marlin._finish,
-    'M410': _at_once(lambda marlin: marlin._quick_stop()),
+    'M410': Marlin._stop_in_turn,
 }
