@@ -43,7 +43,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
     """One controller; the arguments are those of `SerialCnc`."""
 
     _queued = 0
-    _steps_per_mm: Place | None = None  # known where a jog has to be as short as to be dropped
+    _steps_per_mm: Place | None = None  # asked for where it matters
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -85,8 +85,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
         if self.blind_step_mm is not None:
-            with contextlib.suppress(DeviceFaultError):  # Marlin 1 does not tell it, others do not know the question
-                self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
+            self._ask_steps(dialogue)
         dialogue.polling = True
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
@@ -95,13 +94,12 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         Raises:
             ConfigurationError: besides, one of so few steps that Marlin would drop it.
         """
-        if self._steps_per_mm is not None:
-            steps = max(round(abs(way) * each) for way, each in zip((dx, dy, dz), self._steps_per_mm, strict=True))
-            if 0 < steps < FEWEST_STEPS:
-                raise ConfigurationError(
-                    f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
-                    'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
-                )
+        steps = self._steps((dx, dy, dz))
+        if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
+            raise ConfigurationError(
+                f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
+                'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
+            )
         super().jog(dx, dy, dz, feed=feed)
 
     def home(self) -> None:
@@ -186,6 +184,30 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         homed = self._homed and not dialogue.place_lost
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
+    def _arrived(self) -> None:
+        """As of every machine; but what would have been too few steps was dropped, and it is known where the tip is."""
+        target = self._target
+        try:
+            super()._arrived()
+        except DeviceFaultError:
+            place, dialogue = self._target, self._talk()
+            if self._steps_per_mm is None:
+                self._ask_steps(dialogue)
+            left = None if target is None or place is None else self._steps(_way(place, target))
+            if left is None or left >= FEWEST_STEPS:
+                raise
+
+    def _ask_steps(self, dialogue: MarlinDialogue) -> None:
+        """Marlin 1 does not tell them, and others do not know the question."""
+        with contextlib.suppress(DeviceFaultError):
+            self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
+
+    def _steps(self, way: Place) -> int | None:
+        """Of the axis with the most on a way; None: nobody knows."""
+        if self._steps_per_mm is None:
+            return None
+        return max(round(abs(mm) * each) for mm, each in zip(way, self._steps_per_mm, strict=True))
+
     def _placed(self, lines: list[str], stamp_ns: int) -> None:
         """Compare what it tells with where it was sent; in the thread that listens."""
         dialogue, place = self._dialogue, _place_in(lines)
@@ -236,6 +258,10 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
     def _health_of(self, dialogue: MarlinDialogue) -> Health:  # noqa: ARG002
         state = self._state().value
         return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
+
+
+def _way(a: Place, b: Place) -> Place:
+    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
 
 
 def marlin_identity(lines: list[str]) -> Identity:

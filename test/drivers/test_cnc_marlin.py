@@ -314,3 +314,16 @@ def test_a_jog_that_marlin_would_drop_is_refused() -> None:
 )
 def test_steps_per_mm_are_read_as_marlin_tells_them(said: str, steps: tuple[float, ...] | None) -> None:
     assert marlin_steps([said]) == steps
+
+
+def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
+    """As 2.1.2 with M114_REALTIME did: after a stop it was 0.05 mm, 4 steps of x, from where it was sent."""
+    rig = homed_rig('marlin realtime')
+    here = rig.cnc.status().position_mm
+    rig.cnc.move(x=here[0] + 0.05, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.cnc.status().position_mm == here == pytest.approx(rig.tip)
+    rig.cnc.move(x=here[0] + 0.1, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.cnc.status().position_mm[0] == pytest.approx(here[0] + 0.1)
+    assert rig.sent().count(b'M92') == 1
