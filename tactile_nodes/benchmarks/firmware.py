@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = result.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
         found |= {**surroundings(_command(machine, arguments)), 'kind': machine.kind, 'sources': arguments.sources}
         for _ in _tried(machine, arguments.only or [OBEYS, *FAULTS], found):
-            keep(arguments.output, NAME, page(result), result)
+            keep(arguments.output, NAME, page(result, _page_before(arguments.output)), result)
     print(page(result))
     wrong = complaints({machine.name: result[machine.name] for machine in chosen})
     print('\n'.join(wrong))
@@ -133,6 +133,11 @@ def _command(machine: Machine, arguments: argparse.Namespace) -> str:
     more = f" --home-command '{arguments.home_command}'" if machine.kind == 'marlin' else ''
     box = ' --net-ft HOST:RDT:HTTP' if arguments.net_ft else ''
     return f"tactile bench {NAME} --{machine.kind} '{machine.name}=…'{more}{box} -o docs/results"
+
+
+def _page_before(folder: Path) -> str:
+    file = folder / f'{NAME}.md'
+    return file.read_text(encoding='utf-8') if file.is_file() else ''
 
 
 def _earlier(folder: Path) -> dict[str, Any]:

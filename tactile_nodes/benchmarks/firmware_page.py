@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tactile_nodes.benchmarks.firmware_faults import FAULTS
 from tactile_nodes.benchmarks.firmware_press import COMMANDED_MM
-from tactile_nodes.benchmarks.report import table
 
+NOTES = '## Notes'
 MORE_MM = 0.25  # than was commanded: what is sent elsewhere is stopped within two reports
 
 INTRODUCTION = f"""# Drivers on real firmware
@@ -27,9 +27,11 @@ firmware reports.
 - A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
 
 
-def page(result: Mapping[str, Any]) -> str:
-    """All firmware, one after the other."""
-    return '\n\n'.join([INTRODUCTION, *(_section(name, each) for name, each in result.items())])
+def page(result: Mapping[str, Any], before: str = '') -> str:
+    """All firmware, one after the other, and the notes that a person has added to the page that was there before."""
+    _, mark, notes = before.partition(NOTES)
+    sections = [_section(name, each) for name, each in result.items()]
+    return '\n\n'.join([INTRODUCTION, *sections, *([mark + notes.rstrip()] if mark else [])])
 
 
 def complaints(result: Mapping[str, Any]) -> list[str]:
@@ -58,7 +60,7 @@ def _section(name: str, each: Mapping[str, Any]) -> str:
     )
     parts = [f'## {name}', about]
     if each['obeys']:
-        parts.append(table(['asked for', 'what came of it'], [[key, text] for key, text in each['obeys'].items()]))
+        parts.append(_table(['asked for', 'what came of it'], list(each['obeys'].items())))
     if each['faults']:
         parts.append(_faults(each['faults']))
         parts += _failed(each['faults'])
@@ -66,16 +68,22 @@ def _section(name: str, each: Mapping[str, Any]) -> str:
 
 
 def _faults(found: Mapping[str, Any]) -> str:
-    heads = ['fault', 'deepest [mm]', 'noticed [s]', 'at rest [s]', 'what stopped it', 'the way up', 'in the end [mm]']
-    return table(heads, [_row(FAULTS[name].title, found[name]) for name in FAULTS if name in found])
+    heads = ['fault', 'deepest [mm]', 'noticed [s]', 'at rest [s]', 'in the end [mm]', 'what stopped it', 'the way up']
+    return _table(heads, [_row(FAULTS[name].title, found[name]) for name in FAULTS if name in found])
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Without filling: sentences stand in it."""
+    rule = ['--:' if '[' in head else '---' for head in heads]
+    return '\n'.join(f'| {" | ".join(cells)} |' for cells in [heads, rule, *rows])
 
 
 def _row(title: str, outcome: Mapping[str, Any]) -> list[str]:
     if 'failed' in outcome:
-        return [title, '–', '–', '–', f'not tried: {outcome["failed"]}', '–', '–']
+        return [title, '–', '–', '–', '–', f'not tried: {outcome["failed"]}', '–']
     times = ['–' if outcome[key] is None else f'{outcome[key]:.2f}' for key in ('noticed_s', 'rest_s')]
-    said = outcome['said'] or 'nothing'
-    return [title, f'{outcome["reached_mm"]:.2f}', *times, said, outcome['up'], f'{outcome["up_mm"]:.2f}']
+    places = [f'{outcome[key]:.2f}' for key in ('reached_mm', 'up_mm')]
+    return [title, places[0], *times, places[1], outcome['said'] or 'nothing', outcome['up']]
 
 
 def _failed(found: Mapping[str, Any]) -> list[str]:

@@ -183,9 +183,9 @@ def test_a_line_with_a_checksum_is_said_again_so_that_the_press_goes_on() -> Non
 
 def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
     text = page(result(mute=outcome('it is silent', 0.6), restart={'failed': 'no power to cut'}))
-    assert re.search(r'\| nothing that it says arrives +\| +0\.60 \| +0\.30 \| +– \| +it is silent \|', text)
+    assert '| nothing that it says arrives | 0.60 | 0.30 | – | 1.00 | it is silent | up |' in text
     assert 'not tried: no power to cut' in text
-    assert '| home ' in text
+    assert '| home | 1.0 s |' in text
 
 
 @pytest.mark.parametrize(
@@ -199,3 +199,10 @@ def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
 def test_what_cannot_be_measured_is_refused_in_a_sentence(given: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=sentence):
         firmware.machines(arguments(**given))
+
+
+def test_what_a_person_has_noted_on_the_page_stays() -> None:
+    first = page(result()) + '\n\n## Notes\n\nBuilt with care.\n'
+    again = page(result(mute=outcome('it is silent', 0.6)), first)
+    assert again.endswith('## Notes\n\nBuilt with care.')
+    assert page(result(), again).count('Built with care.') == 1
