@@ -23,6 +23,7 @@ from tactile_nodes.benchmarks.firmware_page import complaints, page
 from tactile_nodes.benchmarks.firmware_press import PORT, Machine, press
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.clock import Clock, SystemClock
+from tactile_nodes.collection.hands import TrippedError
 from tactile_nodes.drivers.cnc import RISKS, CncSettings
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.learning.progress import TerminalProgress
@@ -124,7 +125,7 @@ def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict
     for _ in range(ATTEMPTS):
         try:
             return {**asdict(press(machine, fault, clock, folder)), 'failed_before': failed}
-        except TactileError as error:
+        except (TactileError, TrippedError) as error:
             failed.append(str(error).replace(str(folder / PORT), 'it'))
     return {'failed': failed[-1], 'failed_before': failed}
 

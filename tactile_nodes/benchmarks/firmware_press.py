@@ -144,7 +144,7 @@ def press(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> Outcome
     """Home, go above the gel and down; at 0.3 mm the fault; and up again.
 
     Raises:
-        TactileError: it did not come as far as the press.
+        TactileError, TrippedError: it did not come as far as the press.
     """
     bench = Bench(machine, fault, clock, folder)
     with bench.plugged() as cnc, _sensor(bench) as sensor:
@@ -202,7 +202,7 @@ def _away(bench: Bench, station: Station, tare: Tare, outcome: Outcome) -> None:
     try:
         bring_up(_reset(station.hands, bench.clock), tare, CollectionSettings(), doubted)
         outcome.up = 'up'
-    except TactileError as error:
+    except (TactileError, TrippedError) as error:
         outcome.up = str(error)
 
 
