@@ -21,6 +21,7 @@ BENCHMARKS = {
     'collection': 'a whole collection in simulated time, into a real bag',
     'faults': 'every fault in the midst of a collection on the emulated rig: what is lost?',
     'stopping': 'how soon and how far a force above its limit stops the tip',
+    'firmware': 'real firmware in its own simulator: does it obey, and what does each fault in mid-press come to?',
     'runtimes': 'models in numpy, onnxruntime and torch: time, memory, size, and the same answers',
     'flow': 'motion by each flow method against known motion, and its time',
     'front': 'speed against accuracy: ways to measure motion, grids and readouts, trained alike; the front of them',

@@ -5,11 +5,12 @@ the gel, so the homing command must be given. It deals with one line after the o
 come to rest; so `wait_idle` sends that only when the motion can be over, and `status` is answered meanwhile: with the
 real place by a Marlin with M114_REALTIME, else with the target. It has no feed hold. Only with its emergency parser
 does ``M410`` stop it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps
-of 0.05 mm.
+of 0.05 mm; and where these are fewer than 6 steps of every axis, in none, as Marlin drops such moves without a word.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping
 
@@ -25,7 +26,7 @@ from tactile_nodes.drivers.cnc import (
 )
 from tactile_nodes.drivers.cnc_dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc_envelope import AXES, guard, told
-from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, MarlinDialogue
+from tactile_nodes.drivers.cnc_marlin_dialogue import PLACE, STOP, MarlinDialogue
 from tactile_nodes.drivers.cnc_motion import Motion, Verdict
 from tactile_nodes.drivers.cnc_serial import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
@@ -34,6 +35,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTim
 PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
 STOP_S = 10.0
 NUMBER = r'-?\d{1,6}(?:\.\d*)?'
+FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 
 
@@ -41,6 +43,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
     """One controller; the arguments are those of `SerialCnc`."""
 
     _queued = 0
+    _steps_per_mm: Place | None = None  # asked for where it matters
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -81,7 +84,23 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
+        if self.blind_step_mm is not None:
+            self._ask_steps(dialogue)
         dialogue.polling = True
+
+    def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        """As `Cnc.jog`.
+
+        Raises:
+            ConfigurationError: besides, one of so few steps that Marlin would drop it.
+        """
+        steps = self._steps((dx, dy, dz))
+        if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
+            raise ConfigurationError(
+                f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
+                'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
+            )
+        super().jog(dx, dy, dz, feed=feed)
 
     def home(self) -> None:
         """As `Cnc.home`, with the command that the settings give."""
@@ -106,7 +125,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         dialogue = self._talk()
         self._stops += 1
         if not dialogue.fault:
-            dialogue.interrupt('M410', STOP_S)
+            dialogue.interrupt(STOP, STOP_S)
             dialogue.ask('M400', STOP_S, prompt=False)
             dialogue.ask('G90', STOP_S)
         self._at_rest()
@@ -165,6 +184,30 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         homed = self._homed and not dialogue.place_lost
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
+    def _arrived(self) -> None:
+        """As of every machine; but what would have been too few steps was dropped, and it is known where the tip is."""
+        target = self._target
+        try:
+            super()._arrived()
+        except DeviceFaultError:
+            place, dialogue = self._target, self._talk()
+            if self._steps_per_mm is None:
+                self._ask_steps(dialogue)
+            left = None if target is None or place is None else self._steps(_way(place, target))
+            if left is None or left >= FEWEST_STEPS:
+                raise
+
+    def _ask_steps(self, dialogue: MarlinDialogue) -> None:
+        """Marlin 1 does not tell them, and others do not know the question."""
+        with contextlib.suppress(DeviceFaultError):
+            self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
+
+    def _steps(self, way: Place) -> int | None:
+        """Of the axis with the most on a way; None: nobody knows."""
+        if self._steps_per_mm is None:
+            return None
+        return max(round(abs(mm) * each) for mm, each in zip(way, self._steps_per_mm, strict=True))
+
     def _placed(self, lines: list[str], stamp_ns: int) -> None:
         """Compare what it tells with where it was sent; in the thread that listens."""
         dialogue, place = self._dialogue, _place_in(lines)
@@ -217,12 +260,23 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
 
+def _way(a: Place, b: Place) -> Place:
+    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+
+
 def marlin_identity(lines: list[str]) -> Identity:
     """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
     text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
     match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
     name, version = match.groups() if match else ('Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
+
+
+def marlin_steps(lines: list[str]) -> Place | None:
+    """Steps per mm of x, y, z in ``M92 X80.00 Y80.00 Z400.00 E500.00``; None: it is not told."""
+    found = (re.search(rf'M92 X({NUMBER}) Y({NUMBER}) Z({NUMBER})', line) for line in lines)
+    match = next((each for each in found if each is not None), None)
+    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None
 
 
 def _place_in(lines: list[str]) -> Place | None:

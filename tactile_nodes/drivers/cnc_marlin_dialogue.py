@@ -1,10 +1,10 @@
 """The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything.
 
-Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that it
-would deal with for long while something moves, but for what only the end of motion answers; then it answers
-``M114`` at once also while it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1,
-and Marlin 2 with M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a
-missing answer counts as silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
+Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that takes
+it long while something moves, but for what only the end of motion answers; then it answers ``M114`` at once also while
+it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1, and Marlin 2 with
+M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a missing answer counts as
+silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ NO_OK_S = 0.3
 LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
 MOVING_S = 0.1  # between two questions while something moves
+STOP = 'M410'  # answered after a second, in which it does nothing else
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
 
@@ -100,8 +101,8 @@ class MarlinDialogue:
         with self.link.changed:
             if not self._unanswered:
                 return False
-            oldest = self._unanswered[0]
-            at_once = oldest.prompt and (self.answers_in_motion or not oldest.in_motion)
+            oldest, stops = self._unanswered[0], any(each.text == STOP for each in self._unanswered)
+            at_once = oldest.prompt and not stops and (self.answers_in_motion or not oldest.in_motion)
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
@@ -154,9 +155,11 @@ class MarlinDialogue:
         with self.link.changed:
             self.refusal = self.refusal or refusal
             self.generation += 1
-            request = _Numbered('M410')
+            request = _Numbered(STOP)
             self._unanswered.append(request)
-            request.sent_ns = self.link.send(b'M410\n')  # without number: past what waits, by its emergency parser
+            request.sent_ns = self.link.send(
+                STOP.encode('ascii') + b'\n'
+            )  # without number: past what waits, by its emergency parser
             self._break_off(f'was broken off, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:
@@ -221,6 +224,9 @@ class MarlinDialogue:
         if not self._unanswered:
             return
         request = self._unanswered[0]
+        if request.text == PLACE and not (extra or request.lines or request.resend):
+            self.garbled += 1  # an ok too many, as a late one after a resend: the place comes before its own
+            return
         request.lines.append(extra)  # some firmware puts the answer to M114 there
         if request.resend and request.error is None:
             self._repeat(request)
@@ -285,6 +291,7 @@ class MarlinDialogue:
         self.starts += 1
         if self.connected:
             self.lose_place('restarted by itself, so its place is not known; look at its supply, then connect again')
+            self.brake('')  # should it be no restart, but something that only looks like one
         self._break_off(f'was lost, because the machine {self.fault or "was restarted"}')
         self._unanswered.clear()
 

@@ -1,8 +1,9 @@
 """A Marlin 2.1 controller, as a host on its serial line sees it.
 
-What an indentation rig uses of it: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as the digital
-line, M110, M112, M114, M115, M400, M410. X and Y home to their lower ends and Z to its upper end, so coordinates run
-from 0 to the room's size. Blocks start and end at rest (see `motion`); M410 stops on the spot, as Marlin's does.
+What an indentation rig uses of it: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M92 (to ask), M106/M107 as
+the digital line, M110, M112, M114, M115, M400, M410. X and Y home to their lower ends and Z to its upper end, so
+coordinates run from 0 to the room's size. Moves of fewer than 6 steps are dropped, as MIN_STEPS_PER_SEGMENT has it.
+Blocks start and end at rest (see `motion`); M410 stops on the spot, as Marlin's does.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from tactile_nodes.emulators.world import World
 from tactile_nodes.params import parameter
 
 QUEUE, RECEIVE_BYTES, PLANNER_BLOCKS, BUSY_NS = 4, 128, 16, 2_000_000_000
+CLEANING_NS = 1_000_000_000  # after a quick stop it deals with nothing for so long
 STEPS_PER_MM: Vector = (80.0, 80.0, 400.0)
+FEWEST_STEPS = 6
 BOOT = ('start', 'echo: Last Updated: 2025-11-24 | Author: (none, default config)', 'Marlin 2.1.2.7')
 IDENTITY = (
     'FIRMWARE_NAME:Marlin 2.1.2.7 (Nov 24 2025 12:00:00) SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin '
@@ -68,6 +71,8 @@ class Marlin(SerialDevice):
         self._last_line = 0
         self._relative, self._homed, self._feed_mm_s = False, False, 20.0
         self._killed = False
+        self._dropped: Vector | None = None  # where it was sent by a move that was too short
+        self._cleaning_ns = 0
         self._wake_ns: int | None = None
         self._start_program(self._main())
 
@@ -108,6 +113,7 @@ class Marlin(SerialDevice):
             yield lambda: bool(self._waiting)
             command = self._accepted(self._waiting.popleft())
             if command:
+                yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
                 yield from self._execute(command)
                 self.answer()
 
@@ -159,6 +165,11 @@ class Marlin(SerialDevice):
 
     def _go(self, target: Vector, feed_mm_s: float) -> Program:
         yield lambda: self._planner.used < PLANNER_BLOCKS
+        steps = plus(target, plus(self._planner.target(self.now_ns), self._origin, -1.0), -1.0)
+        short = all(abs(way) * each < FEWEST_STEPS - 0.5 for way, each in zip(steps, STEPS_PER_MM, strict=True))
+        self._dropped = target if short else None
+        if short:
+            return
         rates, acceleration = (_vector(each) for each in (self._settings.rate_mm_s, self._settings.acceleration))
         self._planner.add(Block(plus(target, self._origin), feed_mm_s, rates, acceleration), self.now_ns)
 
@@ -215,6 +226,14 @@ class Marlin(SerialDevice):
             self.tell(f'Cap:{row}')
         yield from ()
 
+    def _tell_steps(self, words: dict[str, float]) -> Program:  # noqa: ARG002
+        self.tell(
+            '  M92 '
+            + ' '.join(f'{axis}{each:.2f}' for axis, each in zip('XYZ', STEPS_PER_MM, strict=True))
+            + ' E500.00'
+        )
+        yield from ()
+
     def _set_line(self, level: bool) -> None:
         self.world.set_line(level, self.now_ns)
 
@@ -222,7 +241,14 @@ class Marlin(SerialDevice):
         self._relative = relative
 
     def _quick_stop(self) -> None:
+        self._dropped = None
         self._planner.flush(self.now_ns)
+        self._cleaning_ns = self.now_ns + CLEANING_NS
+
+    def _stop_in_turn(self, words: dict[str, float]) -> Program:  # noqa: ARG002
+        if not self._settings.emergency_parser:
+            self._quick_stop()
+        yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
 
     def _kill(self) -> None:
         self._planner.flush(self.now_ns)
@@ -231,6 +257,8 @@ class Marlin(SerialDevice):
         self._start_program(_silence())
 
     def _place_planned(self) -> Vector:
+        if self._dropped is not None:
+            return self._dropped
         return plus(self._planner.target(self.now_ns), self._origin, -1.0)
 
     # Time.
@@ -286,6 +314,7 @@ _HANDLERS: dict[str, Handler] = {
     'G91': _at_once(lambda marlin: marlin._set_relative(True)),
     'M17': _at_once(_ignore),
     'M84': _at_once(_ignore),
+    'M92': Marlin._tell_steps,
     'M106': _at_once(lambda marlin: marlin._set_line(True)),
     'M107': _at_once(lambda marlin: marlin._set_line(False)),
     'M110': _at_once(_ignore),
@@ -293,5 +322,5 @@ _HANDLERS: dict[str, Handler] = {
     'M114': Marlin._position,
     'M115': Marlin._identify,
     'M400': Marlin._finish,
-    'M410': _at_once(lambda marlin: marlin._quick_stop()),
+    'M410': Marlin._stop_in_turn,
 }

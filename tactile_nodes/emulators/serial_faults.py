@@ -12,6 +12,7 @@ that `PtyPort` makes of it a port that any program can open, with the faults in 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -49,6 +50,7 @@ class LineFaults:
         mute: nothing that the device says arrives.
         deaf: nothing that it is told arrives.
         done: how many changes were made.
+        lie: what arrives instead of what is left after all other changes; told the way and the bytes.
     """
 
     def __init__(self) -> None:
@@ -56,6 +58,7 @@ class LineFaults:
         self._changes: list[_Change] = []
         self.mute = self.deaf = False
         self.done = 0
+        self.lie: Callable[[str, bytes], bytes] = lambda _, data: data
 
     def change(self, way: str, old: bytes, new: bytes, times: int = 1) -> None:
         """Where `old` next passes within one write or read, `new` arrives; an empty one drops it."""
@@ -73,7 +76,7 @@ class LineFaults:
                 change.times -= 1
                 if not change.times:
                     self._changes.remove(change)
-        return data
+        return self.lie(way, data)
 
 
 class FaultyPort:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
@@ -25,6 +24,7 @@ from tactile_nodes.collection.surface import HERTZ, Loading, Surface
 from tactile_nodes.collection.wrench import tare_of
 from tactile_nodes.drivers.cnc import CncSettings
 from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, TextLineSettings
+from tactile_nodes.emulators.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 from tactile_nodes.emulators.net_ft import NetFtServer
 from tactile_nodes.emulators.net_ft_box import NetFtBox
 from tactile_nodes.emulators.net_ft_config import NetFtConfig

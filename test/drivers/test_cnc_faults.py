@@ -187,6 +187,40 @@ def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
     assert rig.rest() < 0.8
 
 
+def test_a_marlin_that_deals_with_nothing_for_a_second_after_a_stop_is_not_silent() -> None:
+    """Whoever watches over the rig would stop it again, and every retreat begins with a stop."""
+    rig, seen = press_rig('marlin'), set()
+    rig.cnc.home()
+    rig.clock.watch = lambda: seen.add(rig.cnc.health.level)
+    rig.go(-60.0, -60.0, -25.0)
+    rig.cnc.jog(dz=-2.0, feed=60.0)
+    rig.rest(1.0)
+    begin = rig.seconds()
+    rig.cnc.stop()
+    assert rig.seconds() - begin > 1.0
+    assert rig.tip[2] == pytest.approx(rig.at(0.0, 0.0, -26.0)[2], abs=0.1)
+    assert seen == {Level.OK}
+
+
+@pytest.mark.parametrize(('kind', 'banner'), [('grbl', b"Grbl 1.1h ['$' for help]\r\n"), ('marlin', b'start\n')])
+def test_a_controller_that_says_a_banner_and_goes_on_is_stopped(kind: str, banner: bytes) -> None:
+    """Reports come every 0.1 s, and it brakes at once; the jogs that it was sent would lead to 0.75 mm."""
+    rig = press_rig(kind)
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+        rig.press(lambda: rig.device.say(banner))
+    assert rig.rest() < 0.45
+
+
+def test_an_ok_too_many_of_a_marlin_is_not_taken_for_the_answer_to_another_line() -> None:
+    """As a late one after a line that was asked for again: each later answer would count for the line after its own."""
+    rig = press_rig('marlin')
+    rig.press(lambda: rig.device.say(b'ok\n'))
+    assert rig.rest() == pytest.approx(2.0, abs=0.01)
+    rig.hands.retreat()
+    assert rig.tip[2] == pytest.approx(35.0, abs=0.01)
+    assert rig.cnc.health.level is Level.OK
+
+
 def test_after_a_restart_nothing_moves_but_up() -> None:
     rig = press_rig(**UNLOCKED, safe_z_mm=-5.0)
     with pytest.raises(DeviceFaultError, match='restarted by itself'):

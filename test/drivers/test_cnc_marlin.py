@@ -9,7 +9,7 @@ import pytest
 from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, direct_rig, settings_of
 
 from tactile_nodes.drivers.cnc import CncState
-from tactile_nodes.drivers.cnc_marlin import MarlinCnc, marlin_identity, marlin_place
+from tactile_nodes.drivers.cnc_marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
@@ -289,3 +289,41 @@ def test_capabilities_and_places_are_read() -> None:
 def test_place_that_was_damaged_on_the_line_is_none(z: str) -> None:
     """An error that nobody expects would end the thread that stops the machine."""
     assert marlin_place(f'X:-1.50 Y:0.00 Z:{z}') is None
+
+
+def test_a_jog_that_marlin_would_drop_is_refused() -> None:
+    """0.05 mm are 4 steps of x at 80 steps/mm, and 20 of z at 400: a Marlin 2.1 does nothing with fewer than 6."""
+    rig = homed_rig('marlin without parser')
+    with pytest.raises(
+        ConfigurationError, match=r'would drop a jog of 4 steps .* build its firmware with EMERGENCY_PARSER'
+    ):
+        rig.cnc.jog(dx=0.05, feed=60.0)
+    before = rig.tip[2]
+    rig.cnc.jog(dz=-0.05, feed=60.0)
+    rig.cnc.wait_idle()
+    assert rig.tip[2] == pytest.approx(before - 0.05)
+
+
+@pytest.mark.parametrize(
+    ('said', 'steps'),
+    [
+        ('  M92 X80.00 Y80.00 Z400.00 E500.00', (80.0, 80.0, 400.0)),
+        ('echo:  M92 X80.00 Y100.00 Z400.00 E93.00', (80.0, 100.0, 400.0)),
+        ('echo:Unknown command: "M92"', None),
+    ],
+)
+def test_steps_per_mm_are_read_as_marlin_tells_them(said: str, steps: tuple[float, ...] | None) -> None:
+    assert marlin_steps([said]) == steps
+
+
+def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
+    """As 2.1.2 with M114_REALTIME did: after a stop it was 0.05 mm, 4 steps of x, from where it was sent."""
+    rig = homed_rig('marlin realtime')
+    here = rig.cnc.status().position_mm
+    rig.cnc.move(x=here[0] + 0.05, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.cnc.status().position_mm == here == pytest.approx(rig.tip)
+    rig.cnc.move(x=here[0] + 0.1, feed=600.0)
+    rig.cnc.wait_idle()
+    assert rig.cnc.status().position_mm[0] == pytest.approx(here[0] + 0.1)
+    assert rig.sent().count(b'M92') == 1

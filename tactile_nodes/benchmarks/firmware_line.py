@@ -1,0 +1,292 @@
+"""The line to a firmware: its simulator as a program, or a port; faults on the way; and where the tip is by its word.
+
+`Heard` reads what the firmware says before any fault can change it, so that it knows the depth that was reached also
+where the driver is told something else, nothing, or knows nothing of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import shlex
+import signal
+import subprocess
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import serial
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc import Place
+from tactile_nodes.drivers.cnc_grbl_words import parse_report
+from tactile_nodes.drivers.cnc_marlin import marlin_place
+from tactile_nodes.drivers.serial_port import SerialPort, open_port
+from tactile_nodes.emulators.serial_faults import LineFaults
+from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
+
+QUESTIONS = {'grbl': b'?', 'marlin': b'M114 R\n'}
+OWN_QUESTION_S = 0.1
+AHEAD_S = 0.15  # a tip that was not heard of for longer is taken to rest
+SEEN_MM = 0.003
+
+
+class Wire(Protocol):
+    """Bytes to and from a firmware."""
+
+    def write(self, data: bytes) -> None:
+        """Send."""
+        ...
+
+    def read(self) -> bytes:
+        """What has come; at once."""
+        ...
+
+    def restart(self) -> None:
+        """Cut its power for a moment. Raises ConfigurationError where that cannot be done from here."""
+        ...
+
+    def halt(self) -> None:
+        """Stop its processor, as a firmware that hangs. Raises as `restart`."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class Program:
+    """A simulator that talks on its standard streams, on a pseudo terminal.
+
+    Args:
+        command: what starts it, as a shell splits it.
+
+    Raises:
+        DeviceNotFoundError: there is no such program.
+    """
+
+    def __init__(self, command: str) -> None:
+        self._words = shlex.split(command)
+        self._start()
+
+    def write(self, data: bytes) -> None:
+        """As `Wire.write`; what a full line does not take is lost."""
+        with contextlib.suppress(OSError):
+            os.write(self._master, data)
+
+    def read(self) -> bytes:
+        """As `Wire.read`."""
+        try:
+            return os.read(self._master, 4096)
+        except OSError:  # nothing there, or it has ended
+            return b''
+
+    def restart(self) -> None:
+        """As `Wire.restart`: it ends, and another begins."""
+        self.close()
+        self._start()
+
+    def halt(self) -> None:
+        """As `Wire.halt`."""
+        os.killpg(self._process.pid, signal.SIGSTOP)
+
+    def close(self) -> None:
+        """As `Wire.close`: it ends, and all that it has started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        os.close(self._master)
+
+    def _start(self) -> None:
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self._master, False)
+        try:
+            self._process = subprocess.Popen(
+                self._words, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, start_new_session=True
+            )
+        except OSError as error:
+            os.close(self._master)
+            raise DeviceNotFoundError(f'cannot start {shlex.join(self._words)}: {error.strerror}') from error
+        finally:
+            os.close(slave)
+
+
+class PortWire:
+    """A board at a serial port, or a simulator at a network socket (``socket://HOST:PORT``)."""
+
+    def __init__(self, port: SerialPort) -> None:
+        self._port = port
+
+    def write(self, data: bytes) -> None:
+        """As `Wire.write`."""
+        self._port.write(data)
+
+    def read(self) -> bytes:
+        """As `Wire.read`."""
+        return self._port.read(0.0)
+
+    def restart(self) -> None:
+        """Raises ConfigurationError: nobody here can cut its power."""
+        raise ConfigurationError(f'the power of {self._port.name} cannot be cut from here')
+
+    def halt(self) -> None:
+        """Raises ConfigurationError: nobody here can halt it."""
+        raise ConfigurationError(f'{self._port.name} cannot be halted from here')
+
+    def close(self) -> None:
+        """As `Wire.close`."""
+        self._port.close()
+
+
+def open_wire(source: str, baud: int, clock: Clock) -> Wire:
+    """What a user named: a port (``/dev/…``), a socket, or else a command.
+
+    Raises:
+        DeviceError: it cannot be opened or started.
+    """
+    if source.startswith('socket://'):
+        try:
+            return PortWire(SerialPort(serial.serial_for_url(source, timeout=0), source))
+        except serial.SerialException as error:
+            raise DeviceNotFoundError(f'nobody answers at {source} ({error}); start the simulator first') from error
+    if source.startswith('/dev/') and Path(source).is_char_device():
+        return PortWire(open_port(source, baud, 'default', clock))
+    return Program(source)
+
+
+class Heard:
+    """The tip, by the firmware's own reports.
+
+    Args:
+        surface_mm: height of the gel.
+        told: called whenever it was heard of, with the time.
+
+    Attributes:
+        deepest_mm: below the surface, of all places heard since `begin`.
+        moved_ns: when it was last heard of elsewhere than before.
+    """
+
+    def __init__(self, surface_mm: float, told: Callable[[int], None]) -> None:
+        self._surface_mm = surface_mm
+        self._told = told
+        self._shift_mm = (0.0, 0.0, 0.0)
+        self._restarted = False
+        self._before: tuple[Place, int] | None = None
+        self._last: tuple[Place, int] | None = None
+        self.deepest_mm = -1e9
+        self.moved_ns = 0
+
+    @property
+    def place(self) -> Place | None:
+        """Where it was last; machine coordinates as homed."""
+        return self._last[0] if self._last else None
+
+    @property
+    def depth_mm(self) -> float:
+        """Of the place last heard; negative above the gel."""
+        return self._surface_mm - self._last[0][2] if self._last else -1e9
+
+    def depth_at(self, time_ns: int) -> float:
+        """As it went on since the last two reports; for what a sensor feels in between."""
+        last, before = self._last, self._before
+        if last is None:
+            return -1e9
+        if before is None or time_ns > last[1] + AHEAD_S * NS_PER_S or before[1] >= last[1]:
+            return self._surface_mm - last[0][2]
+        share = (time_ns - last[1]) / (last[1] - before[1])
+        return self._surface_mm - (last[0][2] + min(share, 1.5) * (last[0][2] - before[0][2]))
+
+    def begin(self) -> None:
+        """The press begins: what was before counts no more."""
+        self.deepest_mm, self.moved_ns = self.depth_mm, 0
+
+    def restarted(self) -> None:
+        """The firmware has lost its place; what it calls its place from now on is where the tip stands."""
+        self._restarted = True
+
+    def take(self, line: str, now_ns: int) -> None:
+        """A line was said."""
+        report = parse_report(line) if line.startswith('<') else None
+        place = report.machine if report is not None else marlin_place(line.removeprefix('ok '))
+        if place is None:
+            return
+        if self._restarted and self._last is not None:
+            self._shift_mm = _minus(self._last[0], place)
+            self._restarted = False
+        place = _minus(place, _minus((0.0, 0.0, 0.0), self._shift_mm))
+        if self._last is not None and max(map(abs, _minus(place, self._last[0]))) > SEEN_MM:
+            self.moved_ns = now_ns
+        self._before, self._last = self._last, (place, now_ns)
+        self.deepest_mm = max(self.deepest_mm, self.depth_mm)
+        self._told(now_ns)
+
+
+class Line:
+    """A device for `PtyPort`: the firmware, with faults on its line, and an ear before them.
+
+    Args:
+        wire: to the firmware.
+        kind: grbl or marlin.
+        heard: told every line of the firmware.
+        clock: the host's.
+
+    Attributes:
+        faults: of the line.
+        cut: nothing goes to the firmware or comes from it but what is asked and heard here.
+    """
+
+    def __init__(self, wire: Wire, kind: str, heard: Heard, clock: Clock) -> None:
+        self.wire = wire
+        self.kind = kind
+        self._heard = heard
+        self._clock = clock
+        self._partial = b''
+        self._said = b''
+        self._asked_ns = 0
+        self.faults = LineFaults()
+        self.cut = False
+
+    def receive(self, data: bytes) -> None:
+        """As `Pluggable.receive`."""
+        if not self.cut and (passed := self.faults.passed('>', data)):
+            self.wire.write(passed)
+
+    def run(self) -> None:
+        """As `Pluggable.run`. What is said passes line by line, as faults concern lines."""
+        *lines, self._partial = (self._partial + self.wire.read()).split(b'\n')
+        for line in lines:
+            self._heard.take(line.decode('ascii', 'replace').strip(), self._clock.now_ns())
+            if not self.cut:
+                self._said += self.faults.passed('<', line + b'\n')
+        if self.cut and self._clock.now_ns() - self._asked_ns > OWN_QUESTION_S * NS_PER_S:
+            self._asked_ns = self._clock.now_ns()
+            self.wire.write(QUESTIONS[self.kind])
+
+    def say(self, line: bytes) -> None:
+        """To the host, as if the firmware had said it."""
+        self._said += line
+
+    def restart(self) -> None:
+        """Cut the firmware's power for a moment."""
+        self._heard.restarted()
+        self._partial = b''
+        self.wire.restart()
+
+    def take_output(self) -> bytes:
+        """As `Pluggable.take_output`."""
+        said, self._said = self._said, b''
+        return said
+
+    def next_event_ns(self) -> int | None:
+        """As `Pluggable.next_event_ns`: nobody knows."""
+        return None
+
+    def power_cycle(self) -> None:
+        """As `Pluggable.power_cycle`; the line has no power of its own."""
+
+
+def _minus(a: Place, b: Place) -> Place:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
