@@ -19,7 +19,7 @@ from tactile_nodes.model_file import LoadedModel, save_model
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.simulation.gel import Gel
 
-DEEPEST_MM, SHALLOWEST_MM = 1.1, 0.25
+DEEPEST_MM, SHALLOWEST_MM = 1.15, 0.25
 """Up to where the layer responds linearly; harder presses tell nothing more of other contacts."""
 
 UNTOUCHED = 0.5

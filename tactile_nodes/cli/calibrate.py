@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _of_description(arguments)
     if given != 1:
         raise ConfigurationError(
-            'give the presses on the new gel, bags or --dataset FILE or --pictures CSV, or only its --sensor YAML'
+            'give the presses on the new gel: either bags or --dataset FILE or --pictures CSV, or a --sensor alone'
         )
     _require_used(arguments)
     model = find_model(arguments.model)

@@ -43,12 +43,12 @@ DOUBT = 0.03
 """Share of its motion by which a region may be off once presses have told how it responds."""
 
 LEAST_NOISE_PX = 0.004
-UNPRESSED, FEW = 0.035, 10
+UNPRESSED, FEW = 0.045, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few."""
 
 JUDGES = 40
-ROOM = 1.4
+ROOM = 2.0
 """Times the misfit of presses that were held out, beyond which a frame is unlike what the response knows: drags and
 wide contacts of other bodies leave so much more over."""
 

@@ -11,7 +11,7 @@ import yaml
 from tactile_nodes import paths
 
 
-@pytest.mark.parametrize(('given', 'contact'), [({}, 'tip'), ({'contact': 'ring'}, 'ring'), ({'contact': '7'}, '7')])
+@pytest.mark.parametrize(('given', 'contact'), [({}, 'mixed'), ({'contact': 'ring'}, 'ring'), ({'contact': '7'}, '7')])
 def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict[str, str], contact: str):
     arguments = [{'name': name, 'value': value} for name, value in {'page': 'false', **given}.items()]
     included = {'file': str(paths.share_directory() / 'launch' / 'live.launch.yaml'), 'arg': arguments}

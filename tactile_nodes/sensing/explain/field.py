@@ -29,6 +29,9 @@ WIDE = 20.0
 """Patches over which the force spreads from which a contact is wide: the middle of such a one shows next to nothing and
 is filled rather than held down, by so much less as the square of their number says."""
 
+SEEN_N = 0.006
+"""On a patch: half of what noise makes of nothing."""
+
 FIRST_STEPS, STEPS = 15, 30
 """Of the solver: to what holds patches down in the end, and to the answer."""
 
@@ -49,6 +52,9 @@ CERTAIN, DOUBTFUL = 0.7, 0.3
 
 LEAST_SAY = 1e-3
 
+MIDDLE = 0.6745
+"""Standard deviations within which half of a normal error lies."""
+
 
 @dataclass(frozen=True)
 class Field:
@@ -56,7 +62,8 @@ class Field:
 
     `active` are the patches that were solved on, `covariance` that of their forces, first all normal ones, then along
     x, then along y. `misfit` is the root mean square of what is left over, in units of what is expected; `gain` how
-    much more probable these forces are than none (half the fall of the squared misfit).
+    much more probable these forces are than none (half the fall of the squared misfit). `roughness` is how large noise
+    is, in units of what is expected, by the middle one of all regions: most see next to nothing of a contact.
     """
 
     forces_n: Float[np.ndarray, '3 patches']
@@ -64,6 +71,7 @@ class Field:
     covariance: Float[np.ndarray, 'm m']
     misfit: float
     gain: float
+    roughness: float
 
     @property
     def total_n(self) -> float:
@@ -80,8 +88,9 @@ class Field:
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
-    """On how many patches an even force would be as much spread: 1 of one patch, n of n alike."""
-    return max(float(pressed.sum()) ** 2 / max(float(pressed @ pressed), 1e-12), 1.0)
+    """On how many patches an even force would be as much spread: 1 of one patch, n of n alike; noise is left out."""
+    above = np.maximum(pressed - SEEN_N, 0.0)
+    return max(float(above.sum()) ** 2 / max(float(above @ above), 1e-12), 1.0)
 
 
 @dataclass(frozen=True)
@@ -192,14 +201,15 @@ class FieldSolver:
         self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray
     ) -> Field:
         left = motion - forces[:, active].reshape(-1) @ self._caused(active)
-        misfit, gain = self._fit(motion, left, say)
-        return Field(forces, active, inverse(information).astype(float), misfit, gain)
+        return Field(forces, active, inverse(information).astype(float), *self._fit(motion, left, say))
 
     def _nothing(self, motion: np.ndarray, say: np.ndarray) -> Field:
         none = np.zeros((3, self.patches.count))
         return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, say))
 
     @staticmethod
-    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float]:
-        before, after = float(say @ (motion * motion)), float(say @ (left * left))
-        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2
+    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float, float]:
+        """Misfit, gain and roughness."""
+        before, squares = float(say @ (motion * motion)), say * left * left
+        after, middle = float(squares.sum()), float(np.median(squares))
+        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2, float(np.sqrt(middle)) / MIDDLE

@@ -22,12 +22,12 @@ class FieldSpread:
     floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
-    normal: tuple[float, float] = (0.5, 0.012)
+    normal: tuple[float, float] = (0.6, 0.015)
     shear: tuple[float, float] = (0.8, 0.012)
-    bins: tuple[float, float] = (0.3, 0.045)
+    bins: tuple[float, float] = (0.4, 0.055)
     wide: float = 0.07
     place_floor_mm: float = 0.08
-    nominal: tuple[float, float] = (0.006, 0.05)
+    nominal: tuple[float, float] = (0.012, 0.05)
     response: float = 0.0
 
     def normal_n(self, fitted: float, force_n: float) -> float:
