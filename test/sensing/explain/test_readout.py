@@ -82,10 +82,22 @@ def test_noise_is_explained_by_nothing(readout: FieldReadout) -> None:
 def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout) -> None:
     values, sure = seen(readout, edge(readout))
     plain = readout.read(values, sure)
-    swirl = 0.3 * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32)
-    odd = readout.read(values + swirl, sure)
-    assert odd.unlikeness > 2
-    assert odd.total_sigma_n > 2 * plain.total_sigma_n
+    odd = values.copy()
+    odd[:6] += 0.2 * np.random.default_rng(1).standard_normal(odd[:6].shape).astype(np.float32)
+    reading = readout.read(odd, sure)
+    assert reading.unlikeness > 2
+    assert reading.total_sigma_n > 2 * plain.total_sigma_n
+
+
+def test_a_noisy_picture_is_read_by_the_noise_that_it_has(readout: FieldReadout) -> None:
+    """Four times the noise in all regions: as like the training as before, and less sure."""
+    values, sure = seen(readout, edge(readout))
+    plain = readout.read(values, sure)
+    rough = values + 4 * NOISE_PX * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32)
+    noisy = readout.read(rough, sure)
+    assert noisy.unlikeness < 1
+    assert noisy.total_sigma_n > plain.total_sigma_n
+    assert float(noisy.normal_force_n.sum()) == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_file_keeps_it(readout: FieldReadout, tmp_path: Path) -> None:
