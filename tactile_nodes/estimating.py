@@ -18,6 +18,7 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import is_file
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow import make_flow
 from tactile_nodes.sensing.likeness import known
@@ -93,6 +94,8 @@ class Reads:
         estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
         still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
         try:
+            if isinstance(readout := loaded.model.readout, FieldReadout):
+                readout.prepare()
             estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
         except (ValueError, ArithmeticError, LookupError) as error:
             raise ModelError(

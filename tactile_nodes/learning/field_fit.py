@@ -43,7 +43,7 @@ DOUBT = 0.03
 """Share of its motion by which a region may be off once presses have told how it responds."""
 
 LEAST_NOISE_PX = 0.004
-UNPRESSED, FEW = 0.045, 10
+UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few."""
 

@@ -35,7 +35,7 @@ ALIKE, CHATTER = 0.93, 0.04
 """Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
 
 ROUGH = 1.3
-"""Times the usual noise from which a frame is read again by the noise that it has."""
+"""Times the usual noise from which a frame of an altered picture is read again by the noise that it has."""
 
 UNSEEN_N = 0.012
 """What noise allows to be on a patch whose force is told as none."""
@@ -105,8 +105,13 @@ class FieldReadout:
         before: str,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float32[np.ndarray, 'rows cols'],
+        *,
+        altered: bool = False,
     ) -> Reading:
-        """As `read`, with the explanation of the frame before, from which it departs only for a reason."""
+        """As `read`, with the explanation of the frame before, from which it departs only for a reason.
+
+        `altered`: the picture is unlike those of the training, so its noise may be another.
+        """
         motion, sure = self.motion(values), confidence.reshape(-1)[self._known]
         if (sure >= self.scaling.confidence_floor).sum() < LEAST_REGIONS or not np.isfinite(motion).all():
             return nothing_read(self.bins)
@@ -115,7 +120,7 @@ class FieldReadout:
             return tips
         say = self.solver.say(motion, sure)
         found = self.solver.field(motion, say, coarse)
-        if found.roughness > ROUGH:
+        if altered and found.roughness > ROUGH:
             found = self.solver.field(motion, say / found.roughness**2, coarse)
         unlike = found.misfit / self.misfit_limit
         return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
@@ -132,6 +137,13 @@ class FieldReadout:
         if not reading.unlikeness <= limit:
             return None
         return replace(reading, acting=self._of_tips(reading))
+
+    def prepare(self) -> None:
+        """Make all that the first frame would wait for."""
+        still = np.zeros(self.scaling.mean.shape, np.float32)
+        self.read(still, np.ones(still.shape[:2], np.float32))
+        if self.tips is not None:
+            self._reader(1).read(still, np.ones(still.shape[:2], np.float32))
 
     def _reader(self, count: int) -> AxisymmetricReadout:
         """What reads so many tips at most; made once, since it prepares much."""

@@ -22,9 +22,9 @@ class FieldSpread:
     floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
-    normal: tuple[float, float] = (0.6, 0.015)
+    normal: tuple[float, float] = (0.7, 0.018)
     shear: tuple[float, float] = (0.8, 0.012)
-    bins: tuple[float, float] = (0.4, 0.055)
+    bins: tuple[float, float] = (0.45, 0.065)
     wide: float = 0.07
     place_floor_mm: float = 0.08
     nominal: tuple[float, float] = (0.012, 0.05)

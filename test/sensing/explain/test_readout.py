@@ -94,7 +94,7 @@ def test_a_noisy_picture_is_read_by_the_noise_that_it_has(readout: FieldReadout)
     values, sure = seen(readout, edge(readout))
     plain = readout.read(values, sure)
     rough = values + 4 * NOISE_PX * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32)
-    noisy = readout.read(rough, sure)
+    noisy = readout.read_after('', rough, sure, altered=True)
     assert noisy.unlikeness < 1
     assert noisy.total_sigma_n > plain.total_sigma_n
     assert float(noisy.normal_force_n.sum()) == pytest.approx(2.0, rel=0.1)
