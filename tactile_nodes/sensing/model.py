@@ -128,7 +128,7 @@ class ForceEstimator:
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
         elif isinstance(readout, FieldReadout):
-            reading = readout.read_after(self._before, *seen, altered=altered)
+            reading = readout.read_after(self._before, *seen)
             self._before = reading.acting.explanation if reading.acting else ''
         else:
             reading = readout.read(*seen)

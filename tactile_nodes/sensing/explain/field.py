@@ -52,9 +52,6 @@ CERTAIN, DOUBTFUL = 0.7, 0.3
 
 LEAST_SAY = 1e-3
 
-MIDDLE = 0.6745
-"""Standard deviations within which half of a normal error lies."""
-
 
 @dataclass(frozen=True)
 class Field:
@@ -62,8 +59,7 @@ class Field:
 
     `active` are the patches that were solved on, `covariance` that of their forces, first all normal ones, then along
     x, then along y. `misfit` is the root mean square of what is left over, in units of what is expected; `gain` how
-    much more probable these forces are than none (half the fall of the squared misfit). `roughness` is how large noise
-    is, in units of what is expected, by the middle one of all regions: most see next to nothing of a contact.
+    much more probable these forces are than none (half the fall of the squared misfit).
     """
 
     forces_n: Float[np.ndarray, '3 patches']
@@ -71,7 +67,6 @@ class Field:
     covariance: Float[np.ndarray, 'm m']
     misfit: float
     gain: float
-    roughness: float
 
     @property
     def total_n(self) -> float:
@@ -208,8 +203,7 @@ class FieldSolver:
         return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, say))
 
     @staticmethod
-    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float, float]:
-        """Misfit, gain and roughness."""
-        before, squares = float(say @ (motion * motion)), say * left * left
-        after, middle = float(squares.sum()), float(np.median(squares))
-        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2, float(np.sqrt(middle)) / MIDDLE
+    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float]:
+        """Misfit and gain."""
+        before, after = float(say @ (motion * motion)), float(say @ (left * left))
+        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2

@@ -34,9 +34,6 @@ RUBBED = 0.15
 ALIKE, CHATTER = 0.93, 0.04
 """Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
 
-ROUGH = 1.3
-"""Times the usual noise from which a frame of an altered picture is read again by the noise that it has."""
-
 UNSEEN_N = 0.012
 """What noise allows to be on a patch whose force is told as none."""
 
@@ -105,23 +102,15 @@ class FieldReadout:
         before: str,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float32[np.ndarray, 'rows cols'],
-        *,
-        altered: bool = False,
     ) -> Reading:
-        """As `read`, with the explanation of the frame before, from which it departs only for a reason.
-
-        `altered`: the picture is unlike those of the training, so its noise may be another.
-        """
+        """As `read`, with the explanation of the frame before, from which it departs only for a reason."""
         motion, sure = self.motion(values), confidence.reshape(-1)[self._known]
         if (sure >= self.scaling.confidence_floor).sum() < LEAST_REGIONS or not np.isfinite(motion).all():
             return nothing_read(self.bins)
         coarse = self.solver.coarse(motion)
         if (tips := self._tips(before, coarse, values, confidence)) is not None:
             return tips
-        say = self.solver.say(motion, sure)
-        found = self.solver.field(motion, say, coarse)
-        if altered and found.roughness > ROUGH:
-            found = self.solver.field(motion, say / found.roughness**2, coarse)
+        found = self.solver.field(motion, self.solver.say(motion, sure), coarse)
         unlike = found.misfit / self.misfit_limit
         return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
 
@@ -197,7 +186,7 @@ class FieldReadout:
     def nothing(self) -> Acting:
         """What is known while nothing presses, as far as can be seen."""
         patches = self.solver.patches
-        still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0, 1.0)
+        still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
         shape = self.bins.rows, self.bins.cols
         off = np.diag(np.square([self.spread.nominal[0]] * 3 + [self.spread.nominal[0] * self.bins.width_mm / 4] * 3))
         return Acting(
@@ -216,7 +205,7 @@ class FieldReadout:
         for each in reading.contacts:
             pressed += each.force_n * _about(each.x_mm, each.y_mm, patches)
         forces = np.stack([pressed, np.zeros_like(pressed), np.zeros_like(pressed)])
-        still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0, 1.0)
+        still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0)
         places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
         x, y, force = places.T
         wrench = np.array([0.0, 0.0, -force.sum(), -(y * force).sum(), (x * force).sum(), 0.0])

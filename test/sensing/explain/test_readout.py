@@ -89,13 +89,13 @@ def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout)
     assert reading.total_sigma_n > 2 * plain.total_sigma_n
 
 
-def test_a_noisy_picture_is_read_by_the_noise_that_it_has(readout: FieldReadout) -> None:
-    """Four times the noise in all regions: as like the training as before, and less sure."""
+def test_a_noisy_picture_is_less_sure_and_hardly_further_off(readout: FieldReadout) -> None:
+    """Four times the noise in all regions."""
     values, sure = seen(readout, edge(readout))
     plain = readout.read(values, sure)
-    rough = values + 4 * NOISE_PX * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32)
-    noisy = readout.read_after('', rough, sure, altered=True)
-    assert noisy.unlikeness < 1
+    noisy = readout.read(
+        values + 4 * NOISE_PX * np.random.default_rng(1).standard_normal(values.shape).astype(np.float32), sure
+    )
     assert noisy.total_sigma_n > plain.total_sigma_n
     assert float(noisy.normal_force_n.sum()) == pytest.approx(2.0, rel=0.1)
 
