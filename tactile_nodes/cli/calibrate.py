@@ -101,6 +101,8 @@ def _require_used(arguments: argparse.Namespace) -> None:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     if arguments.gel and arguments.dataset:
         raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
+    if arguments.pictures and (arguments.sensor or arguments.ball_mm):
+        raise ConfigurationError('--sensor and --ball-mm go with bags or --dataset FILE; pictures tell of tips alone')
     for option in ('curve', 'namespace'):
         if getattr(arguments, option) and not arguments.bags:
             raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
@@ -127,10 +129,16 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
 def _pressed(arguments: argparse.Namespace) -> Pressed:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.field_calibration import Pressed
+    from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.sensing.explain.readout import FieldReadout
     from tactile_nodes.sensors import load_sensor
 
     if arguments.ball_mm < 0:
         raise ConfigurationError(f'--ball-mm is the radius of a ball and cannot be {arguments.ball_mm:g}')
+    if not (arguments.sensor or arguments.ball_mm):
+        return Pressed()
+    if not isinstance(load_model(find_model(arguments.model)).model.readout, FieldReadout):
+        raise ConfigurationError('--sensor and --ball-mm go with a model of any contact: --model field')
     return Pressed(load_sensor(arguments.sensor) if arguments.sensor else None, arguments.ball_mm)
 
 

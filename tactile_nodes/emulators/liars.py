@@ -137,8 +137,8 @@ class UdpProxy:
 
 
 @dataclass
-class BotaLiar:
-    """A talker whose frames come out changed, with a check sum that fits."""
+class TalkerLiar:
+    """A talker, but for what comes out of it."""
 
     talker: Talker
     lie: Lie
@@ -151,6 +151,10 @@ class BotaLiar:
 
     def next_ns(self) -> int | None:
         return self.talker.next_ns()
+
+
+class BotaLiar(TalkerLiar):
+    """A talker whose frames come out changed, with a check sum that fits."""
 
     def due(self, now_ns: int) -> bytes:
         said = self.talker.due(now_ns)
@@ -164,21 +168,8 @@ class BotaLiar:
         return frame[:1] + body + struct.pack('<H', crc16_x25(body))
 
 
-@dataclass
-class TextLiar:
+class TextLiar(TalkerLiar):
     """A talker whose lines come out changed."""
-
-    talker: Talker
-    lie: Lie
-
-    def power_on(self, now_ns: int) -> None:
-        self.talker.power_on(now_ns)
-
-    def receive(self, data: bytes, now_ns: int) -> None:
-        self.talker.receive(data, now_ns)
-
-    def next_ns(self) -> int | None:
-        return self.talker.next_ns()
 
     def due(self, now_ns: int) -> bytes:
         lines = self.talker.due(now_ns).splitlines(keepends=True)

@@ -45,7 +45,7 @@ def train_field(
     tips.require_fit(dataset.features[0].size, bins)
     made = _fitted(sensor, replace(tips, carried=None), dataset, config.ball_mm, progress)
     report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
-    return replace(made.readout, tips=tips), {'field': report, **card_of_sensor(sensor, config.ball_mm)}
+    return replace(made.readout, tips=tips), report
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     made = described(sensor, scaling, progress).readout
     card = {
         **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
-        **card_of_sensor(sensor, float(loaded.card[BALL_MM])),
+        **Pressed(sensor, float(loaded.card[BALL_MM])).told({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': 'description'},
         'made_with': f'tactile_nodes {__version__}',
@@ -118,9 +118,9 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
         )
 
 
-def card_of_sensor(sensor: Sensor, ball_mm: float) -> dict[str, Any]:
-    """What a model's card says of its sensor."""
-    return {SENSOR: to_values(sensor), BALL_MM: ball_mm}
+def card_of_sensor(config: FieldConfig) -> dict[str, Any]:
+    """What the card of a training run says of its sensor and of the ball that pressed it."""
+    return Pressed(load_sensor(config.sensor), config.ball_mm).told({})
 
 
 def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:

@@ -16,7 +16,7 @@ from tactile_nodes.learning.blurred_fit import with_blurs
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.dragged_fit import with_drag
-from tactile_nodes.learning.field_calibration import BALL_MM, SENSOR, train_field
+from tactile_nodes.learning.field_calibration import card_of_sensor, train_field
 from tactile_nodes.learning.judgement import objection, of_the_mean, poor, require_worth
 from tactile_nodes.learning.network_fit import fit_network
 from tactile_nodes.learning.network_inputs import judging_samples
@@ -144,9 +144,9 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         return fit_network(dataset, data.held_out, config, progress, run)
     begun = clock.perf_ns()
     if config.readout == 'field':
-        made, said = train_field(dataset, config.field, config.bins, progress)
+        made, fitted = train_field(dataset, config.field, config.bins, progress)
         seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-        return made, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', **said}
+        return made, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
     settings: ResponseConfig | AxisymmetricConfig
     readout: AnyReadout
     if config.readout == 'axisymmetric':
@@ -199,7 +199,7 @@ def card_of(data: TrainingData, report: dict[str, Any], scores: Validation, comm
         'crop_px': config.data.crop,
         'gel': data.gel,
         'data': {**data.origin, 'fingerprint': data.dataset.fingerprint},
-        'training': {name: each for name, each in report.items() if name not in (SENSOR, BALL_MM)},
+        'training': report,
         'validation': asdict(scores),
-        **{name: report[name] for name in (SENSOR, BALL_MM) if name in report},
+        **(card_of_sensor(config.field) if config.readout == 'field' else {}),
     }

@@ -196,11 +196,12 @@ class AxisymmetricReadout:
         motion[lost] = 0.0
         return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
 
-    def fit(self, seen: Seen) -> Fit:
-        """As few contacts as explain what is seen, `most_contacts` at most; their forces are not yet corrected."""
+    def fit(self, seen: Seen, most_contacts: int = 0) -> Fit:
+        """As few contacts as explain what is seen, so many at most; 0: `most_contacts`. Not yet corrected."""
+        most = most_contacts or self.most_contacts
         fit = self._locate(seen, self._start(seen.motion)[None])
         limit = self.calibration.misfit_limit**2
-        while fit.misfit > limit and len(fit.contacts) < self.most_contacts:
+        while fit.misfit > limit and len(fit.contacts) < most:
             left = (seen.motion - self.response.motion(fit.contacts).sum(axis=0)) * (seen.certainty > 0)
             more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]))
             if more.misfit > 0.5 * fit.misfit:
@@ -264,11 +265,11 @@ class AxisymmetricReadout:
         certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
         return certainty
 
-    def reading(self, seen: Seen) -> Reading:
-        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+    def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
+        """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
         if not seen.enough:
             return nothing_read(self.bins)
-        fit = self.fit(seen)
+        fit = self.fit(seen, most_contacts)
         contacts, unlike = self.contacts(fit), math.sqrt(fit.misfit) / self.calibration.misfit_limit
         if self.gain(seen, fit) < self.calibration.least_gain:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)

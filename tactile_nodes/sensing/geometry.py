@@ -97,6 +97,16 @@ class FisheyeCamera:
         return np.column_stack([sideways, np.cos(theta)])
 
 
+def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
+    """About x, then y, then z (rad); the columns are the turned axes: (0, 0, pi / 2) turns x (1, 0, 0) to (0, 1, 0)."""
+    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
+    about_y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
+    about_z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
+    turned: np.ndarray = about_x @ about_y @ about_z
+    return turned
+
+
 @dataclass(frozen=True)
 class Crop:
     """A rectangle of an image, in pixels from its upper left corner."""

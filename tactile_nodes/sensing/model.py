@@ -179,12 +179,12 @@ class ForceEstimator:
             none = np.zeros_like(found.normal_force_n)
             resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
             self._at_rest = known = features, replace(resting, acting=self._still(resting))
+        self._before = ''
         return known[1]
 
     def _still(self, found: ForceMap) -> Acting | None:
         """What acts while nothing touches, of a readout that knows."""
         readout = self.model.readout
-        self._before = ''
         return readout.nothing() if isinstance(readout, FieldReadout) else found.acting
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
-from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.sensing.geometry import FisheyeCamera, rotation
 from tactile_nodes.simulation.gel import Gel
 
 
@@ -38,16 +38,6 @@ def camera_turn(gel: Gel) -> Float32[np.ndarray, '3 3'] | None:
     if not any(angles):
         return None
     return rotation(np.radians(angles)).astype(np.float32)
-
-
-def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
-    """About x, then y, then z; the columns are the turned axes."""
-    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
-    about_y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
-    about_z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
-    turned: np.ndarray = about_x @ about_y @ about_z
-    return turned
 
 
 def pupil(gel: Gel) -> Float32[np.ndarray, ' 3']:

@@ -169,6 +169,31 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
     assert 'either bags or --dataset FILE' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['--pictures', 'gel.csv', '--model', 'field', '--ball-mm', '5'], 'pictures tell of tips alone'),
+        (['--dataset', 'gel.npz', '--model', 'portable', '--ball-mm', '5'], 'go with a model of any contact'),
+        (['--dataset', 'gel.npz', '--model', 'field', '--ball-mm', '-5'], 'cannot be -5'),
+        (['--model', 'portable', '--sensor', 'simulated'], 'a description makes a field'),
+        (['--model', 'field', '--sensor', 'nowhere.yaml'], "there is no sensor 'nowhere.yaml'"),
+    ],
+)
+def test_what_only_any_contact_needs_is_refused_elsewhere(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['calibrate', *words, '-o', str(tmp_path / 'none.safetensors')]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'mine.safetensors'
+    assert main(['calibrate', '--model', 'field', '--sensor', 'simulated', '--gel', 'mine', '-o', str(output)]) == 0
+    loaded = load_model(output)
+    assert (loaded.gel, loaded.model.readout.kind) == ('mine', 'field')
+    assert 'from the description simulated and no press' in capsys.readouterr().out
+
+
 def test_a_network_of_other_features_is_refused(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,7 +18,7 @@ from jaxtyping import Float, Float32, Int
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.stack import Elastic
-from tactile_nodes.sensing.geometry import BinGrid, FisheyeCamera
+from tactile_nodes.sensing.geometry import BinGrid, FisheyeCamera, rotation
 from tactile_nodes.sensors import Sensor
 
 DEPTHS = 5
@@ -118,7 +118,7 @@ class Regions:
     @property
     def _turn(self) -> Float[np.ndarray, '3 3']:
         """The camera's axes in the surface frame, as columns."""
-        return turned(*np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]).tolist())
+        return rotation(np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]))
 
     @property
     def _pixels(self) -> Float[np.ndarray, 'rays 2']:
@@ -212,8 +212,8 @@ def _between(
 
 
 def _sampled(
-    fields: Float32[np.ndarray, 'fields y x'], at: Float[np.ndarray, '*shape 2']
-) -> Float32[np.ndarray, fields * shape]:
+    fields: Float32[np.ndarray, 'fields y x'], at: Float[np.ndarray, 'known rays 2']
+) -> Float32[np.ndarray, 'fields known rays']:
     """Fields at places between the nodes of their grid (x, y in steps)."""
     low = np.floor(at).astype(int)
     right, down = np.moveaxis((at - low).astype(np.float32), -1, 0)
@@ -224,13 +224,3 @@ def _sampled(
     lower = (1 - right) * fields[:, below, x] + right * fields[:, below, beside]
     sampled: np.ndarray = (1 - down) * upper + down * lower
     return sampled
-
-
-def turned(about_x: float, about_y: float, about_z: float) -> Float[np.ndarray, '3 3']:
-    """Turned about x, then y, then z (rad); the columns are the turned axes."""
-    (a, b, c), (sa, sb, sc) = np.cos([about_x, about_y, about_z]), np.sin([about_x, about_y, about_z])
-    x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
-    y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
-    z = np.array([[c, -sc, 0], [sc, c, 0], [0, 0, 1]])
-    matrix: np.ndarray = x @ y @ z
-    return matrix

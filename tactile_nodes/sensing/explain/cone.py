@@ -54,10 +54,7 @@ def least_squares(
     solve *= stiff
     for _ in range(steps):
         wanted = RELAXED * (begin + solve @ (held - off)) + (1 - RELAXED) * held + off
-        held[:count], held[count:] = _flat(in_cone(wanted[:count], wanted[count:].reshape(2, count), friction))
+        pressed, shear = in_cone(wanted[:count], wanted[count:].reshape(2, count), friction)
+        held[:count], held[count:] = pressed, shear.reshape(-1)
         off = wanted - held
     return held
-
-
-def _flat(forces: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    return forces[0], forces[1].reshape(-1)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
-from tactile_nodes.sensing.explain.cone import inverse, least_squares
+from tactile_nodes.sensing.explain.cone import STEPS, inverse, least_squares
 
 FRICTION = 1.0
 """No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
@@ -29,11 +29,11 @@ WIDE = 20.0
 """Patches over which the force spreads from which a contact is wide: the middle of such a one shows next to nothing and
 is filled rather than held down, by so much less as the square of their number says."""
 
-SEEN_N = 0.006
-"""On a patch: half of what noise makes of nothing."""
+UNSEEN_N = 0.012
+"""What noise allows to be on a patch whose force is told as none."""
 
-FIRST_STEPS, STEPS = 15, 30
-"""Of the solver: to what holds patches down in the end, and to the answer."""
+FIRST_STEPS = 15
+"""Of the solver, to what holds patches down in the end."""
 
 GRANTED = 50.0
 """Information on each force (1/N²) that is granted without evidence: none is some hundred mN for nothing."""
@@ -84,8 +84,21 @@ class Field:
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
     """On how many patches an even force would be as much spread: 1 of one patch, n of n alike; noise is left out."""
-    above = np.maximum(pressed - SEEN_N, 0.0)
+    above = np.maximum(pressed - UNSEEN_N / 2, 0.0)
     return max(float(above.sum()) ** 2 / max(float(above @ above), 1e-12), 1.0)
+
+
+def say(
+    motion: Float[np.ndarray, '*n regions 2'],
+    confidence: Float[np.ndarray, '*n regions'],
+    noise_px: float,
+    doubt: float,
+) -> Float[np.ndarray, '*n regions']:
+    """One over the variance that is expected of regions' motion: of noise, and of a share of the motion."""
+    size = np.square(motion).sum(axis=-1)
+    seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_SAY, 1.0)
+    certainty: np.ndarray = seen * seen / (noise_px**2 + doubt**2 * size)
+    return certainty
 
 
 @dataclass(frozen=True)
@@ -104,10 +117,8 @@ class FieldSolver:
     def say(
         self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']
     ) -> Float[np.ndarray, ' rows']:
-        """One over the variance that is expected of each region's motion."""
-        size = np.square(motion).sum(axis=1)
-        seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_SAY, 1.0)
-        return np.repeat(seen * seen / (self.noise_px**2 + self.doubt**2 * size), 2)
+        """One over the variance that is expected of each region's motion, along x and along y."""
+        return np.repeat(say(motion, confidence, self.noise_px, self.doubt), 2)
 
     @cached_property
     def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:

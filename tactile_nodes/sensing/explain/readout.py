@@ -14,7 +14,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.contacts import contacts_of
-from tactile_nodes.sensing.explain.field import Field, FieldSolver
+from tactile_nodes.sensing.explain.field import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
@@ -33,9 +33,6 @@ RUBBED = 0.15
 
 ALIKE, CHATTER = 0.93, 0.04
 """Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
-
-UNSEEN_N = 0.012
-"""What noise allows to be on a patch whose force is told as none."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +118,7 @@ class FieldReadout:
         count = self._places(coarse)
         if self.tips is None or not count:
             return None
-        reading = self._reader(count).read(values, confidence)
+        reading = self.tips.reading(self.tips.seen(values, confidence), count)
         limit = ALIKE + {'tips': CHATTER, 'field': -CHATTER}.get(before, 0.0)
         if not reading.unlikeness <= limit:
             return None
@@ -132,18 +129,7 @@ class FieldReadout:
         still = np.zeros(self.scaling.mean.shape, np.float32)
         self.read(still, np.ones(still.shape[:2], np.float32))
         if self.tips is not None:
-            self._reader(1).read(still, np.ones(still.shape[:2], np.float32))
-
-    def _reader(self, count: int) -> AxisymmetricReadout:
-        """What reads so many tips at most; made once, since it prepares much."""
-        if count not in self._readers:
-            assert self.tips is not None
-            self._readers[count] = replace(self.tips, most_contacts=count)
-        return self._readers[count]
-
-    @cached_property
-    def _readers(self) -> dict[int, AxisymmetricReadout]:
-        return {}
+            self.tips.read(still, np.ones(still.shape[:2], np.float32))
 
     def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
         """At how many places tips may press; 0 where the linear answer speaks against it."""
@@ -159,13 +145,13 @@ class FieldReadout:
         return count - 1 if count - 1 <= MOST_TIPS and (sides <= TIP_BINS).all() else 0
 
     def _told(self, found: Field, unlike: float) -> Reading:
-        patches, spread = self.solver.patches, self.spread
-        widened = max(unlike, 1.0)
+        patches, widened = self.solver.patches, max(unlike, 1.0)
+        spread = self.spread.times(widened)
         forces = patches.over_bins(found.forces_n).astype(np.float32)
         wrench, covariance = spread.wrench(found, patches)
         acting = Acting(
-            'field', np.moveaxis(forces[1:], 0, -1), (widened * spread.bins_n(found, patches)).astype(np.float32),
-            wrench, covariance * widened**2, self._surface(found, widened),
+            'field', np.moveaxis(forces[1:], 0, -1), spread.bins_n(found, patches).astype(np.float32),
+            wrench, covariance, self._surface(found, widened),
         )  # fmt: skip
         sigma_n = math.sqrt(covariance[2, 2])
         return Reading(forces[0], contacts_of(found, patches, spread), sigma_n, unlike, acting=acting)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -17,18 +19,24 @@ class FieldSpread:
     """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
 
     `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
-    bin and its neighbours; `wide` is the share of the normal force of contacts whose middle
-    shows nothing; `place_floor_mm` is the least that a place is off by. `nominal` is what is usual of a total: a
-    floor (N) and a share. All are for a response fitted to presses; one that was not is off by `response` beside that.
+    bin and its neighbours. `wide` is the share of the normal force of contacts whose middle shows nothing. `place` is a
+    factor and the least that a place is off by (mm). `nominal` is what is usual of a total: a floor (N) and a share.
+    All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
     normal: tuple[float, float] = (0.7, 0.018)
     shear: tuple[float, float] = (0.8, 0.012)
     bins: tuple[float, float] = (0.45, 0.065)
     wide: float = 0.07
-    place_floor_mm: float = 0.08
+    place: tuple[float, float] = (1.0, 0.08)
     nominal: tuple[float, float] = (0.012, 0.05)
     response: float = 0.0
+
+    def times(self, factor: float) -> FieldSpread:
+        """With deviations that are so much larger."""
+        names = 'normal', 'shear', 'bins', 'place', 'wide', 'response'
+        larger: dict[str, Any] = {name: factor * np.array(getattr(self, name)) for name in names}
+        return replace(self, **larger)
 
     def normal_n(self, fitted: float, force_n: float) -> float:
         """Of a normal force."""
@@ -44,7 +52,7 @@ class FieldSpread:
 
     def place_mm(self, fitted: float) -> float:
         """Of a place along an axis."""
-        return math.hypot(self.place_floor_mm, fitted)
+        return math.hypot(self.place[0] * fitted, self.place[1])
 
     def nominal_n(self, total_n: float) -> float:
         """What is usual of a total."""
@@ -54,9 +62,8 @@ class FieldSpread:
     def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
         """Of the normal force on each bin."""
         fitted = np.sqrt(patches.over_bins(self._variances_of_bins(field, patches)))
-        told = np.pad(patches.over_bins(field.forces_n[0]), 1)
-        rows, cols = patches.bins.rows, patches.bins.cols
-        near = sum(told[y : y + rows, x : x + cols] for y in range(3) for x in range(3))
+        told = patches.over_bins(field.forces_n[0])
+        near = cv2.boxFilter(told, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
         off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
         return off
 
@@ -64,7 +71,7 @@ class FieldSpread:
     def _variances_of_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
         """Each patch's share of the variance of its bin: the covariance with all patches of the bin."""
         count = len(field.active)
-        bins = np.argmax(patches.member[field.active], axis=1)
+        bins = patches.bin_of[field.active]
         together = field.covariance[:count, :count] * (bins[:, None] == bins[None])
         shares = np.zeros(patches.count)
         shares[field.active] = together.sum(axis=1)
@@ -82,12 +89,12 @@ class FieldSpread:
         wrench = np.einsum('kcp,cp->k', levers, field.forces_n)
         at = levers[:, :, field.active].reshape(6, -1)
         fitted = at @ field.covariance @ at.T
-        factors = np.array([self.shear[0]] * 2 + [self.normal[0]] * 3 + [self.shear[0]])
+        shear, normal = self.shear, self.normal
+        factors = np.array([shear[0], shear[0], normal[0], normal[0], normal[0], shear[0]])
         total = field.total_n
-        reach = np.sqrt(np.einsum('p,pc->c', field.forces_n[0], np.square(patches.centres_mm)) / max(total, 1e-9))
-        shares = np.array([self.shear[1], self.shear[1], self.normal[1], *self.normal[1] * reach[::-1], 0.0])
-        shares[5] = self.shear[1] * float(np.hypot(*reach))
-        by_response = self.response * np.array([1, 1, 1, *reach[::-1], np.hypot(*reach)])
-        unseen = self.wide * field.wide * np.array([0, 0, 1, *reach[::-1], 0])
-        off = np.sqrt(np.square(shares) + np.square(by_response) + np.square(unseen)) * total
+        right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9))
+        reach = np.array([1.0, 1.0, 1.0, down, right, np.hypot(right, down)])
+        shares = np.array([shear[1], shear[1], normal[1], normal[1], normal[1], shear[1]])
+        unseen = self.wide * field.wide * np.array([0, 0, 1, 1, 1, 0])
+        off = np.sqrt(np.square(shares) + self.response**2 + np.square(unseen)) * reach * total
         return wrench, fitted * np.outer(factors, factors) + np.diag(np.square(off))

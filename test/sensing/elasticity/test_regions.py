@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions, turned
+from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions
 from tactile_nodes.sensing.geometry import FisheyeCamera
-from tactile_nodes.sensors import Sensor
-from tactile_nodes.simulation.camera import rotation
+from tactile_nodes.sensors import CameraDescription, Sensor
 from tactile_nodes.simulation.mechanics import Layer
 
 FOCAL, PUPIL_MM = 290.0, 23.0
@@ -52,6 +51,12 @@ def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions
     assert (np.diff(shares[:, 0]) > 0).all()  # what lies deeper is nearer to the camera
 
 
-def test_a_camera_is_turned_as_the_simulated_one_is() -> None:
-    angles = np.radians([2.0, -3.0, 40.0])
-    assert turned(*angles.tolist()) == pytest.approx(rotation(angles))
+def test_a_rolled_camera_sees_a_press_turned_back() -> None:
+    """By a quarter, about the middle, so that regions of a square picture take each other's places."""
+    straight, rolled = Regions(Sensor(), 8, 8), Regions(Sensor(camera=CameraDescription(roll_deg=90.0)), 8, 8)
+    everywhere = np.arange(64)
+    plain = straight.terms_of_ball(np.array([[4.0, 0.0]]), 0.8, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
+    # What is right of the middle (x > 0) it sees above it (v < 0).
+    turned = rolled.terms_of_ball(np.array([[4.0, 0.0]]), 0.8, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
+    back = np.stack([-turned[..., 1, :], turned[..., 0, :]], axis=2)
+    assert np.rot90(back, -1) == pytest.approx(plain, abs=1e-3)
