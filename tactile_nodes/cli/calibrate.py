@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.field_calibration import Pressed
+    from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.transfer import Made
 
@@ -128,7 +128,7 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
 
 def _pressed(arguments: argparse.Namespace) -> Pressed:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.field_calibration import Pressed
+    from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensing.explain.readout import FieldReadout
     from tactile_nodes.sensors import load_sensor
@@ -144,7 +144,7 @@ def _pressed(arguments: argparse.Namespace) -> Pressed:
 
 def _of_description(arguments: argparse.Namespace) -> int:
     """A model that no press has told anything yet."""
-    from tactile_nodes.learning.field_calibration import described_model
+    from tactile_nodes.learning.field.calibration import described_model
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.paths import check_output

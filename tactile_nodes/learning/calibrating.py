@@ -15,7 +15,7 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.bags import CollectionBag, RecordedPress
 from tactile_nodes.learning.building import told_of
 from tactile_nodes.learning.calibrator import Calibrator, PressRead, Reading, curves
-from tactile_nodes.learning.field_calibration import Pressed
+from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer import Source, completed, write
 from tactile_nodes.learning.transfer_fit import Transfer

@@ -16,7 +16,7 @@ from tactile_nodes.learning.blurred_fit import with_blurs
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.dragged_fit import with_drag
-from tactile_nodes.learning.field_calibration import card_of_sensor, train_field
+from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
 from tactile_nodes.learning.judgement import objection, of_the_mean, poor, require_worth
 from tactile_nodes.learning.network_fit import fit_network
 from tactile_nodes.learning.network_inputs import judging_samples

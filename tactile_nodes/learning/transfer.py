@@ -11,7 +11,7 @@ from typing import Any
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
-from tactile_nodes.learning.field_calibration import BALL_MM, SENSOR, Pressed, with_field
+from tactile_nodes.learning.field.calibration import BALL_MM, SENSOR, Pressed, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from tactile_nodes.benchmarks import firmware
-from tactile_nodes.benchmarks.firmware_faults import FAULTS
-from tactile_nodes.benchmarks.firmware_line import Heard, Line, Program, open_wire
-from tactile_nodes.benchmarks.firmware_obeys import obeys
-from tactile_nodes.benchmarks.firmware_page import complaints, page
+from tactile_nodes.benchmarks.firmware.faults import FAULTS
+from tactile_nodes.benchmarks.firmware.line import Heard, Line, Program, open_wire
+from tactile_nodes.benchmarks.firmware.obeys import obeys
+from tactile_nodes.benchmarks.firmware.page import complaints, page
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.field_fit import described, fit_field
+from tactile_nodes.learning.field.fit import described, fit_field
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensors import Sensor

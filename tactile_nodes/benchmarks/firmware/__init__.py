@@ -17,10 +17,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.benchmarks.firmware_faults import FAULTS, Fault
-from tactile_nodes.benchmarks.firmware_obeys import obeys
-from tactile_nodes.benchmarks.firmware_page import complaints, page
-from tactile_nodes.benchmarks.firmware_press import PORT, Machine, press
+from tactile_nodes.benchmarks.firmware.faults import FAULTS, Fault
+from tactile_nodes.benchmarks.firmware.obeys import obeys
+from tactile_nodes.benchmarks.firmware.page import complaints, page
+from tactile_nodes.benchmarks.firmware.press import PORT, Machine, press
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.collection.hands import TrippedError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tactile_nodes.benchmarks.firmware_faults import FAULTS
-from tactile_nodes.benchmarks.firmware_press import ABOVE_MM, TRAVEL_MM_MIN, Bench, Machine
+from tactile_nodes.benchmarks.firmware.faults import FAULTS
+from tactile_nodes.benchmarks.firmware.press import ABOVE_MM, TRAVEL_MM_MIN, Bench, Machine
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc import Cnc, CncStatus
 from tactile_nodes.drivers.cnc_envelope import told

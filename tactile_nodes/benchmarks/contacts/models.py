@@ -10,8 +10,8 @@ import numpy as np
 
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
-from tactile_nodes.learning.field_calibration import sensor_of, with_field
-from tactile_nodes.learning.field_fit import described
+from tactile_nodes.learning.field.calibration import sensor_of, with_field
+from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_checks import source_readout
 from tactile_nodes.learning.transfer_fit import transfer

@@ -20,9 +20,9 @@ from tactile_nodes.benchmarks.report import keep, surroundings
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tactile_nodes.benchmarks.contacts_cases import Case
-    from tactile_nodes.benchmarks.contacts_frames import Condition
-    from tactile_nodes.benchmarks.contacts_scores import Score
+    from tactile_nodes.benchmarks.contacts.cases import Case
+    from tactile_nodes.benchmarks.contacts.frames import Condition
+    from tactile_nodes.benchmarks.contacts.scores import Score
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.simulation.gel import Gel
 
@@ -50,7 +50,7 @@ examples:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep."""
-    from tactile_nodes.benchmarks.contacts_page import page
+    from tactile_nodes.benchmarks.contacts.page import page
     from tactile_nodes.learning.progress import TerminalProgress
 
     result = measure(arguments, TerminalProgress())
@@ -63,9 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """All models on the same pictures, then the field in disturbed ones."""
-    from tactile_nodes.benchmarks.contacts_cases import broad_cases, cases
-    from tactile_nodes.benchmarks.contacts_frames import CONDITIONS
-    from tactile_nodes.benchmarks.contacts_scores import by_family, summed
+    from tactile_nodes.benchmarks.contacts.cases import broad_cases, cases
+    from tactile_nodes.benchmarks.contacts.frames import CONDITIONS
+    from tactile_nodes.benchmarks.contacts.scores import by_family, summed
     from tactile_nodes.sensing.compiling import use_compiled
     from tactile_nodes.simulation.gel import Gel
 
@@ -101,7 +101,7 @@ def _told(score: Score) -> dict[str, Any]:
 
 def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Progress) -> dict[str, str]:
     """The models by the names that they have on the page."""
-    from tactile_nodes.benchmarks.contacts_models import calibrated
+    from tactile_nodes.benchmarks.contacts.models import calibrated
     from tactile_nodes.model_file import find_model, load_model
 
     source = load_model(find_model(arguments.source))
@@ -118,8 +118,8 @@ def _read(
     """What each chain tells of each contact, and the CPU time of OpenCV's DIS between them (ms, median)."""
     import numpy as np
 
-    from tactile_nodes.benchmarks.contacts_frames import FREE_FRAMES, HELD_FRAMES, frames
-    from tactile_nodes.benchmarks.contacts_scores import score
+    from tactile_nodes.benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
+    from tactile_nodes.benchmarks.contacts.scores import score
     from tactile_nodes.benchmarks.stability_chain import Chain
     from tactile_nodes.sensing.flow import make_flow
 

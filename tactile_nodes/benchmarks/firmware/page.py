@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tactile_nodes.benchmarks.firmware_faults import FAULTS
-from tactile_nodes.benchmarks.firmware_press import COMMANDED_MM
+from tactile_nodes.benchmarks.firmware.faults import FAULTS
+from tactile_nodes.benchmarks.firmware.press import COMMANDED_MM
 
 NOTES = '## Notes'
 MORE_MM = 0.25  # than was commanded: what is sent elsewhere is stopped within two reports

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tactile_nodes.benchmarks.contacts_cases import Case
+from tactile_nodes.benchmarks.contacts.cases import Case
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tactile_nodes.benchmarks.firmware_line import Line
+from tactile_nodes.benchmarks.firmware.line import Line
 from tactile_nodes.emulators.liars import Values, frozen, zeros
 
 THRESHOLD = 0x8001_0000

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from tactile_nodes.benchmarks.firmware_faults import FALTER, Fault
-from tactile_nodes.benchmarks.firmware_line import Heard, Line, Wire, open_wire
+from tactile_nodes.benchmarks.firmware.faults import FALTER, Fault
+from tactile_nodes.benchmarks.firmware.line import Heard, Line, Wire, open_wire
 from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import Hands, TrippedError

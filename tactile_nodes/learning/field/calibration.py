@@ -13,7 +13,7 @@ from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.field_fit import FieldFit, described, fit_field
+from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import OtherGel, Transfer, folds_of
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
