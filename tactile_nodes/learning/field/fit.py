@@ -19,7 +19,7 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
-from tactile_nodes.sensing.explain.field import say
+from tactile_nodes.sensing.explain.field import region_weights
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.network import InputScaling
@@ -37,7 +37,7 @@ RADIUS_STEP_MM = 0.1
 DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.15
 """How far regions differ: in what a depth counts, as a share of its fifth, and in how far off their rays are (mm).
 
-Without slopes, or held tighter, a camera that is half a millimetre aside of its description costs a fifth of the force.
+Slopes held much tighter cannot follow a camera that is half a millimetre aside of its description.
 """
 
 DOUBT = 0.03
@@ -77,30 +77,30 @@ class FieldFit:
 class BallPresses:
     """What the known regions show under presses of a ball, beside what each term of their response makes of them.
 
-    `terms` is motion (px) under the press's own force, `say` one over the variance that is expected of a motion.
+    `terms` is motion (px) under the press's own force, `weights` one over the variance that is expected of a motion.
     """
 
     terms: Float32[np.ndarray, 'n regions 2 terms']
     motion: Float[np.ndarray, 'n regions 2']
-    say: Float[np.ndarray, 'n regions']
+    weights: Float[np.ndarray, 'n regions']
 
     def __len__(self) -> int:
         return len(self.motion)
 
     def take(self, chosen: np.ndarray) -> BallPresses:
         """Some of them."""
-        return BallPresses(self.terms[chosen], self.motion[chosen], self.say[chosen])
+        return BallPresses(self.terms[chosen], self.motion[chosen], self.weights[chosen])
 
     def misfit(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """Root mean square of what these shares leave over, in units of what is expected."""
         left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
-        return float(np.sqrt((np.square(left).sum(axis=-1) * self.say).sum() / (2 * (self.say > 0).sum())))
+        return float(np.sqrt((np.square(left).sum(axis=-1) * self.weights).sum() / (2 * (self.weights > 0).sum())))
 
     def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """What all shares have to be multiplied with."""
         told = np.einsum('nrpt,rt->nrp', self.terms, shares)
-        say = self.say[..., None]
-        return float((say * told * self.motion).sum() / max((say * told * told).sum(), 1e-12))
+        weights = self.weights[..., None]
+        return float((weights * told * self.motion).sum() / max((weights * told * told).sum(), 1e-12))
 
     def fitted(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'regions terms']:
         """Shares of every region that explain its motion best, near those given."""
@@ -109,7 +109,7 @@ class BallPresses:
         sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
         left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
         levers = (self.terms * sigma.reshape(-1)).astype(float)
-        weighted = levers * self.say[..., None, None]
+        weighted = levers * self.weights[..., None, None]
         information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + np.eye(TERMS)
         towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
         return shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
@@ -212,7 +212,7 @@ def _presses(
         for number, seen in zip(same.tolist(), regions.terms_of_ball(place[same], size, known), strict=True):
             terms[number] = force[number] * seen
             advance(1)  # type: ignore[operator]
-    return BallPresses(terms, motion, say(motion, sure, _noise_px(scaling), DOUBT))
+    return BallPresses(terms, motion, region_weights(motion, sure, _noise_px(scaling), DOUBT))
 
 
 def _contact_mm(force_n: Float[np.ndarray, ' n'], radius_mm: float, modulus_mpa: float) -> Float[np.ndarray, ' n']:
@@ -261,5 +261,5 @@ def _misfit_of_held(
         for row in rows[judges[fold[judges] == out]].tolist():
             motion = readout.motion(dataset.features[row].astype(np.float32))
             sure = dataset.confidence[dataset.rest[row]].reshape(-1)[known]
-            misfits.append(solver.field(motion, solver.say(motion, sure)).misfit)
+            misfits.append(solver.field(motion, solver.weights(motion, sure)).misfit)
     return float(np.percentile(misfits, 99))

@@ -35,7 +35,7 @@ FINER = 8
 """Steps of the layer's grid along a patch."""
 
 BRIGHTNESS = -4.0
-"""Power of the distance from the pupil with which the say of markers falls: nearer ones are larger, more distinct."""
+"""Power of the distance from the pupil with which the weight of markers falls: nearer ones are more distinct."""
 
 DISPLACEMENT_MM = 1e-3
 

@@ -1,10 +1,9 @@
 """The force field that explains how regions move: normal force and shear on patches of the surface.
 
 Least squares under p >= 0 and |q| <= p, over the patches of those bins in which a linear answer finds force. A uniform
-pressure on an incompressible layer moves next to nothing, so patches without evidence of their own are held down by a
-weight that falls with the force around them: scale-free, sparse, and no burden to a contact that is wide.
-Every region has a say by its noise, by a share of its motion that the response may be off by, and by how well its
-motion could be measured.
+pressure on an incompressible layer moves next to nothing, so that any smear of it would fit: a reweighted l1 term holds
+a patch down the more, the less force there is around it, and less where the contact is wide. A region's weight follows
+from its noise, from a share of its motion that the response may be off by, and from how well it could be measured.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ FRICTION = 1.0
 """No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
 
 HELD, SPREAD = 12.0, 0.003
-"""How strongly patches are held down, and the share of the whole force that counts as being around every patch."""
+"""Weight of a reweighted l1 term, which holds patches down, and the share of the whole force that counts as being
+around every patch."""
 
 WIDE = 20.0
 """Patches over which the force spreads from which a contact is wide: the middle of such a one shows next to nothing and
@@ -36,7 +36,7 @@ FIRST_STEPS = 15
 """Of the solver, to what holds patches down in the end."""
 
 GRANTED = 50.0
-"""Information on each force (1/N²) that is granted without evidence: none is some hundred mN for nothing."""
+"""Weight of a ridge term (1/N²), which holds all forces: none is some hundred mN for nothing."""
 
 COARSE = 300.0
 """The same for the linear answer on bins."""
@@ -48,9 +48,9 @@ DROPPED = 1e-4
 """Share of the force: patches around which there is less are left out of the next round."""
 
 CERTAIN, DOUBTFUL = 0.7, 0.3
-"""Confidence from which a region has its full say, and up to which it has next to none."""
+"""Confidence from which a region counts in full, and up to which it counts next to nothing."""
 
-LEAST_SAY = 1e-3
+LEAST_WEIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
     return max(float(above.sum()) ** 2 / max(float(above @ above), 1e-12), 1.0)
 
 
-def say(
+def region_weights(
     motion: Float[np.ndarray, '*n regions 2'],
     confidence: Float[np.ndarray, '*n regions'],
     noise_px: float,
@@ -96,7 +96,7 @@ def say(
 ) -> Float[np.ndarray, '*n regions']:
     """One over the variance that is expected of regions' motion: of noise, and of a share of the motion."""
     size = np.square(motion).sum(axis=-1)
-    seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_SAY, 1.0)
+    seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_WEIGHT, 1.0)
     certainty: np.ndarray = seen * seen / (noise_px**2 + doubt**2 * size)
     return certainty
 
@@ -114,11 +114,11 @@ class FieldSolver:
     noise_px: float
     doubt: float
 
-    def say(
+    def weights(
         self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']
     ) -> Float[np.ndarray, ' rows']:
         """One over the variance that is expected of each region's motion, along x and along y."""
-        return np.repeat(say(motion, confidence, self.noise_px, self.doubt), 2)
+        return np.repeat(region_weights(motion, confidence, self.noise_px, self.doubt), 2)
 
     @cached_property
     def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:
@@ -137,7 +137,7 @@ class FieldSolver:
     def field(
         self,
         motion: Float[np.ndarray, 'regions 2'],
-        say: Float[np.ndarray, ' rows'],
+        weights: Float[np.ndarray, ' rows'],
         coarse: Float[np.ndarray, '3 bins'] | None = None,
     ) -> Field:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
@@ -146,24 +146,24 @@ class FieldSolver:
         active = np.flatnonzero((around > max(ACTIVE * around.max(), LEAST_N))[self.patches.bin_of])
         pressed = around[self.patches.bin_of] * self.patches.bins.count / count
         if not active.size:
-            return self._nothing(flat, say)
-        information, evidence = self._evidence(active, flat, say)
+            return self._nothing(flat, weights)
+        information, evidence = self._evidence(active, flat, weights)
         first = self._solved(information, evidence, active, pressed, FIRST_STEPS)
         # Patches around which there is next to nothing are left out; what is known of the others stays.
         kept = self._nearby(first[0])[active] > DROPPED * first[0].sum()
         if not kept.any():
-            return self._nothing(flat, say)
+            return self._nothing(flat, weights)
         active, chosen = active[kept], np.tile(kept, 3)
         information = information[np.ix_(chosen, chosen)]
         forces = self._solved(information, evidence[chosen], active, first[0], STEPS)
-        return self._field(forces, active, information, flat, say)
+        return self._field(forces, active, information, flat, weights)
 
     def _evidence(
-        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], say: Float[np.ndarray, ' rows']
+        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], weights: Float[np.ndarray, ' rows']
     ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
         """What the motion says of the forces on some patches: its information on them, and that times the best ones."""
         caused = self._caused(active)
-        weighted = caused * say.astype(np.float32)
+        weighted = caused * weights.astype(np.float32)
         information = weighted @ caused.T
         information[np.diag_indices(len(information))] += np.float32(GRANTED)
         return information, weighted @ motion.astype(np.float32)
@@ -204,17 +204,17 @@ class FieldSolver:
         return HELD * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
 
     def _field(
-        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, say: np.ndarray
+        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, weights: np.ndarray
     ) -> Field:
         left = motion - forces[:, active].reshape(-1) @ self._caused(active)
-        return Field(forces, active, inverse(information).astype(float), *self._fit(motion, left, say))
+        return Field(forces, active, inverse(information).astype(float), *self._fit(motion, left, weights))
 
-    def _nothing(self, motion: np.ndarray, say: np.ndarray) -> Field:
+    def _nothing(self, motion: np.ndarray, weights: np.ndarray) -> Field:
         none = np.zeros((3, self.patches.count))
-        return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, say))
+        return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, weights))
 
     @staticmethod
-    def _fit(motion: np.ndarray, left: np.ndarray, say: np.ndarray) -> tuple[float, float]:
+    def _fit(motion: np.ndarray, left: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
         """Misfit and gain."""
-        before, after = float(say @ (motion * motion)), float(say @ (left * left))
+        before, after = float(weights @ (motion * motion)), float(weights @ (left * left))
         return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2

@@ -107,7 +107,7 @@ class FieldReadout:
         coarse = self.solver.coarse(motion)
         if (tips := self._tips(before, coarse, values, confidence)) is not None:
             return tips
-        found = self.solver.field(motion, self.solver.say(motion, sure), coarse)
+        found = self.solver.field(motion, self.solver.weights(motion, sure), coarse)
         unlike = found.misfit / self.misfit_limit
         return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
 

@@ -28,7 +28,7 @@ def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldS
     forces = disc(solver, (3.0, -2.0), 3.0, 1.5)
     forces[1] = 0.3 * forces[0]
     motion = moved(solver, forces)
-    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     assert field.total_n == pytest.approx(1.5, rel=0.05)
     assert field.forces_n[1].sum() == pytest.approx(0.45, rel=0.05)
     assert abs(field.forces_n[2].sum()) < 0.02
@@ -38,7 +38,7 @@ def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldS
 
 def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     motion = moved(solver, np.zeros((3, solver.patches.count)))
-    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     assert field.gain < 8.0
     assert field.total_n < 0.01
 
@@ -48,7 +48,7 @@ def test_a_region_that_was_followed_wrongly_and_knows_it_does_no_harm(solver: Fi
     motion, sure = moved(solver, forces), np.ones(len(solver.response) // 2)
     lost = np.argsort(-np.hypot(*motion.T))[2:5]
     motion[lost], sure[lost] = 3.0, 0.0
-    field = solver.field(motion, solver.say(motion, sure))
+    field = solver.field(motion, solver.weights(motion, sure))
     assert field.total_n == pytest.approx(1.0, rel=0.1)
 
 
@@ -59,7 +59,7 @@ def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, 
     forces[0] = total_n * (np.abs(solver.patches.centres_mm) < 10.0).all(axis=1)
     forces[0] *= total_n / forces[0].sum()
     motion = moved(solver, forces)
-    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     assert field.total_n == pytest.approx(total_n, rel=0.2)
     _, covariance = FieldSpread().wrench(field, solver.patches)
     assert abs(field.total_n - total_n) < 1.645 * np.sqrt(covariance[2, 2])
@@ -68,7 +68,7 @@ def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, 
 def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> None:
     forces = disc(solver, (-8.0, 0.0), 2.0, 1.0) + disc(solver, (8.0, 0.0), 2.0, 0.5)
     motion = moved(solver, forces)
-    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     first, second = contacts_of(field, solver.patches, FieldSpread())[:2]
     assert (first.x_mm, second.x_mm) == (pytest.approx(-8.0, abs=0.4), pytest.approx(8.0, abs=0.4))
     assert (first.force_n, second.force_n) == (pytest.approx(1.0, abs=0.1), pytest.approx(0.5, abs=0.1))
@@ -84,7 +84,7 @@ def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
     turning = 0.08 * (forces[0] > 0) * forces[0].max()
     forces[1], forces[2] = -turning * away[:, 1], turning * away[:, 0]
     motion = moved(solver, forces)
-    field = solver.field(motion, solver.say(motion, np.ones(len(motion))))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     (contact, *_) = contacts_of(field, solver.patches, FieldSpread())
     true = float((away[:, 0] * forces[2] - away[:, 1] * forces[1]).sum())
     assert contact.region is not None
