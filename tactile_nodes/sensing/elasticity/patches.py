@@ -38,13 +38,13 @@ class PatchGrid:
         width, height = self.bins.bin_size_mm
         return width / PER_BIN, height / PER_BIN
 
-    @property
+    @cached_property
     def lines_mm(self) -> tuple[Float[np.ndarray, ' cols'], Float[np.ndarray, ' rows']]:
         """Middles along x and along y."""
         (rows, cols), (width, height) = self.shape, self.size_mm
         return (np.arange(cols) - (cols - 1) / 2) * width, (np.arange(rows) - (rows - 1) / 2) * height
 
-    @property
+    @cached_property
     def centres_mm(self) -> Float[np.ndarray, 'patches 2']:
         """Middle of each, x and y."""
         x, y = np.meshgrid(*self.lines_mm)
