@@ -32,6 +32,9 @@ MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED = np.array([2e-4, 2e-4, 2e-5])
 """Steps end where none along x, y (mm) or force (N) is longer."""
+HOPELESS, SLOW = 4.0, 0.9
+"""Contacts that leave so many times of what they may (squared) explain nothing: steps end with the first that leaves
+more than this share of what the step before left."""
 START_SPACING_MM = 2.0
 START_FORCES = np.array([0.15, 0.5, 0.9])
 """Of the hardest press."""
@@ -224,11 +227,13 @@ class AxisymmetricReadout:
         high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
-        granted = damping(len(begin))
+        granted, hopeless = damping(len(begin)), HOPELESS * self.calibration.misfit_limit**2
         here, found = begin.copy(), []
         for _ in range(MOST_STEPS):
             fit, down, cost = self._compare(seen, here)
             found.append((cost, fit))
+            if len(found) > 1 and fit.misfit > max(hopeless, SLOW * found[-2][1].misfit):
+                break
             step = np.linalg.solve(fit.information + granted, down).reshape(-1, 3)
             moved = np.clip(here + np.clip(step, -largest, largest), low, high)
             if (np.abs(moved - here) < CONVERGED).all() or not moved[:, 2].any():

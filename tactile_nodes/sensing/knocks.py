@@ -20,8 +20,9 @@ them are off by less than 0.03 px, of a turn by 2° by less than 0.1 px."""
 ALIKE_SHARE = 0.5
 """Share of the patches that must follow it."""
 
-EASED = 0.6
-"""It explains what is seen when the median motion falls below this share of what it was."""
+EASED = 0.35
+"""It explains what is seen when the median motion falls below this share of what it was: to 0.1 where the camera was
+knocked by 0.1 px under a tip, to 0.3 under a hard, wide contact; to 0.4 to 0.7 where such a contact drags the gel."""
 
 MISSHAPEN_PX, MISSHAPEN_SHARE = 0.35, 0.75
 """No contacts make so much common motion (three of 2 mm 0.07 px), and of a knock or another lens 95 % of the patches

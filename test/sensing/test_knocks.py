@@ -43,6 +43,13 @@ def test_what_patches_do_tells_a_knock_from_a_press_and_from_another_shape(
     assert moved(common_px, off_px, share_off) is expected
 
 
+def test_a_hard_drag_is_no_knock_though_most_patches_move_about_alike() -> None:
+    """All within 0.06 px of 0.06 px, half of it left over (0.035 / 0.0695): an edge of 14 mm dragged with 2 N does so.
+    Of a knock a quarter is left over (0.015 / 0.0618)."""
+    assert moved(0.06, 0.035, 1.0) is Common.NONE
+    assert moved(0.06, 0.015, 1.0) is Common.KNOCK
+
+
 def test_what_noise_may_carry_is_no_knock() -> None:
     """0.0585 px of a patch's noise of 0.013 px: 3 x 0.01 x sqrt(8 / 100) above 0.05 px."""
     assert [moved(each, 0.0, 0.0, noise_px=0.013) for each in (0.0584, 0.0586)] == [Common.NONE, Common.KNOCK]

@@ -19,9 +19,9 @@ from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
-from tactile_nodes.sensing.explain.field import region_weights
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.explain.spread import FieldSpread
+from tactile_nodes.sensing.explain.weights import region_weights
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
@@ -40,8 +40,8 @@ DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.15
 Slopes held much tighter cannot follow a camera that is half a millimetre aside of its description.
 """
 
-DOUBT = 0.03
-"""Share of its motion by which a region may be off once presses have told how it responds."""
+DOUBT, UNFITTED = 0.02, 0.04
+"""Share of its motion by which the response of a region is off: fitted to presses, and as a description has it."""
 
 LEAST_NOISE_PX = 0.004
 UNPRESSED, FEW = 0.05, 10
@@ -123,7 +123,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
         terms = regions.terms_of_patches(_known(scaling))
         bar.advance()
     spread = FieldSpread(response=UNPRESSED)
-    readout = FieldReadout(scaling, _told(terms, shares), regions.bins, _noise_px(scaling), 3 * DOUBT, spread, ROOM)
+    readout = FieldReadout(scaling, _told(terms, shares), regions.bins, _noise_px(scaling), UNFITTED, spread, ROOM)
     return FieldFit(readout, 'description', 1.0, 0, {})
 
 
@@ -164,7 +164,7 @@ def fit_field(
         terms = regions.terms_of_patches(_known(scaling))
         response = _told(terms, _shares(presses, start, form))
         bar.advance()
-    doubt = DOUBT if form == 'regions' else 3 * DOUBT
+    doubt = DOUBT if form == 'regions' else UNFITTED
     readout = FieldReadout(scaling, response, regions.bins, _noise_px(scaling), doubt)
     read = [replace(readout, response=_told(terms, shares)) for shares in held[form]]
     misfit = _misfit_of_held(read, dataset, rows, fold)

@@ -2,8 +2,8 @@
 
 Least squares under p >= 0 and |q| <= p, over the patches of those bins in which a linear answer finds force. A uniform
 pressure on an incompressible layer moves next to nothing, so that any smear of it would fit: a reweighted l1 term holds
-a patch down the more, the less force there is around it, and less where the contact is wide. A region's weight follows
-from its noise, from a share of its motion that the response may be off by, and from how well it could be measured.
+a patch down the more, the less force there is around it, and less where the contact is wide. What the camera itself
+moved by is found with the forces. Which region counts how much is in `tactile_nodes.sensing.explain.weights`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.cone import STEPS, inverse, least_squares
+from tactile_nodes.sensing.explain.weights import Weights, region_weights
 
 FRICTION = 1.0
 """No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
 
-HELD, SPREAD = 12.0, 0.003
+HELD, SPREAD = 7.0, 0.003
 """Weight of a reweighted l1 term, which holds patches down, and the share of the whole force that counts as being
 around every patch."""
 
@@ -46,11 +47,6 @@ ACTIVE, LEAST_N = 0.05, 1e-3
 
 DROPPED = 1e-4
 """Share of the force: patches around which there is less are left out of the next round."""
-
-CERTAIN, DOUBTFUL = 0.7, 0.3
-"""Confidence from which a region counts in full, and up to which it counts next to nothing."""
-
-LEAST_WEIGHT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -88,45 +84,32 @@ def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
     return max(float(above.sum()) ** 2 / max(float(above @ above), 1e-12), 1.0)
 
 
-def region_weights(
-    motion: Float[np.ndarray, '*n regions 2'],
-    confidence: Float[np.ndarray, '*n regions'],
-    noise_px: float,
-    doubt: float,
-) -> Float[np.ndarray, '*n regions']:
-    """One over the variance that is expected of regions' motion: of noise, and of a share of the motion."""
-    size = np.square(motion).sum(axis=-1)
-    seen = np.clip((confidence - DOUBTFUL) / (CERTAIN - DOUBTFUL), LEAST_WEIGHT, 1.0)
-    certainty: np.ndarray = seen * seen / (noise_px**2 + doubt**2 * size)
-    return certainty
-
-
 @dataclass(frozen=True)
 class FieldSolver:
     """Motion of regions to forces on patches.
 
     `response` is the motion (px) of the known regions, along x and y, under 1 N on each patch: normal, along x, along
-    y. `noise_px` is what a region moves by itself, `doubt` the share of its motion that the response may be off by.
+    y; `camera` their motion as the camera moves as far as is usual. `noise_px` is what a region moves by itself,
+    `doubt` the share of its motion that the response may be off by.
     """
 
     response: Float32[np.ndarray, 'rows unknowns']
+    camera: Float[np.ndarray, 'rows ways']
     patches: PatchGrid
     noise_px: float
     doubt: float
 
-    def weights(
-        self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']
-    ) -> Float[np.ndarray, ' rows']:
-        """One over the variance that is expected of each region's motion, along x and along y."""
-        return np.repeat(region_weights(motion, confidence, self.noise_px, self.doubt), 2)
+    def weights(self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']) -> Weights:
+        """How much each region counts in a frame, along x and along y, beside what the camera moves."""
+        return Weights.of(region_weights(motion, confidence, self.noise_px, self.doubt), self.camera)
 
     @cached_property
     def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:
-        """The linear answer on bins, of motion with its usual noise alone."""
+        """The linear answer on bins, of motion with its usual noise alone; what the camera moves is left out."""
         member = self.patches.member * (self.patches.bins.count / self.patches.count)
         on_bins = np.concatenate([part @ member for part in np.split(self.response.astype(float), 3, axis=1)], axis=1)
-        information = on_bins.T @ on_bins / self.noise_px**2 + COARSE * np.eye(on_bins.shape[1])
-        solved: np.ndarray = np.linalg.solve(information, on_bins.T / self.noise_px**2)
+        even = Weights.of(np.full(len(on_bins) // 2, self.noise_px**-2), self.camera).times(on_bins.T)
+        solved: np.ndarray = np.linalg.solve(even @ on_bins + COARSE * np.eye(len(even)), even)
         return solved
 
     def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, '3 bins']:
@@ -137,7 +120,7 @@ class FieldSolver:
     def field(
         self,
         motion: Float[np.ndarray, 'regions 2'],
-        weights: Float[np.ndarray, ' rows'],
+        weights: Weights,
         coarse: Float[np.ndarray, '3 bins'] | None = None,
     ) -> Field:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
@@ -159,11 +142,11 @@ class FieldSolver:
         return self._field(forces, active, information, flat, weights)
 
     def _evidence(
-        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], weights: Float[np.ndarray, ' rows']
+        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], weights: Weights
     ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
         """What the motion says of the forces on some patches: its information on them, and that times the best ones."""
         caused = self._caused(active)
-        weighted = caused * weights.astype(np.float32)
+        weighted = weights.times(caused)
         information = weighted @ caused.T
         information[np.diag_indices(len(information))] += np.float32(GRANTED)
         return information, weighted @ motion.astype(np.float32)
@@ -204,17 +187,17 @@ class FieldSolver:
         return HELD * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
 
     def _field(
-        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, weights: np.ndarray
+        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, weights: Weights
     ) -> Field:
         left = motion - forces[:, active].reshape(-1) @ self._caused(active)
         return Field(forces, active, inverse(information).astype(float), *self._fit(motion, left, weights))
 
-    def _nothing(self, motion: np.ndarray, weights: np.ndarray) -> Field:
+    def _nothing(self, motion: np.ndarray, weights: Weights) -> Field:
         none = np.zeros((3, self.patches.count))
         return Field(none, np.zeros(0, int), np.zeros((0, 0)), *self._fit(motion, motion, weights))
 
     @staticmethod
-    def _fit(motion: np.ndarray, left: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    def _fit(motion: np.ndarray, left: np.ndarray, weights: Weights) -> tuple[float, float]:
         """Misfit and gain."""
-        before, after = float(weights @ (motion * motion)), float(weights @ (left * left))
+        before, after = weights.squared(motion), weights.squared(left)
         return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2

@@ -16,6 +16,7 @@ from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.contacts import contacts_of
 from tactile_nodes.sensing.explain.field import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.spread import FieldSpread
+from tactile_nodes.sensing.explain.weights import camera_ways
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
@@ -78,7 +79,8 @@ class FieldReadout:
     @cached_property
     def solver(self) -> FieldSolver:
         """What finds the field."""
-        return FieldSolver(self.response, PatchGrid(self.bins), self.noise_px, self.doubt)
+        camera = camera_ways(self.scaling.trusted.shape, self._known)
+        return FieldSolver(self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt)
 
     @cached_property
     def _known(self) -> np.ndarray:

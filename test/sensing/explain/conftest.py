@@ -5,6 +5,7 @@ import pytest
 
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field import FieldSolver
+from tactile_nodes.sensing.explain.weights import camera_ways
 from tactile_nodes.sensors import Sensor
 
 SIDE, NOISE_PX = 20, 0.004
@@ -24,4 +25,5 @@ def response(regions: Regions) -> np.ndarray:
 
 @pytest.fixture(scope='session')
 def solver(regions: Regions, response: np.ndarray) -> FieldSolver:
-    return FieldSolver(response, regions.patches, NOISE_PX, 0.03)
+    camera = camera_ways((SIDE, SIDE), np.arange(regions.count))
+    return FieldSolver(response, camera, regions.patches, NOISE_PX, 0.02)

@@ -43,6 +43,25 @@ def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     assert field.total_n < 0.01
 
 
+@pytest.mark.parametrize('way', range(4), ids=['right', 'down', 'roll', 'nearer'])
+def test_what_the_camera_moves_is_no_force(solver: FieldSolver, way: int) -> None:
+    motion = moved(solver, np.zeros((3, solver.patches.count))) + solver.camera[:, way].reshape(-1, 2)
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
+    assert field.gain < 8.0
+    assert field.total_n < 0.01
+
+
+def test_a_contact_is_told_as_it_is_while_the_camera_moves(solver: FieldSolver) -> None:
+    forces = disc(solver, (3.0, -2.0), 3.0, 1.5)
+    forces[1] = 0.3 * forces[0]
+    still = moved(solver, forces)
+    motion = still + (solver.camera @ [1.0, -1.0, 1.0, 0.5]).reshape(-1, 2)
+    told, true = (solver.field(each, solver.weights(each, np.ones(len(each)))) for each in (motion, still))
+    assert told.total_n == pytest.approx(true.total_n, rel=0.02)
+    assert told.forces_n[1].sum() == pytest.approx(true.forces_n[1].sum(), abs=0.02)
+    assert np.abs(solver.patches.over_bins(told.forces_n[0] - true.forces_n[0])).sum() / 2 < 0.05 * 1.5
+
+
 def test_a_region_that_was_followed_wrongly_and_knows_it_does_no_harm(solver: FieldSolver) -> None:
     forces = disc(solver, (0.0, 0.0), 3.0, 1.0)
     motion, sure = moved(solver, forces), np.ones(len(solver.response) // 2)
