@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--gel-seed', type=int, default=1, help='the markers of the gel (default: 1, of the profiles)')
     parser.add_argument('--no-disturbances', action='store_true', help='undisturbed pictures alone')
     parser.add_argument('--compiled', action='store_true', help='inner loops compiled by numba')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write contacts.md and contacts.json there')
+    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write contacts.md, .json and .png there')
     parser.epilog = """\
 examples:
   tactile bench contacts -o docs/results
@@ -50,7 +50,7 @@ examples:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and keep."""
-    from tactile_nodes.benchmarks.contacts.page import page
+    from tactile_nodes.benchmarks.contacts.page import draw, page
     from tactile_nodes.learning.progress import TerminalProgress
 
     result = measure(arguments, TerminalProgress())
@@ -58,6 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(text)
     if arguments.output:
         keep(arguments.output, 'contacts', text, result)
+        draw(result, arguments.output / 'contacts.png')
     return 0
 
 

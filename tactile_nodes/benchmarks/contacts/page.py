@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from tactile_nodes.benchmarks.report import machine_and_commit, named_versions, table
@@ -21,6 +22,8 @@ thread, as a share of OpenCV's DIS (medium) in the same run ({dis_ms:.1f} ms): m
 BROAD = """\
 Under the middle of a contact that is wide beside the layer's 6 mm next to nothing moves. To be reached: told within
 20 %, with intervals that hold, and never nothing."""
+
+TICKS_MS = 5, 10, 20, 50, 100
 
 REACH = {
     'misplaced force, 100 presses / 10 / none': '10 % / 12 % / 15 %',
@@ -43,6 +46,7 @@ def page(result: Mapping[str, Any]) -> str:
         '# Any contact', f'```console\n$ {result["command"]}\n```', about,
         f'{machine_and_commit(result)}; {named_versions(result)}; inner loops '
         f'{"compiled by numba" if result["compiled"] else "in numpy"}.',
+        '![misplaced force and error of the total against CPU time](contacts.png)',
         _models(result), '## What was to be reached', _reach(result),
         '## Family by family, `field` with 100 presses', _families(models['field, 100 presses']['families']),
     ]  # fmt: skip
@@ -50,6 +54,33 @@ def page(result: Mapping[str, Any]) -> str:
     if result['disturbed']:
         parts += ['## In disturbed pictures, `field` with 100 presses', _disturbed(result['disturbed'])]
     return '\n\n'.join(parts)
+
+
+def draw(result: Mapping[str, Any], file: Path) -> None:
+    """Speed against accuracy of any contact: CPU time of a frame (median, line to the 95th percentile) and two errors.
+
+    Raises:
+        ConfigurationError: matplotlib is not installed.
+        DatasetError: the file cannot be written.
+    """
+    from tactile_nodes.learning.figures import figure, save
+
+    drawn = figure(11.0, 4.5)
+    errors = {'misplaced': 'force in wrong bins [%]', 'total_median': 'error of the total, median [%]'}
+    for axis, (error, label) in zip(drawn.subplots(1, 2), errors.items(), strict=True):
+        for name, each in result['models'].items():
+            dot = axis.plot(each['cpu_ms'], 100 * each[error], 'o', label=name)[0]
+            axis.plot(
+                [each['cpu_ms'], each['cpu_95_ms']], [100 * each[error]] * 2, color=dot.get_color(), linewidth=0.8
+            )
+        axis.axvline(result['dis_ms'], color='grey', linestyle=':', label="OpenCV's DIS, medium, alone")
+        axis.set(xlabel='CPU time of a frame in contact, image to message [ms]', ylabel=label, xscale='log')
+        axis.set_xticks(TICKS_MS, [str(each) for each in TICKS_MS])
+        axis.set_ylim(bottom=0)
+        axis.grid(which='both', linewidth=0.3)
+    axis.legend(fontsize=8)
+    drawn.suptitle('Any contact: speed against accuracy (line: to the 95th percentile of the time)')
+    save(drawn, file)
 
 
 def _models(result: Mapping[str, Any]) -> str:
