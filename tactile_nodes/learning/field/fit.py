@@ -257,9 +257,7 @@ def _misfit_of_held(
     judges = np.arange(len(rows))[:: max(1, len(rows) // JUDGES)]
     misfits = []
     for out, readout in zip(np.unique(fold), read, strict=True):
-        solver, known = readout.solver, _known(readout.scaling)
         for row in rows[judges[fold[judges] == out]].tolist():
-            motion = readout.motion(dataset.features[row].astype(np.float32))
-            sure = dataset.confidence[dataset.rest[row]].reshape(-1)[known]
-            misfits.append(solver.field(motion, solver.weights(motion, sure)).misfit)
+            values = dataset.features[row].astype(np.float32)
+            misfits.append(readout.solver.field(*readout.weighed(values, dataset.confidence[dataset.rest[row]])).misfit)
     return float(np.percentile(misfits, 99))

@@ -89,8 +89,8 @@ class FieldSolver:
     """Motion of regions to forces on patches.
 
     `response` is the motion (px) of the known regions, along x and y, under 1 N on each patch: normal, along x, along
-    y; `camera` their motion as the camera moves as far as is usual. `noise_px` is what a region moves by itself,
-    `doubt` the share of its motion that the response may be off by.
+    y; `camera` their motion as the camera moves as far as is usual. `noise_px` is the least that a region moves by
+    itself, `doubt` the share of its motion that the response may be off by.
     """
 
     response: Float32[np.ndarray, 'rows unknowns']
@@ -99,9 +99,12 @@ class FieldSolver:
     noise_px: float
     doubt: float
 
-    def weights(self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions']) -> Weights:
-        """How much each region counts in a frame, along x and along y, beside what the camera moves."""
-        return Weights.of(region_weights(motion, confidence, self.noise_px, self.doubt), self.camera)
+    def weights(
+        self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions'], noise_px: float = 0.0
+    ) -> Weights:
+        """How much each region counts in a frame of such noise, along x and along y, beside what the camera moves."""
+        noise_px = max(noise_px, self.noise_px)
+        return Weights.of(region_weights(motion, confidence, noise_px, self.doubt), self.camera)
 
     @cached_property
     def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:

@@ -16,7 +16,7 @@ from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.contacts import contacts_of
 from tactile_nodes.sensing.explain.field import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.spread import FieldSpread
-from tactile_nodes.sensing.explain.weights import camera_ways
+from tactile_nodes.sensing.explain.weights import Weights, camera_ways, inside_of, noise_of
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
@@ -86,10 +86,18 @@ class FieldReadout:
     def _known(self) -> np.ndarray:
         return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
 
-    def motion(self, values: Float32[np.ndarray, 'rows cols channels']) -> Float[np.ndarray, 'regions 2']:
-        """What the known regions moved by (px), beside what they show at rest."""
-        moved: np.ndarray = (values - self.scaling.mean).reshape(-1, 2)[self._known].astype(float)
-        return moved
+    @cached_property
+    def _inside(self) -> np.ndarray:
+        return inside_of(self.scaling.trusted > 0)
+
+    def weighed(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float[np.ndarray, 'rows cols']
+    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
+        """What the known regions moved by (px), beside what they show at rest, and how much each of them counts."""
+        moved = values - self.scaling.mean
+        motion = moved.reshape(-1, 2)[self._known].astype(float)
+        sure = confidence.reshape(-1)[self._known]
+        return motion, self.solver.weights(motion, sure, noise_of(moved, self._inside))
 
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -103,13 +111,15 @@ class FieldReadout:
         confidence: Float32[np.ndarray, 'rows cols'],
     ) -> Reading:
         """As `read`, with the explanation of the frame before, from which it departs only for a reason."""
-        motion, sure = self.motion(values), confidence.reshape(-1)[self._known]
-        if (sure >= self.scaling.confidence_floor).sum() < LEAST_REGIONS or not np.isfinite(motion).all():
+        followed = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
+        finite = np.isfinite(values.reshape(-1, 2)[self._known]).all()
+        if followed.sum() < LEAST_REGIONS or not finite:
             return nothing_read(self.bins)
+        motion, weights = self.weighed(values, confidence)
         coarse = self.solver.coarse(motion)
         if (tips := self._tips(before, coarse, values, confidence)) is not None:
             return tips
-        found = self.solver.field(motion, self.solver.weights(motion, sure), coarse)
+        found = self.solver.field(motion, weights, coarse)
         unlike = found.misfit / self.misfit_limit
         return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
 

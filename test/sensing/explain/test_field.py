@@ -43,6 +43,12 @@ def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     assert field.total_n < 0.01
 
 
+def test_eight_times_the_noise_alone_is_no_force_either(solver: FieldSolver) -> None:
+    motion = 8 * moved(solver, np.zeros((3, solver.patches.count)))
+    field = solver.field(motion, solver.weights(motion, np.ones(len(motion)), 8 * NOISE_PX))
+    assert field.gain < 8.0
+
+
 @pytest.mark.parametrize('way', range(4), ids=['right', 'down', 'roll', 'nearer'])
 def test_what_the_camera_moves_is_no_force(solver: FieldSolver, way: int) -> None:
     motion = moved(solver, np.zeros((3, solver.patches.count))) + solver.camera[:, way].reshape(-1, 2)

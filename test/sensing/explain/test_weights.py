@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.weights import CAMERA_PX, Weights, camera_ways, region_weights
+from tactile_nodes.sensing.explain.weights import (
+    CAMERA_PX,
+    Weights,
+    camera_ways,
+    inside_of,
+    noise_of,
+    region_weights,
+)
 
 NOISE_PX = 0.004
 STILL = np.zeros((4, 2))
@@ -47,3 +54,27 @@ def test_weights_without_the_camera_are_those_of_both_found_together() -> None:
     assert weights.times(np.eye(10)) == pytest.approx(expected, abs=1e-4)
     motion = random.standard_normal(10)
     assert weights.squared(motion) == pytest.approx(motion @ expected @ motion, rel=1e-4)
+
+
+EVERYWHERE = inside_of(np.ones((20, 20), bool))
+
+
+def test_the_noise_of_a_frame_is_told_beside_a_strong_contact() -> None:
+    """0.03 px of noise; a contact that moves its 25 regions by up to 1 px in all directions, all others smoothly."""
+    random = np.random.default_rng(1)
+    along = np.linspace(-1, 1, 20)
+    smooth = 0.2 * np.stack(np.broadcast_arrays(along**2, along[:, None] ** 2), -1)
+    moved = smooth + random.normal(0, 0.03, (20, 20, 2))
+    moved[5:10, 8:13] += random.uniform(-1, 1, (5, 5, 2))
+    assert noise_of(moved.astype(np.float32), EVERYWHERE) == pytest.approx(0.03, rel=0.35)
+    assert noise_of(smooth.astype(np.float32), EVERYWHERE) < 0.001
+
+
+def test_of_noise_alone_so_much_is_told_as_there_is() -> None:
+    """648 differences, whose three tenths quantile is known to a twentieth."""
+    moved = np.random.default_rng(2).normal(0, 0.03, (20, 20, 2))
+    assert noise_of(moved.astype(np.float32), EVERYWHERE) == pytest.approx(0.03, rel=0.15)
+
+
+def test_too_few_regions_tell_no_noise() -> None:
+    assert noise_of(np.ones((4, 4, 2), np.float32), inside_of(np.ones((4, 4), bool))) == 0.0
