@@ -272,16 +272,24 @@ class AxisymmetricReadout:
 
     def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
         """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
-        if not seen.enough:
-            return nothing_read(self.bins)
-        fit = self.fit(seen, most_contacts)
-        contacts, unlike = self.contacts(fit), math.sqrt(fit.misfit) / self.calibration.misfit_limit
-        if self.gain(seen, fit) < self.calibration.least_gain:
+        return self.told(seen, self.fit(seen, most_contacts)) if seen.enough else nothing_read(self.bins)
+
+    def told(self, seen: Seen, fit: Fit, noisier: float = 1.0) -> Reading:
+        """What a fit says, of a picture so many times as noisy as those of the training."""
+        contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
+        unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
+        if self.gain(seen, fit) < self.calibration.least_gain * noisier**2:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         elif self._beyond(fit.contacts):
             unlike = max(unlike, BEYOND_UNLIKENESS)
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def left_over(self, seen: Seen, fit: Fit) -> Float32[np.ndarray, 'rows cols 2']:
+        """The motion (px) of each region that a fit does not explain; 0 of regions that are not known."""
+        left = np.zeros((self.scaling.trusted.size, 2), np.float32)
+        left[self._known] = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return left.reshape(*self.scaling.trusted.shape, 2)
 
     def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
         """Whether a contact is harder, or further from the middle, than any that was measured."""

@@ -32,6 +32,9 @@ PEAK, NOISE_N = 0.25, 0.008
 RUBBED = 0.15
 """Shear over pressure in the linear answer from which a contact is no tip that only presses."""
 
+FOUND_NOISE = 0.85
+"""Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
+
 ALIKE, CHATTER = 0.93, 0.04
 """Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
 
@@ -130,11 +133,21 @@ class FieldReadout:
         count = self._places(coarse)
         if self.tips is None or not count:
             return None
-        reading = self.tips.reading(self.tips.seen(values, confidence), count)
         limit = ALIKE + {'tips': CHATTER, 'field': -CHATTER}.get(before, 0.0)
+        seen = self.tips.seen(values, confidence)
+        if not seen.enough:
+            return None
+        fit = self.tips.fit(seen, count)
+        if (reading := self.tips.told(seen, fit)).unlikeness > limit:
+            reading = self.tips.told(seen, fit, self._noisier(self.tips.left_over(seen, fit)))
         if not reading.unlikeness <= limit:
             return None
         return replace(reading, acting=self._of_tips(reading))
+
+    def _noisier(self, left: Float32[np.ndarray, 'rows cols 2']) -> float:
+        """How many times as noisy as usual a picture is of which so much motion is left over; at least 1."""
+        usual_px = FOUND_NOISE * float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
+        return max(1.0, noise_of(left, self._inside) / usual_px)
 
     def prepare(self) -> None:
         """Make all that the first frame would wait for."""
