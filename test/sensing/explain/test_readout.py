@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -114,3 +114,22 @@ def test_a_file_keeps_it(readout: FieldReadout, tmp_path: Path) -> None:
 def test_a_response_of_other_bins_is_refused(readout: FieldReadout) -> None:
     with pytest.raises(ModelError, match='does not fit'):
         readout.require_fit(2 * SIDE * SIDE, BinGrid(8, 8))
+
+
+@pytest.mark.parametrize('times', [1.0, 3.0])
+def test_a_tip_in_a_noisier_picture_is_still_read_as_a_tip_and_less_surely(times: float) -> None:
+    """Motion as the shipped response of a tip has it, 0.5 N at (4, -3) mm, with once and three times the noise."""
+    shipped = load_model(find_model('field')).model.readout
+    assert isinstance(shipped, FieldReadout)
+    assert shipped.tips is not None
+    known = shipped.tips.scaling.trusted.reshape(-1) > 0
+    values = shipped.tips.scaling.mean.reshape(-1, 2).copy()
+    values[known] += shipped.tips.response.motion(np.array([[4.0, -3.0, 0.5]]))[0]
+    noise = times / shipped.tips.scaling.gain.reshape(-1, 2)[known]
+    values[known] += noise * np.random.default_rng(4).standard_normal(noise.shape)
+    reading = shipped.read(values.reshape(SIDE, SIDE, 2), np.ones((SIDE, SIDE), np.float32))
+    assert reading.acting is not None
+    assert reading.acting.explanation == 'tips'
+    (contact,) = reading.contacts
+    assert contact.force_n == pytest.approx(0.5, abs=0.03)
+    assert contact.sigma_n == pytest.approx(times * 0.003, rel=0.7)
