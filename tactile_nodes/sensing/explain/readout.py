@@ -124,7 +124,9 @@ class FieldReadout:
             return tips
         found = self.solver.field(motion, weights, coarse)
         unlike = found.misfit / self.misfit_limit
-        return self._told(found, unlike) if found.gain >= self.least_gain else self._untouched(unlike)
+        # As Akaike has it: so many forces have to explain more than chance gives each of them.
+        enough = max(self.least_gain, len(found.active))
+        return self._told(found, unlike) if found.gain >= enough else self._untouched(unlike)
 
     def _tips(
         self, before: str, coarse: Float[np.ndarray, '3 bins'], values: np.ndarray, confidence: np.ndarray
