@@ -29,7 +29,7 @@ from tactile_nodes.sensing.model import ForceEstimator
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
-SHIPPED = ('paper', 'portable', 'accurate', 'fast')
+SHIPPED = ('paper', 'portable', 'accurate', 'fast', 'field')
 JPEG_QUALITY, SMALLER_QUALITY = 90, 75
 STAGES = ('flow', 'features', 'predict')
 TURN = 10

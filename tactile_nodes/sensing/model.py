@@ -96,7 +96,6 @@ class ForceEstimator:
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
         self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
-        self._before = ''
 
     def predict(
         self,
@@ -127,9 +126,6 @@ class ForceEstimator:
                 reading = read_altered(measured, *seen, measured=True)
         elif altered and isinstance(readout, NetworkReadout):
             reading = readout.read_altered(*seen)
-        elif isinstance(readout, FieldReadout):
-            reading = readout.read_after(self._before, *seen)
-            self._before = reading.acting.explanation if reading.acting else ''
         else:
             reading = readout.read(*seen)
         scaling = readout.scaling
@@ -179,7 +175,6 @@ class ForceEstimator:
             none = np.zeros_like(found.normal_force_n)
             resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
             self._at_rest = known = features, replace(resting, acting=self._still(resting))
-        self._before = ''
         return known[1]
 
     def _still(self, found: ForceMap) -> Acting | None:

@@ -35,8 +35,8 @@ RUBBED = 0.15
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
 
-ALIKE, CHATTER = 0.93, 0.04
-"""Unlikeness up to which tips explain a frame; by so much more once they did, by so much less once the field did."""
+ALIKE = 0.93
+"""Unlikeness up to which tips explain a frame, and the field is not asked."""
 
 
 @dataclass(frozen=True)
@@ -105,46 +105,44 @@ class FieldReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        return self.read_after('', values, confidence)
+        """The simplest explanation of a frame: nothing, tips that only press, or the field.
 
-    def read_after(
-        self,
-        before: str,
-        values: Float32[np.ndarray, 'rows cols channels'],
-        confidence: Float32[np.ndarray, 'rows cols'],
-    ) -> Reading:
-        """As `read`, with the explanation of the frame before, from which it departs only for a reason."""
+        Tips are taken where they leave no more over than those of their training do, or where the field, beside one for
+        each of its forces, explains no more (Akaike 1974).
+        """
         followed = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
         finite = np.isfinite(values.reshape(-1, 2)[self._known]).all()
         if followed.sum() < LEAST_REGIONS or not finite:
             return nothing_read(self.bins)
         motion, weights = self.weighed(values, confidence)
         coarse = self.solver.coarse(motion)
-        if (tips := self._tips(before, coarse, values, confidence)) is not None:
-            return tips
+        tips = self._tips(coarse, values, confidence)
+        if tips is not None and tips[0].unlikeness <= ALIKE:
+            return tips[0]
         found = self.solver.field(motion, weights, coarse)
-        unlike = found.misfit / self.misfit_limit
-        # As Akaike has it: so many forces have to explain more than chance gives each of them.
-        enough = max(self.least_gain, len(found.active))
-        return self._told(found, unlike) if found.gain >= enough else self._untouched(unlike)
+        unlike, count = found.misfit / self.misfit_limit, len(found.active)
+        if found.gain < max(self.least_gain, count):
+            return self._untouched(unlike)
+        if tips is not None:
+            left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
+            if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
+                return tips[0]
+        return self._told(found, unlike)
 
     def _tips(
-        self, before: str, coarse: Float[np.ndarray, '3 bins'], values: np.ndarray, confidence: np.ndarray
-    ) -> Reading | None:
-        """The frame as tips that only press, if they explain it as well as they do those of the training."""
+        self, coarse: Float[np.ndarray, '3 bins'], values: np.ndarray, confidence: np.ndarray
+    ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
+        """The frame as tips that only press, where it may be, and the motion that they leave over."""
         count = self._places(coarse)
         if self.tips is None or not count:
             return None
-        limit = ALIKE + {'tips': CHATTER, 'field': -CHATTER}.get(before, 0.0)
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
         fit = self.tips.fit(seen, count)
-        if (reading := self.tips.told(seen, fit)).unlikeness > limit:
-            reading = self.tips.told(seen, fit, self._noisier(self.tips.left_over(seen, fit)))
-        if not reading.unlikeness <= limit:
-            return None
-        return replace(reading, acting=self._of_tips(reading))
+        left = self.tips.left_over(seen, fit)
+        reading = self.tips.told(seen, fit, self._noisier(left))
+        return replace(reading, acting=self._of_tips(reading)), left
 
     def _noisier(self, left: Float32[np.ndarray, 'rows cols 2']) -> float:
         """How many times as noisy as usual a picture is of which so much motion is left over; at least 1."""
