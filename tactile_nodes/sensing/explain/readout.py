@@ -8,7 +8,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
@@ -26,11 +26,12 @@ MOST_TIPS = 3
 TIP_BINS = 3
 """A tip's force is found on bins within so many rows and columns."""
 
-PEAK, NOISE_N = 0.25, 0.008
-"""Of the linear answer: what counts as a place is so high beside the highest, and above its noise."""
+PEAKS, NOISE_N = (0.5, 0.25), 0.008
+"""Of the linear answer: a place is no wider than a tip where it is half as high as the highest; places that are a
+quarter as high are looked for. Both above its noise."""
 
-RUBBED = 0.15
-"""Shear over pressure in the linear answer from which a contact is no tip that only presses."""
+RUBBED = 0.35
+"""Shear over pressure in the linear answer from which a contact is no tip that only presses, not even at the rim."""
 
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
@@ -157,17 +158,20 @@ class FieldReadout:
             self.tips.read(still, np.ones(still.shape[:2], np.float32))
 
     def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
-        """At how many places tips may press; 0 where the linear answer speaks against it."""
+        """At how many places tips may press, at most; 0 where the linear answer speaks against any."""
         pressed = np.maximum(coarse[0], 0.0)
-        rubbed = float(np.hypot(*coarse[1:].sum(axis=1)))
-        on = pressed > max(PEAK * float(pressed.max()), NOISE_N)
-        if not on.any() or rubbed > RUBBED * float(pressed.sum()) + NOISE_N:
+        most, rubbed = float(pressed.max()), float(np.hypot(*coarse[1:].sum(axis=1)))
+        if most < NOISE_N or rubbed > RUBBED * float(pressed.sum()) + NOISE_N:
             return 0
-        count, _, boxes, _ = cv2.connectedComponentsWithStats(
-            on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8), connectivity=8
-        )
-        sides = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
-        return count - 1 if count - 1 <= MOST_TIPS and (sides <= TIP_BINS).all() else 0
+        half, quarter = (self._together(pressed > max(share * most, NOISE_N)) for share in PEAKS)
+        return min(len(quarter), MOST_TIPS) if (half <= TIP_BINS).all() else 0
+
+    def _together(self, on: Bool[np.ndarray, ' bins']) -> Int[np.ndarray, 'places 2']:
+        """Of bins that lie side by side: how many columns and rows each place of them has."""
+        grid = on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8)
+        boxes = cv2.connectedComponentsWithStats(grid, connectivity=8)[2]
+        sides: np.ndarray = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+        return sides
 
     def _told(self, found: Field, unlike: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
