@@ -221,6 +221,14 @@ class AxisymmetricReadout:
         x, y, force_n = starts[best].tolist()
         return np.array([x, y, force_n * float(share[best])])
 
+    def share_of_one(self, seen: Seen, noise_px: float) -> float:
+        """How much of the squared motion, without such noise of each region, one tip of the table explains; 0 to 1."""
+        _, fields, squares = self._starts
+        motion = seen.motion.reshape(-1).astype(np.float32)
+        along = np.maximum(fields @ motion, 0.0)
+        pattern = float(motion @ motion) - motion.size * noise_px**2
+        return min(float((along * along / np.maximum(squares, 1e-12)).max()) / max(pattern, 1e-12), 1.0)
+
     def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3']) -> Fit:
         """Gauss-Newton from `begin` to the most probable contacts."""
         half = self.bins.width_mm / 2, self.bins.height_mm / 2

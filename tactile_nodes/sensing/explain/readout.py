@@ -33,6 +33,9 @@ quarter as high are looked for. Both above its noise."""
 RUBBED = 0.35
 """Shear over pressure in the linear answer from which a contact is no tip that only presses, not even at the rim."""
 
+ONE_SHARE = 0.8
+"""Of the motion that one place shows: tips between those of the table explain 0.84 of it and more."""
+
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
 
@@ -138,7 +141,8 @@ class FieldReadout:
         if self.tips is None or not count:
             return None
         seen = self.tips.seen(values, confidence)
-        if not seen.enough:
+        noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
+        if not seen.enough or (count == 1 and self.tips.share_of_one(seen, noise_px) < ONE_SHARE):
             return None
         fit = self.tips.fit(seen, count)
         left = self.tips.left_over(seen, fit)
