@@ -10,7 +10,9 @@ from types import ModuleType
 
 from tactile_nodes.errors import ConfigurationError
 
-PARTS = ('loops_response', 'loops_patches', 'loops_stillness', 'loops_pictures', 'loops_axisymmetric')
+PARTS = (
+    'loops_response', 'loops_patches', 'loops_stillness', 'loops_pictures', 'loops_axisymmetric', 'loops_field'
+)  # fmt: skip
 """What is compiled, each by itself, the longest first."""
 
 NOTICE = 'compiling the inner loops, once on this machine: about half a minute; tactile compile does it ahead'

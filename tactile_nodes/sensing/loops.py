@@ -5,6 +5,7 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 """
 
 from tactile_nodes.sensing.loops_axisymmetric import motion_and_slopes, motion_variance
+from tactile_nodes.sensing.loops_field import least_squares
 from tactile_nodes.sensing.loops_patches import displacement, match
 from tactile_nodes.sensing.loops_pictures import common, counted, differences, halved
 from tactile_nodes.sensing.loops_response import read as read_response
@@ -16,6 +17,7 @@ __all__ = [
     'differences',
     'displacement',
     'halved',
+    'least_squares',
     'looked',
     'match',
     'most_away',

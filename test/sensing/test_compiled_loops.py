@@ -20,6 +20,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_of_compiling, use_compiled
+from tactile_nodes.sensing.explain.cone import least_squares
 from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
 from tactile_nodes.sensing.flow import DisplacementField, make_flow
 from tactile_nodes.sensing.picture_motion import MotionFit
@@ -246,6 +247,17 @@ def test_the_same_is_not_known_of_regions():
     _, slopes, columns = gel.motion_slopes_and_columns(np.array([(0.0, 0.0, 0.3), (3.0, -11.0, 0.7)]))
     plain, compiled = both(lambda: gel.variance(slopes, columns))
     np.testing.assert_allclose(compiled, plain, rtol=1e-9)
+
+
+@needs_numba
+@pytest.mark.parametrize('dtype', [np.float32, np.float64])
+def test_the_same_forces_explain_what_is_known_of_a_field(dtype: type):
+    random = np.random.default_rng(2)
+    columns = random.normal(size=(80, 36)).astype(dtype)
+    wanted = np.concatenate([random.uniform(0, 1, 12), random.normal(0, 0.4, 24)]).astype(dtype)
+    plain, compiled = both(lambda: least_squares(columns.T @ columns, columns.T @ (columns @ wanted), 1.0))
+    assert plain.dtype == compiled.dtype == dtype
+    np.testing.assert_allclose(compiled, plain, atol=1e-5)
 
 
 def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.sensing.compiling import compiled_loops
+
 STEPS = 30
 TINY = 1e-12
 RELAXED = 1.6
@@ -16,26 +18,22 @@ def in_cone(
     normal: Float[np.ndarray, ' n'], shear: Float[np.ndarray, '2 n'], friction: float
 ) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, '2 n']]:
     """The nearest forces with |shear| <= friction * normal: with friction 1, (0, (2, 0)) becomes (1, (1, 0))."""
-    size = np.sqrt(shear[0] * shear[0] + shear[1] * shear[1])
-    edge = np.maximum(normal + friction * size, 0.0) / (1 + friction * friction)
-    # Outside the polar cone, where friction * size <= -normal, the edge is 0; inside the cone nothing changes.
-    limit = friction * edge
-    inside = size <= friction * normal
-    share = np.where(inside, 1.0, limit / np.maximum(size, TINY))
-    return np.where(inside, normal, edge), shear * share
+    size = np.hypot(shear[0], shear[1])
+    # The nearest on the edge presses more than what is outside the cone, and less than what is inside.
+    pressed = np.maximum(np.maximum((normal + friction * size) / (1 + friction * friction), normal), 0.0)
+    return pressed, shear * np.minimum(friction * pressed / np.maximum(size, TINY), 1.0)
 
 
-def inverse(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
-    """Of a symmetric positive matrix, by Cholesky's factor: a third of the work of any matrix."""
+def inverse_root(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
+    """R, lower triangular, with R'R the inverse of a symmetric positive matrix, of which the lower half is read."""
     from scipy.linalg.lapack import get_lapack_funcs
 
-    factorise, invert = get_lapack_funcs(('potrf', 'potri'), (matrix,))
-    factor, failed = factorise(matrix, lower=1)
+    factorise, invert = get_lapack_funcs(('potrf', 'trtri'), (matrix,))
+    factor, failed = factorise(matrix, lower=1, clean=1)
     if failed:
         raise np.linalg.LinAlgError('the forces of this contact cannot be told apart')
-    lower: np.ndarray = np.tril(invert(factor, lower=1)[0])
-    whole: np.ndarray = lower + np.tril(lower, -1).T
-    return whole
+    root: np.ndarray = np.ascontiguousarray(invert(factor, lower=1, overwrite_c=1)[0])
+    return root
 
 
 def least_squares(
@@ -44,17 +42,32 @@ def least_squares(
     friction: float,
     steps: int = STEPS,
 ) -> Float[np.ndarray, ' m']:
-    """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least."""
-    count = len(towards) // 3
+    """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least.
+
+    Of the information H the lower half is read.
+    """
     stiff = STIFF * float(np.trace(information)) / len(towards)
-    stepped = information.copy()
+    stepped = information.copy(order='F')
     stepped[np.diag_indices(len(towards))] += stiff
-    solve = inverse(stepped)
-    begin, held, off = solve @ towards, np.zeros_like(towards), np.zeros_like(towards)
-    solve *= stiff
+    root = inverse_root(stepped)
+    begin = (root @ towards) @ root
+    if (loops := compiled_loops()) is not None and root.dtype == np.float32:
+        held: np.ndarray = np.zeros(len(towards))
+        loops.least_squares(root, begin, stiff, friction, steps, held)
+        return held.astype(towards.dtype)
+    return _least_squares(root, begin, stiff, friction, steps)
+
+
+def _least_squares(
+    root: Float[np.ndarray, 'm m'], begin: Float[np.ndarray, ' m'], stiff: float, friction: float, steps: int
+) -> Float[np.ndarray, ' m']:
+    """The steps, from what is best without the cone."""
+    count = len(begin) // 3
+    held, off = np.zeros_like(begin), np.zeros_like(begin)
+    begin, root = RELAXED * begin, root * np.sqrt(np.array(RELAXED * stiff, root.dtype))
     for _ in range(steps):
-        wanted = RELAXED * (begin + solve @ (held - off)) + (1 - RELAXED) * held + off
-        pressed, shear = in_cone(wanted[:count], wanted[count:].reshape(2, count), friction)
+        off += begin + (root @ (held - off)) @ root + (1 - RELAXED) * held
+        pressed, shear = in_cone(off[:count], off[count:].reshape(2, count), friction)
         held[:count], held[count:] = pressed, shear.reshape(-1)
-        off = wanted - held
+        off -= held
     return held

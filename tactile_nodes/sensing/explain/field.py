@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
-from tactile_nodes.sensing.explain.cone import STEPS, inverse, least_squares
+from tactile_nodes.sensing.explain.cone import STEPS, inverse_root, least_squares
 from tactile_nodes.sensing.explain.weights import Weights, region_weights
 
 FRICTION = 1.0
@@ -53,14 +53,14 @@ DROPPED = 1e-4
 class Field:
     """Forces on patches (N): into the gel, along x, along y; and what is known of how far they are off.
 
-    `active` are the patches that were solved on, `covariance` that of their forces, first all normal ones, then along
-    x, then along y. `misfit` is the root mean square of what is left over, in units of what is expected; `gain` how
-    much more probable these forces are than none (half the fall of the squared misfit).
+    `active` are the patches that were solved on; with `root` R, R'R is the covariance of their forces, first all normal
+    ones, then along x, then along y. `misfit` is the root mean square of what is left over, in units of what is
+    expected; `gain` how much more probable these forces are than none (half the fall of the squared misfit).
     """
 
     forces_n: Float[np.ndarray, '3 patches']
     active: Int[np.ndarray, ' n']
-    covariance: Float[np.ndarray, 'm m']
+    root: Float[np.ndarray, 'm m']
     misfit: float
     gain: float
 
@@ -75,7 +75,7 @@ class Field:
 
     def deviation(self, levers: Float[np.ndarray, ' m']) -> float:
         """Standard deviation of a sum of the active patches' forces, each times its lever."""
-        return float(np.sqrt(max(float(levers @ self.covariance @ levers), 0.0)))
+        return float(np.linalg.norm(self.root @ levers))
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
@@ -147,12 +147,12 @@ class FieldSolver:
     def _evidence(
         self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], weights: Weights
     ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
-        """What the motion says of the forces on some patches: its information on them, and that times the best ones."""
+        """What the motion says of the forces on some patches: its information on them (the lower half), and that times
+        the best ones."""
         caused = self._caused(active)
-        weighted = weights.times(caused)
-        information = weighted @ caused.T
+        information = weights.among(caused)
         information[np.diag_indices(len(information))] += np.float32(GRANTED)
-        return information, weighted @ motion.astype(np.float32)
+        return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
 
     def _solved(
         self,
@@ -193,7 +193,7 @@ class FieldSolver:
         self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, weights: Weights
     ) -> Field:
         left = motion - forces[:, active].reshape(-1) @ self._caused(active)
-        return Field(forces, active, inverse(information).astype(float), *self._fit(motion, left, weights))
+        return Field(forces, active, inverse_root(information), *self._fit(motion, left, weights))
 
     def _nothing(self, motion: np.ndarray, weights: Weights) -> Field:
         none = np.zeros((3, self.patches.count))

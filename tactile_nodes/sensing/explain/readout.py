@@ -196,7 +196,7 @@ class FieldReadout:
         count = len(found.active)
         deviations = np.full((3, patches.count), UNSEEN_N)
         if count:
-            deviations[:, found.active] = np.sqrt(np.diag(found.covariance)).reshape(3, count)
+            deviations[:, found.active] = np.linalg.norm(found.root, axis=0).reshape(3, count)
         maps = [(each / area).reshape(patches.shape).astype(np.float32) for each in found.forces_n]
         pressed, along_x, along_y = ((widened * each / area).reshape(patches.shape) for each in deviations)
         sheared = np.sqrt((np.square(along_x) + np.square(along_y)) / 2)

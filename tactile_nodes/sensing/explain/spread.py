@@ -61,21 +61,18 @@ class FieldSpread:
 
     def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
         """Of the normal force on each bin."""
-        fitted = np.sqrt(patches.over_bins(self._variances_of_bins(field, patches)))
+        fitted = self._fitted_bins(field, patches)
         told = patches.over_bins(field.forces_n[0])
         near = cv2.boxFilter(told, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
         off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
         return off
 
     @staticmethod
-    def _variances_of_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
-        """Each patch's share of the variance of its bin: the covariance with all patches of the bin."""
-        count = len(field.active)
-        bins = patches.bin_of[field.active]
-        together = field.covariance[:count, :count] * (bins[:, None] == bins[None])
-        shares = np.zeros(patches.count)
-        shares[field.active] = together.sum(axis=1)
-        return np.maximum(shares, 0.0)
+    def _fitted_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
+        """Of the normal force on each bin, of the fit alone."""
+        levers = patches.member[field.active].astype(field.root.dtype)
+        off: np.ndarray = np.linalg.norm(field.root[:, : len(field.active)] @ levers, axis=0)
+        return off.reshape(patches.bins.rows, patches.bins.cols).astype(float)
 
     def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
         """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
@@ -88,7 +85,8 @@ class FieldSpread:
         ])  # fmt: skip
         wrench = np.einsum('kcp,cp->k', levers, field.forces_n)
         at = levers[:, :, field.active].reshape(6, -1)
-        fitted = at @ field.covariance @ at.T
+        at_root = field.root @ at.T
+        fitted = (at_root.T @ at_root).astype(float)
         shear, normal = self.shear, self.normal
         factors = np.array([shear[0], shear[0], normal[0], normal[0], normal[0], shear[0]])
         total = field.total_n

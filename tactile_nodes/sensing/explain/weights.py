@@ -114,6 +114,16 @@ class Weights:
         weighted: np.ndarray = motions * self.single - (motions @ self.shared) @ self.shared.T
         return weighted
 
+    def among(self, motions: Float32[np.ndarray, 'm rows']) -> Float32[np.ndarray, 'm m']:
+        """The lower half of motions' weighted products with each other, in Fortran's order; the upper half is 0."""
+        from scipy.linalg.blas import ssyrk
+
+        product: np.ndarray = ssyrk(1.0, (motions * np.sqrt(self.single)).T, trans=1, lower=1)
+        without: np.ndarray = ssyrk(
+            -1.0, (motions @ self.shared).T, trans=1, lower=1, beta=1.0, c=product, overwrite_c=1
+        )
+        return without
+
     def squared(self, motion: Float[np.ndarray, ' rows']) -> float:
         """The square of a motion under these weights: how much of it is more than expected."""
         camera = motion @ self.shared

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.cone import in_cone, least_squares
+from tactile_nodes.sensing.explain.cone import in_cone, inverse_root, least_squares
 
 
 def test_forces_come_to_the_nearest_that_can_be() -> None:
@@ -27,3 +27,15 @@ def test_a_pull_and_too_much_shear_are_held_at_the_limit() -> None:
     normal, along = least_squares(np.eye(6), towards, 1.0)[[0, 1]], least_squares(np.eye(6), towards, 1.0)[[2, 3]]
     assert normal == pytest.approx([0.0, 1.0], abs=1e-3)
     assert along == pytest.approx([0.0, 1.0], abs=1e-3)
+
+
+def test_the_root_of_the_inverse_is_told_from_the_lower_half() -> None:
+    """Of ((4, 2), (2, 2)), whose factor is ((2, 0), (1, 1)); the upper half is not read."""
+    root = inverse_root(np.array([[4.0, 99.0], [2.0, 2.0]]))
+    assert root == pytest.approx(np.array([[0.5, 0.0], [-0.5, 1.0]]))
+    assert root.T @ root == pytest.approx(np.linalg.inv([[4.0, 2.0], [2.0, 2.0]]))
+
+
+def test_forces_that_cannot_be_told_apart_are_an_error() -> None:
+    with pytest.raises(np.linalg.LinAlgError, match='cannot be told apart'):
+        inverse_root(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-9]]))

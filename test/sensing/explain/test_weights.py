@@ -52,6 +52,8 @@ def test_weights_without_the_camera_are_those_of_both_found_together() -> None:
     expected = single - single @ camera @ together @ camera.T @ single
     weights = Weights.of(regions, camera)
     assert weights.times(np.eye(10)) == pytest.approx(expected, abs=1e-4)
+    motions = random.standard_normal((3, 10)).astype(np.float32)
+    assert weights.among(motions) == pytest.approx(np.tril(motions @ expected @ motions.T), rel=1e-4, abs=1e-4)
     motion = random.standard_normal(10)
     assert weights.squared(motion) == pytest.approx(motion @ expected @ motion, rel=1e-4)
 
