@@ -24,7 +24,7 @@ from tactile_nodes.bus import ros2_calls, ros2_events
 from tactile_nodes.bus.inprocess import new_uid
 from tactile_nodes.bus.protocol import Graph, Qos, ServiceHandler
 from tactile_nodes.bus.ros2_ends import Ros2Publisher, Ros2Service, receiving
-from tactile_nodes.bus.ros2_graph import read_graph
+from tactile_nodes.bus.ros2_graph import read_graph, wait_until_settled
 from tactile_nodes.bus.ros2_qos import publisher_profile, subscription_profile
 from tactile_nodes.bus.ros2_types import generated_class
 from tactile_nodes.bus.subscription import Subscription
@@ -34,7 +34,6 @@ from tactile_nodes.messages import services, types
 
 End = TypeVar('End')
 
-_SETTLED_AFTER_S = 1.0  # discovery: until then the graph is not the whole of it
 _END_WITHIN_S = 1.0
 _UNANSWERED_S = 0.2  # for calls whose answers do not come any more
 _CLOCKS_APART_NS = 10_000_000
@@ -57,12 +56,14 @@ class Ros2Bus:
         self._ends: list[Any] = []
         self._closed = False
         self._opened_s = monotonic_s()
+        self._settled = False  # what discovery shows of the graph
         self._context = Context()
         try:
             # With no arguments and no handlers: both are this package's own, on every bus.
             rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
             self._executor = SingleThreadedExecutor(context=self._context)
-            self._looker = self._make_node(f'/_tactile_{os.getpid()}_{self.uid}')
+            self._looker_name = f'/_tactile_{os.getpid()}_{self.uid}'
+            self._looker = self._make_node(self._looker_name)
         except RuntimeError as error:  # RCLError is one
             raise BusError(f'cannot join ROS 2: {error}; is ROS_DOMAIN_ID right, and RMW_IMPLEMENTATION?') from error
         self._say_when_clocks_differ()
@@ -149,8 +150,9 @@ class Ros2Bus:
 
     def graph(self) -> Graph:
         self._check_open()
-        if (left_s := self._opened_s + _SETTLED_AFTER_S - monotonic_s()) > 0:
-            threading.Event().wait(left_s)
+        if not self._settled:
+            wait_until_settled(self._looker, {*self._nodes, self._looker_name}, self._opened_s)
+            self._settled = True
         return read_graph(self._looker)
 
     def close(self) -> None:

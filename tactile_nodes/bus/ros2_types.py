@@ -45,7 +45,7 @@ def to_ours(message: Any, type_name: str) -> Any:
     Raises:
         MessageError: the bytes do not fit, because the type was another one when ROS 2 was built.
     """
-    return messages.decode(serialize_message(message), type_name)
+    return messages.decode_within(serialize_message(message), type_name)
 
 
 def to_theirs(message: Any, type_name: str, generated: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from tactile_nodes.messages.codec import (
     decode,
+    decode_within,
     definition,
     encode,
     encode_view,
@@ -17,6 +18,7 @@ from tactile_nodes.messages.codec import (
 
 __all__ = [
     'decode',
+    'decode_within',
     'definition',
     'encode',
     'encode_view',

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
@@ -42,9 +42,25 @@ def decode(data: bytes | memoryview, name: str) -> Any:
     Raises:
         MessageError: no such type, or the bytes are no such message.
     """
+    return _decoded(data, name, store().deserialize_cdr)
+
+
+def decode_within(data: bytes, name: str) -> Any:
+    """The message of type `name` that `data` begins with; the same as `decode`, whatever follows the message.
+
+    What Fast DDS serialises for rclpy is as long as it had estimated, and what follows was never set (rmw_fastrtps_cpp,
+    rmw_serialize.cpp).
+
+    Raises:
+        MessageError: no such type, or the bytes are no such message.
+    """
+    return _decoded(data, name, store().deserialize_cdr_within)
+
+
+def _decoded(data: Any, name: str, decoder: Callable[[Any, str], Any]) -> Any:
     message_class(name)
     try:
-        return store().deserialize_cdr(data, name)
+        return decoder(data, name)
     except (SerdeError, IndexError, AssertionError, OverflowError, MemoryError, RecursionError) as error:
         raise MessageError(f'{len(data)} bytes that are no {name}: {error}') from error
 

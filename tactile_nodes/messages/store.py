@@ -8,6 +8,7 @@ given is zero, empty or a message of zeros, as in ROS 2.
 from __future__ import annotations
 
 import dataclasses
+import struct
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Msgdef, Nodetype
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
@@ -23,6 +25,7 @@ from tactile_nodes.errors import ConfigurationError, MessageError
 from tactile_nodes.messages.services import SERVICES
 from tactile_nodes.paths import PACKAGE, share_directory
 
+_LITTLE = b'\0\1'
 _EMPTY = 'structure_needs_at_least_one_member'
 # Where two packages use one short name, the one meant here.
 _PREFERRED = (PACKAGE, 'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'diagnostic_msgs')
@@ -68,6 +71,21 @@ class MessageStore(Typestore):
     def get_msgdef(self, typename: str) -> Msgdef[object]:
         self.message_class(typename)  # before rosbags generates code that makes instances
         return super().get_msgdef(typename)
+
+    def deserialize_cdr_within(self, data: bytes, name: str) -> object:
+        """The message that `data` begins with, whatever follows it.
+
+        Raises:
+            SerdeError: the bytes are no such message.
+        """
+        if data[:2] != _LITTLE:
+            raise SerdeError('the bytes do not begin as little-endian CDR does')
+        definition = self.get_msgdef(name)
+        try:
+            message, _ = definition.deserialize_cdr_le(data[4:], 0, definition.cls, self)
+        except (struct.error, UnicodeDecodeError, ValueError) as error:
+            raise SerdeError(str(error)) from error
+        return message
 
     def nested(self, name: str) -> Iterator[str]:
         """The types that the fields of `name` are made of, not itself."""

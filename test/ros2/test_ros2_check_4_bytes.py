@@ -1,7 +1,8 @@
 """Check 4: the bytes of our codec are those of rclpy's, for every type that the package sends.
 
 Expected: for each type, with all fields zero and with several fillings, `rclpy.serialization.serialize_message` of what
-`deserialize_message` read from our bytes gives our bytes again, padding at the end aside.
+`deserialize_message` read from our bytes holds what our bytes hold. Padding, in between and at the end, is aside: Fast
+DDS leaves it as it found it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ def _generated(type_name: str) -> object:
 def _through_rclpy(data: bytes, type_name: str) -> bytes:
     from rclpy.serialization import deserialize_message, serialize_message
 
-    return bytes(serialize_message(deserialize_message(data, _generated(type_name))))
+    return without_padding(serialize_message(deserialize_message(data, _generated(type_name))), type_name)
+
+
+def without_padding(data: bytes, type_name: str) -> bytes:
+    return messages.encode(messages.decode_within(data, type_name))
 
 
 @needs_ros
@@ -40,9 +45,7 @@ def _through_rclpy(data: bytes, type_name: str) -> bytes:
 def test_rclpy_reads_our_bytes_and_writes_them_again(type_name: str) -> None:
     zeros = messages.encode(messages.message_class(type_name)())
     for data in [zeros, *(messages.encode(filled(type_name, seed)) for seed in range(5))]:
-        again = _through_rclpy(data, type_name)
-        assert again[: len(data)] == data
-        assert set(again[len(data) :]) <= {0}
+        assert _through_rclpy(data, type_name) == data
 
 
 @needs_ros
@@ -51,7 +54,7 @@ def test_a_message_of_rclpys_that_nobody_filled_is_ours(type_name: str) -> None:
     from rclpy.serialization import serialize_message
 
     ours = messages.encode(messages.message_class(type_name)())
-    assert bytes(serialize_message(_generated(type_name)()))[: len(ours)] == ours
+    assert without_padding(serialize_message(_generated(type_name)()), type_name) == ours
 
 
 def test_the_byte_of_a_request_without_fields_is_never_set() -> None:

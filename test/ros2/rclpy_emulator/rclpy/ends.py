@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy import network
 from rclpy.executors import await_or_execute
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message, on_the_wire
 from rclpy.task import Future
 
 
@@ -32,7 +32,7 @@ class Publisher(_End):
     def publish(self, msg: Any) -> None:
         self.check()
         if isinstance(msg, self.msg_type):
-            network.carry(self, serialize_message(msg))
+            network.carry(self, on_the_wire(msg))
         elif isinstance(msg, bytes):
             network.carry(self, msg)
         else:
@@ -102,7 +102,7 @@ class Service(_Waiting):
         response = await await_or_execute(self.callback, request, self.srv_type.Response())
         if not isinstance(response, self.srv_type.Response):
             raise TypeError
-        client.queue.append((serialize_message(response), number))
+        client.queue.append((on_the_wire(response), number))
         client.wake()
 
 
@@ -129,7 +129,7 @@ class Client(_Waiting):
         future, number = Future(), next(self._numbers)
         self._pending[number] = future
         for server in network.servers(self.node, self.srv_name, self.srv_type):
-            server.queue.append((serialize_message(request), self, number))
+            server.queue.append((on_the_wire(request), self, number))
             server.wake()
         return future
 
