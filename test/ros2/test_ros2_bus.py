@@ -5,6 +5,7 @@ Against the real rclpy where there is one, else against the emulator beside this
 
 from __future__ import annotations
 
+import importlib
 import threading
 import time
 from collections.abc import Callable
@@ -388,3 +389,27 @@ def test_closing_takes_less_than_two_seconds_although_a_call_waits(join: Join, u
     took_s = time.monotonic() - begin_s
     thread.join(10.0)
     assert took_s < 2.5
+
+
+class Growing:
+    """What a participant sees of a graph that comes in steps, as with Fast DDS: one's own node, one more, two more."""
+
+    def __init__(self) -> None:
+        self._begin_s = time.monotonic()
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        names = [('own', '/'), ('camera', '/'), ('flow', '/left'), ('force', '/left')]
+        passed_s = time.monotonic() - self._begin_s
+        return names[: 1 + (passed_s > 0.3) + 2 * (passed_s > 0.9)]
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [('/rosout', ['rcl_interfaces/msg/Log'])]
+
+    get_service_names_and_types = get_topic_names_and_types
+
+
+def test_a_graph_that_still_grows_is_waited_for(emulated: None) -> None:
+    graph = importlib.import_module('tactile_nodes.bus.ros2_graph')
+    looker = Growing()
+    graph.wait_until_settled(looker, {'/own'}, time.monotonic())
+    assert len(looker.get_node_names_and_namespaces()) == 4
