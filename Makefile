@@ -7,6 +7,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SOURCE ?= simulated
 ARGS ?=
+# One more than there are processors, since many tests wait, and not more than four.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
 .PHONY: live test fuzz documents lint docs clean
@@ -15,7 +17,7 @@ live: $(VENV)/.live
 	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
 
 test: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
 
 # The random tests, again and again with other examples until Ctrl-C or a failure; SEED=… tries those of that seed again.
 fuzz: $(VENV)/.dev
@@ -23,7 +25,7 @@ fuzz: $(VENV)/.dev
 	  seed=$(or $(SEED),$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')); \
 	  echo "round $$round: make fuzz SEED=$$seed"; \
 	  TACTILE_HYPOTHESIS=fuzz OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m hypothesis \
-	    --hypothesis-seed=$$seed --numprocesses auto --maxprocesses 4 --dist loadfile $(ARGS) || exit 1; \
+	    --hypothesis-seed=$$seed --numprocesses $(WORKERS) --dist loadfile $(ARGS) || exit 1; \
 	done
 
 # Every command of README and the how-to pages that needs no device, the long ones too.

@@ -57,14 +57,14 @@ def test_the_page_tells_of_all_models_and_of_what_was_to_be_reached(case: Case):
     found = [scored(case, told(case)), scored(case, told(case, roll=1))]
     models = {name: {**summed(found), 'families': by_family(found)} for name in NAMES}
     result = {
-        'command': 'tactile bench contacts', 'models': models, 'seed': 1, 'dis_ms': 10.0, 'compiled': False,
+        'command': 'tactile bench contacts', 'models': models, 'seed': 1, 'dis_ms': 10.0,
         'broad': {}, 'disturbed': {}, 'commit': 'c0ffee', 'versions': {},
         'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.1]},
     }  # fmt: skip
     text = page(result)
     assert all(name in text for name in NAMES)
     assert '| ring' in text
-    assert '0.50' in text  # CPU: 5 ms of 10
+    assert '0.50; 0.50 (compiled 0.50; 0.50)' in text  # CPU: 5 ms of 10
 
 
-NAMES = 'field, 100 presses', 'field, 10 presses', 'field, no presses'
+NAMES = 'field, 100 presses', 'field, 10 presses', 'field, no presses', 'field, 100 presses, compiled'

@@ -144,11 +144,18 @@ def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
 @pytest.mark.parametrize('told', [frozen, zeros])
 @pytest.mark.parametrize('sensor', [net_ft, bota, text])
 def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar, told: Callable) -> None:
-    """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds."""
+    """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds.
+
+    Of zeros it may be seen first that the force does not rise as the gel's does.
+    """
     with sensor(bench, Lie(bench.begins, told)) as settings:
         trip, depth_mm = pressed(bench, settings)
     assert trip is not None
-    assert (trip.kind, 'stalled' in trip.reason) == (SENSOR, True), trip
+    stalled, untrue = (
+        (trip.kind == SENSOR and 'stalled' in trip.reason),
+        'does the sensor tell the truth' in trip.reason,
+    )
+    assert stalled or (told is zeros and untrue), trip
     assert depth_mm < 1.0
 
 
