@@ -24,7 +24,7 @@ from tactile_nodes.bus import ros2_calls, ros2_events
 from tactile_nodes.bus.inprocess import new_uid
 from tactile_nodes.bus.protocol import Graph, Qos, ServiceHandler
 from tactile_nodes.bus.ros2_ends import Ros2Publisher, Ros2Service, receiving
-from tactile_nodes.bus.ros2_graph import read_graph, wait_until_settled
+from tactile_nodes.bus.ros2_graph import LONGEST_S, read_graph, wait_until_settled
 from tactile_nodes.bus.ros2_qos import publisher_profile, subscription_profile
 from tactile_nodes.bus.ros2_types import generated_class
 from tactile_nodes.bus.subscription import Subscription
@@ -35,6 +35,7 @@ from tactile_nodes.messages import services, types
 End = TypeVar('End')
 
 _END_WITHIN_S = 1.0
+_LOOK_AGAIN_S = 1.0
 _UNANSWERED_S = 0.2  # for calls whose answers do not come any more
 _CLOCKS_APART_NS = 10_000_000
 
@@ -151,7 +152,9 @@ class Ros2Bus:
     def graph(self) -> Graph:
         self._check_open()
         if not self._settled:
-            wait_until_settled(self._looker, {*self._nodes, self._looker_name}, self._opened_s)
+            # Nodes look again, and have to end when asked to; whoever has none looks once.
+            longest_s = _LOOK_AGAIN_S if self._nodes else LONGEST_S
+            wait_until_settled(self._looker, self._looker_name, self._opened_s, longest_s)
             self._settled = True
         return read_graph(self._looker)
 

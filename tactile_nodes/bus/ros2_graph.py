@@ -12,7 +12,7 @@ from tactile_nodes.clock import monotonic_s
 _LOOK_EVERY_S = 0.05
 _QUIET_S = 1.0
 _ALONE_S = 4.0
-_LONGEST_S = 8.0
+LONGEST_S = 8.0
 
 
 def read_graph(looker: Any) -> Graph:
@@ -34,20 +34,21 @@ def read_graph(looker: Any) -> Graph:
     return Graph(tuple(participants))
 
 
-def wait_until_settled(looker: Any, own: set[str], opened_s: float) -> None:
+def wait_until_settled(looker: Any, own: str, opened_s: float, longest_s: float) -> None:
     """Until the graph that a participant sees, which was opened at this time, is likely to be the whole.
 
     It comes in steps: of 12 nodes Cyclone DDS had shown all within 0.21 s, Fast DDS the first after 0.2 to 2.6 s and
-    all within another 0.9 s. So it has to stay as it is for a second, and for four while it shows `own` nodes alone.
+    all within another 0.9 s. So it has to stay as it is for a second, and for four while it shows its `own` node alone;
+    after `longest_s` it is taken as it is.
     """
     seen, changed_s = set[Any](), opened_s
-    while (now_s := monotonic_s()) < opened_s + _LONGEST_S:
+    while (now_s := monotonic_s()) < opened_s + longest_s:
         nodes = {_full(*each) for each in looker.get_node_names_and_namespaces()}
         ends = [*looker.get_topic_names_and_types(), *looker.get_service_names_and_types()]
         shown = {*nodes, *((name, *types) for name, types in ends)}
         if shown != seen:
             seen, changed_s = shown, now_s
-        if now_s - changed_s >= (_QUIET_S if nodes - own else _ALONE_S):
+        if now_s - changed_s >= (_QUIET_S if nodes - {own} else _ALONE_S):
             return
         threading.Event().wait(_LOOK_EVERY_S)
 

@@ -68,7 +68,8 @@ def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[
     """Join the ROS 2 graph of the test from this process; several times makes several participants."""
     ros2 = importlib.import_module('tactile_nodes.bus.ros2')
     if not HAS_ROS:  # what the emulator knows, it knows at once
-        monkeypatch.setattr(importlib.import_module('tactile_nodes.bus.ros2_graph'), '_LONGEST_S', 0.0)
+        monkeypatch.setattr(ros2, 'LONGEST_S', 0.0)
+        monkeypatch.setattr(ros2, '_LOOK_AGAIN_S', 0.0)
     monkeypatch.setenv('ROS_DOMAIN_ID', DOMAIN_ID)
     buses: list[Any] = []
 

@@ -411,5 +411,5 @@ class Growing:
 def test_a_graph_that_still_grows_is_waited_for(emulated: None) -> None:
     graph = importlib.import_module('tactile_nodes.bus.ros2_graph')
     looker = Growing()
-    graph.wait_until_settled(looker, {'/own'}, time.monotonic())
+    graph.wait_until_settled(looker, '/own', time.monotonic(), graph.LONGEST_S)
     assert len(looker.get_node_names_and_namespaces()) == 4
