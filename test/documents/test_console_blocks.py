@@ -116,6 +116,8 @@ def prepare(command: str, folder: Path) -> None:
     """What a reader would do before: give a recording a name that is free, or replay one before comparing it."""
     if match := re.search(r'bag record -o (\w+)', command):
         shutil.rmtree(folder / match[1], ignore_errors=True)
+    if 'launch replay' in command:
+        shutil.rmtree(folder / 'replayed', ignore_errors=True)
     if match := re.search(r'bag compare (\w+) (\w+)', command):
         shutil.rmtree(folder / match[2], ignore_errors=True)
         shutil.copytree(folder / match[1], folder / match[2])
@@ -133,5 +135,6 @@ def test_a_command_of_the_documents_runs(command: str, folder: Path, environment
     ended = subprocess.run(
         ['bash', '-c', command], cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=900
     )
-    assert ended.returncode in {0, 130} if command.startswith('timeout') else ended.returncode == 0, ended.stderr
+    said = f'{ended.stdout[-3000:]}{ended.stderr}'
+    assert ended.returncode in {0, 130} if command.startswith('timeout') else ended.returncode == 0, said
     assert 'Traceback' not in ended.stderr
