@@ -6,7 +6,6 @@ installed. The picture as the camera sends it (JPEG, 640x480) is decoded once a 
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
 import time
 from collections.abc import Callable, Mapping
@@ -21,7 +20,7 @@ from tactile_nodes.benchmarks.front_frames import SIDE, Frame, Plan, frames
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.network_scores import Validation
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.compiling import use_compiled
+from tactile_nodes.sensing.compiling import can_compile, use_compiled
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow import FlowMethod, make_flow
 from tactile_nodes.sensing.model import ForceEstimator
@@ -80,7 +79,7 @@ class Profile:
 
 def profiles(compiled: bool) -> list[Profile]:
     """Those that take part, with compiled loops too where that is wanted and numba installed."""
-    compiled = compiled and importlib.util.find_spec('numba') is not None
+    compiled = compiled and can_compile()
     made = []
     for name in SHIPPED:
         loaded = load_model(find_model(name))

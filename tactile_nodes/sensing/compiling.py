@@ -10,9 +10,7 @@ from types import ModuleType
 
 from tactile_nodes.errors import ConfigurationError
 
-PARTS = (
-    'loops_response', 'loops_patches', 'loops_stillness', 'loops_pictures', 'loops_axisymmetric', 'loops_field'
-)  # fmt: skip
+PARTS = ('response', 'patches', 'stillness', 'pictures', 'axisymmetric', 'field')
 """What is compiled, each by itself, the longest first."""
 
 NOTICE = 'compiling the inner loops, once on this machine: about half a minute; tactile compile does it ahead'
@@ -33,11 +31,11 @@ def use_compiled(wanted: bool = True, tell: Callable[[str], None] | None = None)
         return
     _require_numba()
     with told_of_compiling(tell) if tell else nullcontext():
-        _chosen.append(importlib.import_module('tactile_nodes.sensing.loops'))
+        _chosen.append(importlib.import_module('tactile_nodes.sensing.loops.every'))
 
 
 def compiled_loops() -> ModuleType | None:
-    """`tactile_nodes.sensing.loops` where it is in use; None where numpy is."""
+    """`tactile_nodes.sensing.loops.every` where it is in use; None where numpy is."""
     return _chosen[0] if _chosen else None
 
 
@@ -50,7 +48,7 @@ def compile_part(name: str) -> bool:
     _require_numba()
     notices: list[str] = []
     with told_of_compiling(notices.append):
-        importlib.import_module(f'tactile_nodes.sensing.{name}')
+        importlib.import_module(f'tactile_nodes.sensing.loops.{name}')
     return bool(notices)
 
 
@@ -75,8 +73,13 @@ def told_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
+def can_compile() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec('numba') is not None
+
+
 def _require_numba() -> None:
-    if importlib.util.find_spec('numba') is None:
+    if not can_compile():
         raise ConfigurationError(
             "compiled loops need numba, which is not installed; pip install 'tactile_nodes[compiled]', or set the "
             'parameter compiled to false'

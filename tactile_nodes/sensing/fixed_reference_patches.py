@@ -225,7 +225,7 @@ class Templates:
 
     @property
     def for_loops(self) -> tuple[np.ndarray, ...]:
-        """Templates as whole numbers, what one of them is, and how motion follows: see `loops_patches`."""
+        """Templates as whole numbers, what one of them is, and how motion follows: see `loops.patches`."""
         return self._whole, self._unit, self._reading, self._mend
 
 

@@ -195,7 +195,7 @@ def at_an_end(response: Response, contacts: Float[np.ndarray, 'contacts 3']) -> 
 
 
 def ends(least_gain: float) -> Float[np.ndarray, ' 4']:
-    """When steps end, as loops want it: see `loops_response._locate`."""
+    """When steps end, as loops want it: see `loops.response._locate`."""
     return np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
 
 

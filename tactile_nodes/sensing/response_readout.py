@@ -126,7 +126,7 @@ class ResponseReadout:
 
     @cached_property
     def _for_loops(self) -> tuple[object, ...]:
-        """What is read by, as loops want it: see `loops_response.read`."""
+        """What is read by, as loops want it: see `loops.response.read`."""
         scaling, response, limits, told = self.scaling, self.response, self.likeness, self.calibration
         single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
         mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)

@@ -9,7 +9,6 @@ loops compiled, for its CPU time.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import shlex
 import sys
 import tempfile
@@ -114,9 +113,9 @@ def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Pro
 def _read_compiled(model: str, gel: Gel, chosen: Sequence[Case], progress: Progress) -> dict[str, list[Score]]:
     """What the best model tells with its inner loops compiled, where numba is installed."""
     from tactile_nodes.benchmarks.contacts.frames import CONDITIONS
-    from tactile_nodes.sensing.compiling import use_compiled
+    from tactile_nodes.sensing.compiling import can_compile, use_compiled
 
-    if importlib.util.find_spec('numba') is None:
+    if not can_compile():
         return {}
     use_compiled(tell=progress.say)
     try:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from tactile_nodes.sensing.contact_drag import ASTRAY
-from tactile_nodes.sensing.loops_common import (
+from tactile_nodes.sensing.loops.common import (
     compiled,
     copy,
     factor_at,
@@ -21,9 +21,9 @@ from tactile_nodes.sensing.loops_common import (
     substitute,
     variances,
 )
-from tactile_nodes.sensing.loops_drag import beside_drag, dragged
-from tactile_nodes.sensing.loops_scores import seen, whitened
-from tactile_nodes.sensing.loops_width import off_by_width, value_and_slopes
+from tactile_nodes.sensing.loops.drag import beside_drag, dragged
+from tactile_nodes.sensing.loops.scores import seen, whitened
+from tactile_nodes.sensing.loops.width import off_by_width, value_and_slopes
 
 
 @compiled()

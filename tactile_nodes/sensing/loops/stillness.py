@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, middle
+from tactile_nodes.sensing.loops.common import compiled, middle
 
 _PICTURE = "Array(u1, 2, 'C', True)"
 

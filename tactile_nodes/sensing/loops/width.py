@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, factorise, spline_weights, substitute
+from tactile_nodes.sensing.loops.common import compiled, factorise, spline_weights, substitute
 
 
 @compiled()

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
-from tactile_nodes.sensing.loops_width import laplacian, value_and_slopes, value_of
+from tactile_nodes.sensing.loops.common import compiled, factorise, substitute
+from tactile_nodes.sensing.loops.width import laplacian, value_and_slopes, value_of
 
 AMOUNTS = 5
 

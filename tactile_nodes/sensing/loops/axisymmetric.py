@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, spline_weights
+from tactile_nodes.sensing.loops.common import compiled, spline_weights
 
 
 @compiled()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled
+from tactile_nodes.sensing.loops.common import compiled
 
 _GREY = np.float32(128)
 """Taken from each pixel, so that sums stay small: templates have no mean, and what they see does not change."""

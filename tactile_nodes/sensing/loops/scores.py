@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
+from tactile_nodes.sensing.loops.common import compiled, factorise, substitute
 
 
 @compiled()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.loops_common import compiled, factorise, substitute
+from tactile_nodes.sensing.loops.common import compiled, factorise, substitute
 from tactile_nodes.sensing.picture_motion import TERMS
 
 _PICTURE = "Array(u1, 2, 'C', True)"

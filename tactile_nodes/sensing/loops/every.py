@@ -1,0 +1,27 @@
+"""All compiled loops that others call.
+
+Signatures are given, so importing this module compiles everything, or loads what an earlier process compiled; nothing
+is compiled while frames come. Sums are made in another order than numpy's, so last digits differ.
+"""
+
+from tactile_nodes.sensing.loops.axisymmetric import motion_and_slopes, motion_variance
+from tactile_nodes.sensing.loops.field import least_squares
+from tactile_nodes.sensing.loops.patches import displacement, match
+from tactile_nodes.sensing.loops.pictures import common, counted, differences, halved
+from tactile_nodes.sensing.loops.response import read as read_response
+from tactile_nodes.sensing.loops.stillness import looked, most_away
+
+__all__ = [
+    'common',
+    'counted',
+    'differences',
+    'displacement',
+    'halved',
+    'least_squares',
+    'looked',
+    'match',
+    'most_away',
+    'motion_and_slopes',
+    'motion_variance',
+    'read_response',
+]
