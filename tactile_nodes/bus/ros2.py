@@ -57,14 +57,13 @@ class Ros2Bus:
         self._ends: list[Any] = []
         self._closed = False
         self._opened_s = monotonic_s()
-        self._settled = False  # what discovery shows of the graph
+        self._settled = False  # what is seen of the graph
         self._context = Context()
         try:
             # With no arguments and no handlers: both are this package's own, on every bus.
             rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
             self._executor = SingleThreadedExecutor(context=self._context)
-            self._looker_name = f'/_tactile_{os.getpid()}_{self.uid}'
-            self._looker = self._make_node(self._looker_name)
+            self._looker = self._make_node(f'/_tactile_{os.getpid()}_{self.uid}')
         except RuntimeError as error:  # RCLError is one
             raise BusError(f'cannot join ROS 2: {error}; is ROS_DOMAIN_ID right, and RMW_IMPLEMENTATION?') from error
         self._say_when_clocks_differ()
@@ -154,7 +153,7 @@ class Ros2Bus:
         if not self._settled:
             # Nodes look again, and have to end when asked to; whoever has none looks once.
             longest_s = _LOOK_AGAIN_S if self._nodes else LONGEST_S
-            wait_until_settled(self._looker, self._looker_name, self._opened_s, longest_s)
+            wait_until_settled(self._looker, self._opened_s, longest_s)
             self._settled = True
         return read_graph(self._looker)
 

@@ -34,14 +34,14 @@ def read_graph(looker: Any) -> Graph:
     return Graph(tuple(participants))
 
 
-def wait_until_settled(looker: Any, own: str, opened_s: float, longest_s: float) -> None:
-    """Until the graph that a participant sees, which was opened at this time, is likely to be the whole.
+def wait_until_settled(looker: Any, opened_s: float, longest_s: float) -> None:
+    """Wait until the graph as the node `looker` sees it, since `opened_s`, is likely to be the whole.
 
     It comes in steps: of 12 nodes Cyclone DDS had shown all within 0.21 s, Fast DDS the first after 0.2 to 2.6 s and
-    all within another 0.9 s. So it has to stay as it is for a second, and for four while it shows its `own` node alone;
+    all within another 0.9 s. So it has to stay as it is for a second, and for four while it shows this node alone;
     after `longest_s` it is taken as it is.
     """
-    seen, changed_s = set[Any](), opened_s
+    own, seen, changed_s = looker.get_fully_qualified_name(), set[Any](), opened_s
     while (now_s := monotonic_s()) < opened_s + longest_s:
         nodes = {_full(*each) for each in looker.get_node_names_and_namespaces()}
         ends = [*looker.get_topic_names_and_types(), *looker.get_service_names_and_types()]

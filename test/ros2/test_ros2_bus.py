@@ -397,6 +397,9 @@ class Growing:
     def __init__(self) -> None:
         self._begin_s = time.monotonic()
 
+    def get_fully_qualified_name(self) -> str:
+        return '/own'
+
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         names = [('own', '/'), ('camera', '/'), ('flow', '/left'), ('force', '/left')]
         passed_s = time.monotonic() - self._begin_s
@@ -411,5 +414,5 @@ class Growing:
 def test_a_graph_that_still_grows_is_waited_for(emulated: None) -> None:
     graph = importlib.import_module('tactile_nodes.bus.ros2_graph')
     looker = Growing()
-    graph.wait_until_settled(looker, '/own', time.monotonic(), graph.LONGEST_S)
+    graph.wait_until_settled(looker, time.monotonic(), graph.LONGEST_S)
     assert len(looker.get_node_names_and_namespaces()) == 4

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 
@@ -64,7 +66,7 @@ def _least_squares(
     """The steps, from what is best without the cone."""
     count = len(begin) // 3
     held, off = np.zeros_like(begin), np.zeros_like(begin)
-    begin, root = RELAXED * begin, root * np.sqrt(np.array(RELAXED * stiff, root.dtype))
+    begin, root = RELAXED * begin, root * math.sqrt(RELAXED * stiff)
     for _ in range(steps):
         off += begin + (root @ (held - off)) @ root + (1 - RELAXED) * held
         pressed, shear = in_cone(off[:count], off[count:].reshape(2, count), friction)

@@ -141,9 +141,12 @@ class FieldReadout:
         if self.tips is None or not count:
             return None
         seen = self.tips.seen(values, confidence)
-        noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
-        if not seen.enough or (count == 1 and self.tips.share_of_one(seen, noise_px) < ONE_SHARE):
+        if not seen.enough:
             return None
+        if count == 1:
+            noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
+            if self.tips.share_of_one(seen, noise_px) < ONE_SHARE:
+                return None
         fit = self.tips.fit(seen, count)
         left = self.tips.left_over(seen, fit)
         reading = self.tips.told(seen, fit, self._noisier(left))

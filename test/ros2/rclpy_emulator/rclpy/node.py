@@ -86,6 +86,9 @@ class Node:
     def get_name(self) -> str:
         return self._name
 
+    def get_fully_qualified_name(self) -> str:
+        return f'{self._namespace.rstrip("/")}/{self._name}'
+
     def get_logger(self) -> _Logger:
         return _Logger(f'{self._namespace}/{self._name}'.strip('/').replace('/', '.'))
 
