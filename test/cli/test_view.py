@@ -58,7 +58,8 @@ def test_a_view_of_nothing_says_what_is_missing(tactile: Tactile) -> None:
     assert 'nobody publishes /force_distribution' in ended.out
 
 
-def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating) -> None:
+def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('TERM', 'xterm-256color')  # where it is dumb nothing can be drawn
     publish_forces(other, repeating)
     stop = threading.Event()
     file = io.StringIO()
