@@ -5,6 +5,7 @@ What takes minutes is run by `make documents` only; what needs another machine, 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -13,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -46,8 +48,12 @@ UNTIL_ENDED = re.compile(
     r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|force_distribution$'
     r'|grip.py|tactile launch'
 )
+TELLS = re.compile(r'topic (echo|delay|hz|bw)|force_distribution$')
+"""Those of them whose first line on the standard output shows that they work."""
 PLACES = {'pen_01': (-8.0, 3.0), 'pen_02': (8.0, 4.0), 'pen_03': (0.0, -9.0)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
+RECORDED_S = 12 if LONG else 3
+"""Only figures that `make documents` draws need a whole press in it. It is also played, once at half its rate."""
 
 
 def chosen() -> list[str]:
@@ -129,12 +135,32 @@ def test_a_command_of_the_documents_runs(command: str, folder: Path, environment
     if 'pandas' in command:
         pytest.importorskip('pandas')
     prepare(command, folder)
+    around: dict[str, Any] = {'cwd': folder, 'env': environment, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     if UNTIL_ENDED.search(command):
-        seconds = 30 if 'tactile launch' in command else 12 if 'bag record' in command else 4
-        command = f'timeout --signal=INT --preserve-status {seconds} {command}'
-    ended = subprocess.run(
-        ['bash', '-c', command], cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=900
-    )
-    said = f'{ended.stdout[-3000:]}{ended.stderr}'
-    assert ended.returncode in {0, 130} if command.startswith('timeout') else ended.returncode == 0, said
-    assert 'Traceback' not in ended.stderr
+        ended = run_until_ended(command, around)
+    else:
+        ended = subprocess.run(['bash', '-c', command], check=False, timeout=900, **around)
+    said = f'{ended.stdout[-3000:].decode()}{ended.stderr.decode()}'
+    assert ended.returncode in {0, 130} if UNTIL_ENDED.search(command) else ended.returncode == 0, said
+    assert b'Traceback' not in ended.stderr, said
+
+
+def run_until_ended(command: str, around: dict[str, Any]) -> subprocess.CompletedProcess[bytes]:
+    """Ctrl-C ends it after its first line, some seconds after a recording has begun, or else after its time."""
+    tells, records = TELLS.search(command) and '>' not in command, 'bag record' in command
+    longest_s = 60 if tells or records else 30 if 'tactile launch' in command else 4
+    words = ['bash', '-c', f'exec timeout --signal=INT --preserve-status {longest_s} {command}']
+    with subprocess.Popen(words, bufsize=0, **around) as process:
+        first, begun = b'', b''
+        assert process.stdout is not None and process.stderr is not None
+        if tells:
+            first = process.stdout.readline()
+            assert first, process.stderr.read()
+            process.send_signal(signal.SIGINT)
+        elif records:
+            begun = process.stderr.readline()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(RECORDED_S)
+            process.send_signal(signal.SIGINT)
+        said, wrong = process.communicate(timeout=900)
+    return subprocess.CompletedProcess(words, process.returncode, first + said, begun + wrong)
