@@ -9,6 +9,7 @@ from typing import Any, Literal, Protocol
 from tactile_nodes import messages
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
+from tactile_nodes.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,22 @@ class Graph:
 
     def publishers(self, topic: str | None = None) -> list[Endpoint]:
         return [end for peer in self.participants for end in peer.publishers if topic in {None, end.name}]
+
+    def require_unpublished(self, topic: str) -> None:
+        """For what one node alone may publish, as a camera's pictures: of two by turns nobody could make sense.
+
+        Ends of a ROS 2 graph do not count, which is told late: a camera that was killed is in it for seconds.
+
+        Raises:
+            ConfigurationError: a process that is there publishes it.
+        """
+        for peer in self.participants:
+            for end in peer.publishers:
+                if end.name == topic and peer.pid:
+                    raise ConfigurationError(
+                        f'{topic} is published already, by {end.node} of process {peer.pid}: end that one first, or '
+                        'give this sensor a namespace or a ROS_DOMAIN_ID of its own'
+                    )
 
     def subscriptions(self, topic: str | None = None) -> list[Endpoint]:
         return [end for peer in self.participants for end in peer.subscriptions if topic in {None, end.name}]

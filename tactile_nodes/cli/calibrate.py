@@ -26,7 +26,7 @@ examples:
   tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
   tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights, a pen
   tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --ball-mm 5
-  tactile calibrate --sensor my_sensor.yaml --model field -o mine.safetensors    # any contact, before any press
+  tactile calibrate --sensor description.yaml --model field -o mine.safetensors  # any contact, before any press
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
 

@@ -60,6 +60,7 @@ class CameraNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
+        bus.graph().require_unpublished(self.names.resolve(topics.IMAGE.name))
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -102,6 +103,18 @@ def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
 def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNode]) -> None:
     with pytest.raises(DeviceNotFoundError, match='/dev/video97'):
         start('source:=/dev/video97')
+
+
+def test_a_second_camera_of_the_same_topic_is_refused(bus: InProcessBus, start: Callable[..., CameraNode]) -> None:
+    bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/other_camera')
+    said = f'^/image_raw is published already, by /other_camera of process {os.getpid()}: end that one first'
+    with pytest.raises(ConfigurationError, match=said):
+        start()
+
+
+def test_a_camera_that_has_ended_is_in_nobodys_way(bus: InProcessBus, start: Callable[..., CameraNode]) -> None:
+    bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/other_camera').close()
+    assert start().params.source == 'simulated'
 
 
 @pytest.mark.parametrize('waits', ['wait_s:=10.0', 'open_within_s:=60.0'])
