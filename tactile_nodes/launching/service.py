@@ -67,6 +67,7 @@ class LaunchService:
         self._shutting_down = False
         self._status = 0
         self._cause = ''
+        self._failures: list[str] = []
         self._log = LaunchLog(make_log_folder(log_base or paths.log_directory()), screen, debug=debug)
         context = Context(environment or os.environ, self.log_folder, file=self._file, allow_commands=allow_commands)
         self._interpreter = Interpreter(context, self, output_override=self._output)
@@ -162,10 +163,13 @@ class LaunchService:
         name = supervisor.plan.name
         if code is None:
             self._status = 1
+        if code and not self._shutting_down:
+            told = f'{name} failed: {self._log.last_complaint(name) or _ended(code)}'
+            self._failures.append(told)
         if supervisor.plan.required and not self._shutting_down:
             self._status = self._status or int(code != 0)
-            if code:
-                self._cause = f'{name} failed: {self._log.last_complaint(name) or _ended(code)}'
+            if code:  # who failed before may be why
+                self._cause = '; then '.join(self._failures)
             self._log.say('INFO', 'launch', f'process[{name}] was required: shutting down launched system')
             self._stop_all(told=True)
 

@@ -1,5 +1,6 @@
 """A launch file being run: real processes, started, watched, started again and ended."""
 
+import os
 import re
 import threading
 from pathlib import Path
@@ -92,6 +93,22 @@ def test_a_launch_that_fails_ends_with_the_cause(launch, program, code, cause):
     )
     assert status == 1
     assert shown[-1] == f'[ERROR] [launch]: program-2 failed: {cause}'
+
+
+def test_what_failed_before_is_part_of_the_cause(launch, program, tmp_path):
+    """A rig that gave up leaves a calibrator that has no presses: the rig's reason is the one to read."""
+    os.mkfifo(gate := tmp_path / 'gate')
+    rig = program('import sys; print("rig: the lamp flickers", file=sys.stderr); sys.exit(3)', name='rig')
+    waits = f'import sys; open("{gate}").read(); print("calibrator: no press", file=sys.stderr); sys.exit(1)'
+    status, shown, _ = launch(
+        f'- executable: {{cmd: {rig}, output: screen}}\n'
+        f'- executable: {{cmd: {program(waits, name="calibrator")}, output: screen, on_exit: shutdown}}\n',
+        {'[rig-1]: process has died': lambda service: gate.write_text('now')},
+    )
+    assert status == 1
+    assert shown[-1] == (
+        '[ERROR] [launch]: rig-1 failed: rig: the lamp flickers; then calibrator-2 failed: calibrator: no press'
+    )
 
 
 def test_a_node_gets_its_words_and_its_parameter_file(launch, program):
