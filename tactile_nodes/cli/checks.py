@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Literal, TextIO
 
 from tactile_nodes import paths
+from tactile_nodes.cli import view
 from tactile_nodes.errors import ConfigurationError
 
 Level = Literal['ok', 'warning', 'problem']
@@ -231,10 +232,9 @@ def terminal(stream: TextIO = sys.stdout, environment: Mapping[str, str] = os.en
         return Finding('terminal', 'warning', f'encoding {stream.encoding}', 'export LANG=C.UTF-8 to see the force map')
     if not stream.isatty():
         return Finding('terminal', 'ok', 'output goes to a file or pipe')
-    if environment.get('TERM', 'dumb') == 'dumb':
-        return Finding(
-            'terminal', 'warning', 'TERM is dumb or not set', 'use a terminal with colours for the live view'
-        )
+    if not view.can_draw(stream, environment):
+        found = 'TERM is dumb, unknown or not set: the live view prints a line a second'
+        return Finding('terminal', 'warning', found, 'to see it drawn, use a terminal with colours')
     width = shutil.get_terminal_size().columns
     if width < NARROWEST_TERMINAL:
         return Finding('terminal', 'warning', f'{width} columns', f'make it {NARROWEST_TERMINAL} wide or more')

@@ -71,7 +71,7 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
         notes.tell = state.add_note
         thread.start()
         try:
-            view.run_view(bus, state, plain=not sys.stdout.isatty(), stop=stop)
+            view.run_view(bus, state, plain=not view.can_draw(sys.stdout), stop=stop)
         finally:
             service.shutdown('the view has ended')
             thread.join()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli import completers
@@ -39,7 +40,7 @@ Show = Callable[['Snapshot'], None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
-    parser.add_argument('--plain', action='store_true', help='one line a second; the default when this is no terminal')
+    parser.add_argument('--plain', action='store_true', help='one line a second; the default where it cannot draw')
     parser.add_argument('--duration', type=positive_float, metavar='S', help='end after S seconds')
     namespace = parser.add_argument('--namespace', default='/', metavar='/NAME', help='of the sensor (default: /)')
     completed(namespace, completers.namespaces)
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Show until interrupted or the time is over; then say how it went."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    plain = arguments.plain or not sys.stdout.isatty()
+    plain = arguments.plain or not can_draw(sys.stdout)
     with joined() as bus:
         state = new_state(bus, absolute_namespace(arguments.namespace))
         with suppress(KeyboardInterrupt):  # how one leaves it
@@ -65,6 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
             )
         print_summary(state, bus.clock.now_ns())
     return 0
+
+
+def can_draw(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether `stream` is a terminal that can write lines anew; with TERM=dumb, or without TERM, it is not."""
+    return stream.isatty() and environment.get('TERM', 'dumb') not in {'', 'dumb', 'unknown'}
 
 
 def print_summary(state: ViewState, now_ns: int) -> None:
@@ -101,7 +107,7 @@ def run_view(
     with ExitStack() as stack:
         watch = Watch(bus, state)
         stack.callback(watch.close)
-        show = _printing if plain else stack.enter_context(_drawing(full_scale_n, console))
+        show = _printing() if plain else stack.enter_context(_drawing(full_scale_n, console))
         while (now_ns := clock.now_ns()) < end_ns and not stop.wait(min(period_s, (end_ns - now_ns) / 1e9)):
             now_ns = clock.now_ns()
             watch.drain(now_ns)
@@ -109,10 +115,18 @@ def run_view(
         watch.drain(clock.now_ns())
 
 
-def _printing(shot: Snapshot) -> None:
+def _printing() -> Show:
+    """Prints each snapshot as a line, and below it what nodes warned of since the one before."""
     from tactile_nodes.cli.view_render import line
 
-    print(line(shot), flush=True)
+    before: tuple[str, ...] = ()
+
+    def show(shot: Snapshot) -> None:
+        nonlocal before
+        print(line(shot), *(text for text in shot.logs if text not in before), sep='\n', flush=True)
+        before = shot.logs
+
+    return show
 
 
 @contextmanager

@@ -183,7 +183,8 @@ def _total_text(shot: Snapshot) -> str:
 
 def _place_text(shot: Snapshot) -> str:
     pair = shot.pair
-    text = f'contact {_where(shot.force)}'
+    others = len(shot.force.contacts) - 1
+    text = f'contact {_where(shot.force)}{f" and {others} more" if others > 0 else ""}'
     if pair is None:
         return text
     apart = f'  off by {pair.distance_mm:.2f} mm' if not math.isnan(pair.distance_mm) else ''

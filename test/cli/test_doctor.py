@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tactile_nodes.cli import checks, doctor
+from tactile_nodes.cli import checks, doctor, view
 from tactile_nodes.cli.checks import Finding
 from tactile_nodes.errors import ConfigurationError
 
@@ -169,6 +169,20 @@ def test_a_terminal_without_utf_8_is_a_warning() -> None:
     ascii_stream = io.TextIOWrapper(io.BytesIO(), encoding='ascii')
     assert checks.terminal(ascii_stream, {}).level == 'warning'
     assert checks.terminal(io.TextIOWrapper(io.BytesIO(), encoding='utf-8'), {}).level == 'ok'
+
+
+class Terminal(io.TextIOWrapper):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ('environment', 'draws'), [({}, False), ({'TERM': 'dumb'}, False), ({'TERM': ''}, False), ({'TERM': 'xterm'}, True)]
+)
+def test_the_doctor_says_how_the_view_will_show(environment: dict[str, str], draws: bool) -> None:
+    terminal = Terminal(io.BytesIO(), encoding='utf-8')
+    assert view.can_draw(terminal, environment) == draws
+    assert ('prints a line a second' in checks.terminal(terminal, environment).found) != draws
 
 
 def test_only_problems_make_the_exit_status_one() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import signal
@@ -73,6 +74,46 @@ def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, mon
     stop.set()
     shown.join(1.0)
     assert not shown.is_alive()
+
+
+def in_a_terminal(term: str, *words: str) -> str:
+    """What `tactile` writes on a terminal that says what it is by TERM."""
+    ours, theirs = os.openpty()
+    command = [sys.executable, '-m', 'tactile_nodes', *words]
+    with subprocess.Popen(command, stdout=theirs, env={**os.environ, 'TERM': term}) as process:
+        os.close(theirs)
+        told = b''
+        with contextlib.suppress(OSError):  # EIO: nobody has the other end any more
+            while more := os.read(ours, 4096):
+                told += more
+        os.close(ours)
+        assert process.wait(10.0) == 0
+    return told.decode()
+
+
+@pytest.mark.parametrize('term', ['dumb', ''])
+def test_a_terminal_that_cannot_draw_gets_lines(other: ZmqBus, repeating: Repeating, term: str) -> None:
+    publish_forces(other, repeating)
+    told = in_a_terminal(term, 'view', '--duration', '1.1')
+    assert ' fps  force  0.000 N  contact none' in told.splitlines()[0]
+    assert 'frames in' in told
+    assert '\x1b' not in told
+
+
+def test_a_terminal_that_can_draw_gets_the_picture(other: ZmqBus, repeating: Repeating) -> None:
+    publish_forces(other, repeating)
+    assert '\x1b[' in in_a_terminal('xterm-256color', 'view', '--duration', '0.3')
+
+
+def test_lines_tell_what_nodes_warn_of_once(other: ZmqBus, capsys: pytest.CaptureFixture[str]) -> None:
+    state = view.new_state(other)
+    state.add_note('[WARN] [camera]: dark')
+    show = view._printing()
+    show(state.snapshot(0))
+    show(state.snapshot(1))
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if 'no force yet' not in line] == ['[WARN] [camera]: dark']
+    assert len(lines) == 3
 
 
 def test_ctrl_c_ends_the_view_with_a_summary(other: ZmqBus, run_folder: Path, repeating: Repeating) -> None:

@@ -119,6 +119,13 @@ def test_the_plain_line_holds_the_same_numbers() -> None:
     assert line.endswith('OK')
 
 
+def test_a_line_counts_the_contacts_beyond_the_one_that_it_places() -> None:
+    first, second = (types.Contact(position=types.Point(x=x, y=0.0, z=0.0), force=0.1) for x in (0.001, 0.008))
+    state = ViewState()
+    state.add_force(received(force(10, contact_mm=(1.0, 0.0), contacts=[first, second]), 20))
+    assert 'contact ( +1.00,  +0.00) mm and 1 more' in view_render.line(state.snapshot(30 * MS))
+
+
 def test_shear_torsion_and_explanation_are_told_where_they_are_known() -> None:
     state = ViewState()
     state.add_force(received(ring(10 * MS)[0], 20))
