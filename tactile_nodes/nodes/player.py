@@ -21,14 +21,16 @@ from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.errors import BagError, TactileError
+from tactile_nodes.errors import BagError, ConfigurationError, TactileError
 from tactile_nodes.messages import encode, time_from_ns, types
 from tactile_nodes.params import parameter
 
 MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
 _MEET_AT_MOST_S = 2.1
 _REST_S = 0.5  # in which others finish what follows from the last message, before a launch ends with this node
+_QUIET_S = 1.0  # of a topic that follows from the bag: so long nothing comes when all of it was dealt with
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay shall lose nothing, also at ten times the rate
 
@@ -49,6 +51,9 @@ class PlayerParams(NodeParams):
     topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
     remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)
     paused: bool = parameter(False, 'begin paused', read_only=True)
+    answer: str = parameter(
+        '', 'topic that follows from what is played: the player ends when nothing more comes of it', read_only=True
+    )
 
 
 class PlayerNode(Node):
@@ -65,6 +70,7 @@ class PlayerNode(Node):
         try:
             self._require_something()
             self._publishers = self._advertise()
+            self._answers = self._hear_answers()
         except TactileError:
             self.reader.close()
             raise
@@ -125,6 +131,16 @@ class PlayerNode(Node):
         played = [topic for topic in self.reader.topics.values() if self._plays(topic, wanted)]
         return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
 
+    def _hear_answers(self) -> Subscription | None:
+        if not self.params.answer:
+            return None
+        if (topic := topics.in_table(self.params.answer)) is None:
+            raise ConfigurationError(f'answer: {self.params.answer} is no topic of this package; see docs/topics.md')
+        name = self.names.resolve(self.params.answer)
+        made = self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name)
+        self._ends.append(made)
+        return made
+
     def _plays(self, topic: BagTopic, wanted: set[str]) -> bool:
         if not self.reader.counts.get(topic.name) or (wanted and topic.name not in wanted):
             return False
@@ -149,13 +165,18 @@ class PlayerNode(Node):
             self._meet()
             self.playback.wait(self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)
-            self.playback.wait(_REST_S)
+            self._let_others_finish()
         except (OSError, TactileError) as error:
             self.failure = BagError(f'cannot play on {self.params.bag}: {error}')
             self.report('bag', Level.ERROR, str(self.failure))
         for problem in self.reader.problems:
             self.log.warn(problem)
         self.stop()
+
+    def _let_others_finish(self) -> None:
+        self.playback.wait(_REST_S)
+        while self._answers is not None and self._answers.take() is not None:
+            self.playback.wait(_QUIET_S)
 
     def _meet(self) -> None:
         """Let those connect who are there already, so that they hear the first message."""

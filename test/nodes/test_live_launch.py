@@ -16,6 +16,8 @@ import pytest
 import yaml
 
 from tactile_nodes import messages, paths
+from tactile_nodes.bag.compare import compare
+from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
@@ -121,3 +123,18 @@ def test_a_replay_takes_the_model_that_live_sensing_takes() -> None:
         arguments = {each['arg']['name']: each['arg'] for each in document['launch'] if 'arg' in each}
         defaults.add(arguments['model']['default'])
     assert defaults == {'field'}
+
+
+def replayed(bag: Path, rate: float, made: Path) -> BagReader:
+    with launched('replay', f'bag:={bag}', f'record:={made}', f'rate:={rate}', log=made.parent) as process:
+        output, _ = process.communicate(timeout=2 * PATIENCE_S)
+        assert process.returncode == 0, output
+    return BagReader(made)
+
+
+def test_a_replay_too_fast_for_the_machine_leaves_nothing_out_and_changes_no_bit(tmp_path: Path) -> None:
+    """25 pictures of 4 s come within a twentieth of that, far faster than their forces can be found."""
+    bag = Path(__file__).parents[2] / 'examples/press_bag'
+    with replayed(bag, 2.0, tmp_path / 'slow') as slow, replayed(bag, 100.0, tmp_path / 'fast') as fast:
+        found = compare(slow, fast, 'force_distribution')
+    assert (found.common, found.identical, found.only_first, found.only_second) == (25, 25, 0, 0)

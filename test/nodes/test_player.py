@@ -19,7 +19,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.errors import BagError
+from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.player import MEET_S, PlayerNode
 from tactile_nodes.params import Located, NodeParameters
@@ -94,6 +94,40 @@ def test_plays_everything_and_ends(bus, play) -> None:
     node.spin()  # returns when all was played
     assert taken(chatter) == NUMBERS
     assert node.playback.published == COUNT + 1
+
+
+class AnsweringClock(JumpingClock):
+    """Others publish a force each 0.8 s, `left` times."""
+
+    def __init__(self, bus: InProcessBus, left: int) -> None:
+        super().__init__(2 * START_NS)
+        topic = topics.FORCE_DISTRIBUTION
+        self.left = left
+        self._publisher = bus.advertise('/force_distribution', topic.type_name, topic.qos)
+        self._next_ns = self.now_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        super().sleep_until(deadline_ns)
+        if self.left and self.now_ns() >= self._next_ns:
+            self.left -= 1
+            self._next_ns = self.now_ns() + 800_000_000
+            self._publisher.publish(types.ForceDistribution())
+
+
+def test_a_player_waits_until_what_follows_from_the_bag_has_come(bus: InProcessBus, bag: Path) -> None:
+    """A busy machine computes forces long after the last picture; what is not waited for is lost."""
+    values = {'bag': str(bag), 'answer': '/force_distribution'}
+    located = {name: Located(value, 'test') for name, value in values.items()}
+    clock = AnsweringClock(bus, left=30)
+    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    node.spin()
+    node.close()
+    assert clock.left == 0
+
+
+def test_an_answer_of_no_known_topic_is_refused(play) -> None:
+    with pytest.raises(ConfigurationError, match='answer: /chatter is no topic'):
+        play(answer='/chatter')
 
 
 def test_messages_leave_when_they_are_due(bus, play, clock: JumpingClock) -> None:
