@@ -87,7 +87,8 @@ function plain(_key, value) {
   return Number.isNaN(value) ? null : value;
 }
 
-const [topic = "/force_distribution", wanted = "Infinity"] = process.argv.slice(2);
+const [asked = "force_distribution", wanted = "Infinity"] = process.argv.slice(2);
+const topic = asked.startsWith("/") ? asked : `/${asked}`;
 const [folder, count, heard] = [runFolder(), { left: Number(wanted) }, new Set()];
 
 function look() {
