@@ -26,7 +26,8 @@ jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints.
 hypothesis.settings.register_profile('suite', database=None, deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.register_profile('fuzz', database=None, deadline=None, print_blob=True)
-hypothesis.settings.load_profile(os.environ.get('TACTILE_HYPOTHESIS', 'suite'))
+PROFILE = os.environ.get('TACTILE_HYPOTHESIS', 'suite')
+hypothesis.settings.load_profile(PROFILE)
 
 LONGEST_ARGUMENT = 3000
 """Characters of an argument as a failure of a random test shows it; more would hide the example that was found."""
@@ -66,8 +67,11 @@ def pytest_unconfigure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """A test that failed while the machine stood still is run once more, and the report says so."""
-    if config.pluginmanager.hasplugin('rerunfailures'):
+    """A test that failed while the machine stood still is run once more, and the report says so.
+
+    Not where other examples are tried: that would hide for minutes, or for good, what one of them found.
+    """
+    if config.pluginmanager.hasplugin('rerunfailures') and PROFILE == 'suite':
         for item in items:
             item.add_marker(pytest.mark.flaky(reruns=1, condition=PAUSES.were_long))
 

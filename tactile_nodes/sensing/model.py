@@ -137,10 +137,13 @@ class ForceEstimator:
         """What is usual of the model, or what it states of such contacts in pictures like those of its training.
 
         That is up to twice as much: of a press that it knows less well than that no error is usual. Where the picture
-        is altered presses seem a little harder than they are, and there is no such limit.
+        is altered presses seem a little harder than they are, and there is no such limit. Where no force could be read
+        nothing is stated of it.
         """
         readout = self.model.readout
         usual_n = readout.nominal_n(found.total_n)
+        if not math.isfinite(found.total_n):
+            return usual_n
         most_n = OK_TIMES * usual_n
         if not (altered and isinstance(readout, ResponseReadout)):
             stated_n = math.hypot(*(each.sigma_n for each in found.contacts))

@@ -107,7 +107,7 @@ FLOOR_N = 0.003
 
 GUARDED = (
     ('brightness', 0.7), ('flicker', 30), ('blur', 1), ('noise', 4),
-    ('camera shifted', 3), ('camera turned', 1), ('markers gone', 20), ('vibration', 0.3),
+    ('camera shifted', 3), ('camera turned', 1), ('markers gone', 20), ('markers gone', 80), ('vibration', 0.3),
     ('frames dropped', 90), ('stamps jump', -60), ('all black', 0), ('motion exactly zero', 0),
     ('camera shifted as a tip', 0.3), ('gel swollen', 0.1), ('hot spot', 100), ('stuck pixels', 0.1),
     ('deeper than trained', 2.5), ('two contacts', 4), ('touched in its first frames', 8),
