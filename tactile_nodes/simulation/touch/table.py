@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -110,6 +111,13 @@ class TouchTable:
         total: np.ndarray = self.node_force.sum(axis=1, dtype=float)
         return total
 
+    @cached_property
+    def node_moved_mm(self) -> Float32[np.ndarray, 'stages nodes 2']:
+        """How far the surface has moved along x and y at each point on which forces act."""
+        points = np.column_stack([self.node_mm, np.zeros(len(self.node_mm))]).astype(np.float32)
+        placed = Placed(self, points, Touch('', 0.0, 0.0))
+        return np.stack([placed.moved_mm(float(stage))[:, :2] for stage in range(self.stages)])
+
     @property
     def presses(self) -> int:
         """The last stage of the press, before it is dragged."""
@@ -150,10 +158,15 @@ class Placed:
 
 
 def node_forces(table: TouchTable, touch: Touch) -> tuple[Float[np.ndarray, 'nodes 2'], Float[np.ndarray, 'nodes 3']]:
-    """Where on the surface at rest forces act (mm), and those forces over the shear modulus: x, y, into the gel."""
+    """Where forces act now (mm), and those forces over the shear modulus: x, y, into the gel.
+
+    What was dragged along with a body acts where the body is: of a tip that stuck and was dragged by 0.5 mm, 0.5 mm
+    beside the place where it touched down.
+    """
     force = table.between(table.node_force, touch.stage).astype(float)
     force[:, :2] = _turned(force[:, :2], touch.turn_rad)
-    return _turned(table.node_mm.astype(float), touch.turn_rad) + np.array([touch.x_mm, touch.y_mm]), force
+    place = table.node_mm + table.between(table.node_moved_mm, touch.stage)
+    return _turned(place.astype(float), touch.turn_rad) + np.array([touch.x_mm, touch.y_mm]), force
 
 
 def over_bins(

@@ -98,3 +98,14 @@ def test_forces_on_a_border_are_shared_and_none_is_lost():
     np.testing.assert_allclose(summed[4, 3:5, 0], [0.05, 0.05])
     assert summed[0, 8, 2] == 2.0
     np.testing.assert_allclose(summed.sum(axis=(0, 1)), force.sum(axis=0))
+
+
+def test_force_acts_where_the_surface_is_now(bricks: Bricks):
+    """A body that does not slip takes the surface under it along: as far as it was dragged, turned as it is turned."""
+    way = Way(force_mm2=4.0, drag_mm=0.4, drag_rad=0.0, friction=20.0, press_stages=2, drag_stages=1)
+    table = TouchTable.of_track(solve_track(bricks, make_body('ball'), way), -1.5, 0.6)
+    turn = 0.8
+    pressed, dragged = (node_forces(table, Touch('ball', 2.0, -1.0, turn, stage)) for stage in (2.0, 3.0))
+    before, after = (force[:, 2] @ place / force[:, 2].sum() for place, force in (pressed, dragged))
+    np.testing.assert_allclose(before, [2.0, -1.0], atol=0.02)
+    np.testing.assert_allclose(after - before, [0.4 * np.cos(turn), 0.4 * np.sin(turn)], atol=0.04)
