@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.transfer import Made
+    from tactile_nodes.learning.transfer_errors import Point
 
 DESCRIPTION = (
     'Transfer the model of one gel to another (other hardness, markers, thickness or camera) by a few presses on the '
@@ -25,7 +28,8 @@ examples:
   tactile calibrate first_bag second_bag --model portable --gel gel-7 -o gel-7.safetensors --curve
   tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
   tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights, a pen
-  tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --ball-mm 5
+  tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --body ball:5
+  tactile calibrate punch_bag --model field --gel gel-7 -o gel-7.safetensors --body punch:1.5    # or ring, part.stl
   tactile calibrate --sensor description.yaml --model field -o mine.safetensors  # any contact, before any press
   tactile calibrate --dataset new_gel.npz --model paper -o gel-7.safetensors    # a network: the paper's layer, by torch
 """
@@ -48,7 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--sensor', metavar='YAML', help='of a model of any contact: the description of the sensor, if it is another'
     )
-    parser.add_argument('--ball-mm', type=float, default=0.0, metavar='R', help='radius of the ball that pressed')
+    parser.add_argument(
+        '--body', default='', help='of a model of any contact: what pressed, if it is another body: ball:R or punch:R '
+        '(radius in mm), or what contact:= of a live launch takes, as ring, part.stl'
+    )  # fmt: skip
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
     parser.add_argument(
         '--force', action='store_true', help='write the model also if it reads held-out presses no better than before'
@@ -82,10 +89,20 @@ def run(arguments: argparse.Namespace) -> int:
     print(f'form {made.reason}')
     if field := getattr(made, 'field', ''):
         print(f'force field {field}')
+    _say_curve(getattr(made, 'curve', ()))
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     _say_objection(made.objection)
     return 0
+
+
+def _say_curve(points: Sequence[Point]) -> None:
+    """How the error of the force field falls with the number of presses."""
+    if points:
+        print('held-out presses read by the force field alone, fitted to:')
+    for point in points:
+        force, place = point.errors.force_rmse_n, point.errors.place_median_mm
+        print(f'{point.presses:5d} presses: force RMSE {force:.4f} N, centre {place:.3f} mm (median); {point.form}')
 
 
 def _say_objection(objection: str) -> None:
@@ -101,8 +118,6 @@ def _require_used(arguments: argparse.Namespace) -> None:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     if arguments.gel and arguments.dataset:
         raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
-    if arguments.pictures and (arguments.sensor or arguments.ball_mm):
-        raise ConfigurationError('--sensor and --ball-mm go with bags or --dataset FILE; pictures tell of tips alone')
     for option in ('curve', 'namespace'):
         if getattr(arguments, option) and not arguments.bags:
             raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
@@ -128,18 +143,23 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
 
 def _pressed(arguments: argparse.Namespace) -> Pressed:
     from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.field.body import KnownBody
     from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensing.explain.readout import FieldReadout
     from tactile_nodes.sensors import load_sensor
 
-    if arguments.ball_mm < 0:
-        raise ConfigurationError(f'--ball-mm is the radius of a ball and cannot be {arguments.ball_mm:g}')
-    if not (arguments.sensor or arguments.ball_mm):
+    if not (arguments.sensor or arguments.body):
         return Pressed()
-    if not isinstance(load_model(find_model(arguments.model)).model.readout, FieldReadout):
-        raise ConfigurationError('--sensor and --ball-mm go with a model of any contact: --model field')
-    return Pressed(load_sensor(arguments.sensor) if arguments.sensor else None, arguments.ball_mm)
+    loaded = load_model(find_model(arguments.model))
+    if not isinstance(loaded.model.readout, FieldReadout):
+        raise ConfigurationError('--sensor and --body go with a model of any contact: --model field')
+    pressed = Pressed(
+        load_sensor(arguments.sensor) if arguments.sensor else None,
+        KnownBody.named(arguments.body) if arguments.body else None,
+    )
+    pressed.known_body(loaded).require_within(pressed.known_sensor(loaded))
+    return pressed
 
 
 def _of_description(arguments: argparse.Namespace) -> int:
@@ -177,16 +197,20 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     from tactile_nodes.learning.building import gel_told
     from tactile_nodes.learning.calibrating import BagPresses, Written, finish, take_presses
     from tactile_nodes.learning.calibrator import Calibrator, StopRule
+    from tactile_nodes.learning.field.alone import presses_tell_tips
     from tactile_nodes.learning.transfer import Source
 
     source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
     # The fits of a curve are told in a line each; the one fit of all presses shows its own progress.
     fitting = None if arguments.curve else progress
-    gel = gel_told(arguments.gel)
-    with closing(Calibrator(source.loaded, gel, all_of_them, fitting, forced=arguments.force)) as calibrator:
-        written = Written(source, calibrator, command, progress, _pressed(arguments))
+    gel, pressed, curve = gel_told(arguments.gel), _pressed(arguments), arguments.curve
+    along = curve and presses_tell_tips(source.loaded, pressed)
+    with closing(
+        Calibrator(source.loaded, gel, all_of_them, fitting, pressed, forced=arguments.force, curve=curve)
+    ) as calibrator:
+        written = Written(source, calibrator, command, progress, pressed, curve=curve)
         with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
-            if arguments.curve:
+            if along:
                 take_presses(calibrator, presses, progress.say, command=command)
             else:
                 with progress.bar('reading presses', presses.count) as bar:

@@ -142,9 +142,11 @@ class Written:
         command: str = '',
         progress: Progress | None = None,
         pressed: Pressed | None = None,
+        *,
+        curve: bool = False,
     ) -> None:
         self._source, self._calibrator, self._command = source, calibrator, command
-        self._progress, self._pressed = progress, pressed
+        self._progress, self._pressed, self._curve = progress, pressed, curve
         self.made: Transfer | None = None
         self._begun_ns = perf_ns()
 
@@ -154,7 +156,9 @@ class Written:
         assert made is not None
         assert recordings is not None
         seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
-        source, self.made = completed(self._source, recordings, made, self._progress, self._pressed)
+        source, self.made = completed(
+            self._source, recordings, made, self._progress, self._pressed, curve=self._curve
+        )  # fmt: skip
         return write(source, recordings, self.made, output, seconds=seconds, command=self._command, replaces=replaces)
 
 

@@ -17,6 +17,7 @@ from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.bags import RecordedPress
 from tactile_nodes.learning.building import Builder, BuildOptions
 from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.measuring import Measurer
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
@@ -112,7 +113,9 @@ class Calibrator:
         gel: what is known of the gel, at least its id.
         rule: when to stop.
         progress: shown while a fit is under way.
+        pressed: what pressed, if the model does not say it.
         forced: whether a calibration counts that reads held-out presses no better than the model, or their mean.
+        curve: whether a fit of the force field alone also says what fewer presses would have told.
 
     Raises:
         ModelError: the model is a calibration for this gel already.
@@ -125,12 +128,14 @@ class Calibrator:
         gel: Mapping[str, Any],
         rule: StopRule | None = None,
         progress: Progress | None = None,
+        pressed: Pressed | None = None,
         *,
         forced: bool = False,
+        curve: bool = False,
     ) -> None:
         require_source(loaded, str(gel['id']))
         self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
-        self._forced = forced
+        self._pressed, self._forced, self._curve = pressed, forced, curve
         flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
         crop = loaded.image_size[0]
         options = BuildOptions(
@@ -213,7 +218,9 @@ class Calibrator:
             self.recordings = self._builder.recordings(told, bags, command=command)
             attempts = _attempts(self.recordings)
             if self.made is None or attempts != self._fitted:
-                self.made = transferred(self.loaded, self.recordings, self._progress, forced=self._forced)
+                self.made = transferred(
+                    self.loaded, self.recordings, self._progress, self._pressed, forced=self._forced, curve=self._curve
+                )
                 self.objection = ''
                 after, self._fitted = self.made.after, attempts
                 self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))

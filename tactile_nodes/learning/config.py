@@ -168,7 +168,7 @@ class FieldConfig:
 
     sensor: str = parameter('simulated', 'the description of the sensor: one that ships, or a YAML file')
     tips: str = parameter('portable', 'the axisymmetric model that reads frames in which only tips press')
-    ball_mm: float = parameter(0.6, 'radius of the ball that presses', minimum=0.01)
+    body: str = parameter('ball:0.6', 'the body that presses, as tactile calibrate --body takes it')
     contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
 
 

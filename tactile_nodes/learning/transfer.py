@@ -11,7 +11,9 @@ from typing import Any
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
-from tactile_nodes.learning.field.calibration import BALL_MM, SENSOR, Pressed, with_field
+from tactile_nodes.learning.field.alone import presses_tell_tips, transfer_alone
+from tactile_nodes.learning.field.body import BALL_MM, BODY
+from tactile_nodes.learning.field.calibration import SENSOR, Pressed, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
@@ -24,7 +26,7 @@ from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.network import NetworkReadout
 
 CALIBRATION = 'calibration'
-KEPT = 'flow', 'encoding', 'crop_px', SENSOR, BALL_MM
+KEPT = 'flow', 'encoding', 'crop_px', SENSOR, BODY, BALL_MM
 """What a calibrated model's card has from its source's."""
 
 Made = Transfer | NetworkTransfer
@@ -77,7 +79,7 @@ def calibrate(
     if network or layer:
         made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
     else:
-        made = transferred(source.loaded, recordings, progress, forced=forced)
+        made = transferred(source.loaded, recordings, progress, pressed, forced=forced)
         source, made = completed(source, recordings, made, progress, pressed)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, made, output, seconds=seconds, command=command), made
@@ -101,20 +103,31 @@ def completed(
     made: Transfer,
     progress: Progress | None = None,
     pressed: Pressed | None = None,
+    *,
+    curve: bool = False,
 ) -> tuple[Source, Transfer]:
-    """With the force field, of a source that has one; and the source, its card telling of the sensor that pressed.
+    """With the force field, of a source that has one; and the source, its card telling of the sensor that was pressed.
 
     Raises:
         DatasetError: no press has a force that is known.
+        ConfigurationError: the body is wider than the gel.
     """
-    loaded = source.loaded if pressed is None else replace(source.loaded, card=pressed.told(source.loaded.card))
-    return replace(source, loaded=loaded), with_field(loaded, made, recordings.as_samples(), progress)
+    pressed = pressed or Pressed()
+    loaded = replace(source.loaded, card=pressed.told(source.loaded.card))
+    made = with_field(source.loaded, made, recordings.as_samples(), progress, pressed, curve=curve)
+    return replace(source, loaded=loaded), made
 
 
 def transferred(
-    loaded: LoadedModel, recordings: RecordedPresses, progress: Progress | None = None, *, forced: bool = False
+    loaded: LoadedModel,
+    recordings: RecordedPresses,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+    *,
+    forced: bool = False,
+    curve: bool = False,
 ) -> Transfer:
-    """A model fitted to the presses on another gel; `forced` as for `transfer`.
+    """A model fitted to the presses on another gel; `forced` as for `transfer`, `curve` as for `transfer_alone`.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -122,6 +135,9 @@ def transferred(
     """
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)
+    pressed = pressed or Pressed()
+    if not presses_tell_tips(loaded, pressed):
+        return transfer_alone(loaded, recordings.as_samples(), pressed, progress, forced=forced, curve=curve)
     return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
 
 

@@ -31,3 +31,15 @@ class Errors:
     def as_dict(self) -> dict[str, float | None]:
         """For a model's card; JSON knows no NaN."""
         return {name: value if math.isfinite(value) else None for name, value in asdict(self).items()}
+
+
+UNKNOWN = Errors(math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class Point:
+    """What held-out presses are read off by, with so many presses for each fit, and the form that most of them took."""
+
+    presses: int
+    form: str
+    errors: Errors

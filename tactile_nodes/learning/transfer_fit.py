@@ -38,7 +38,7 @@ from tactile_nodes.learning.transfer_checks import (
     require_presses,
     require_tared,
 )
-from tactile_nodes.learning.transfer_errors import Errors
+from tactile_nodes.learning.transfer_errors import Errors, Point
 from tactile_nodes.learning.transfer_regions import ASIDE, Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
@@ -67,8 +67,8 @@ class Transfer:
     """A calibrated readout, and how it came about.
 
     `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
-    `field` says how the force field was fitted, of a model that has one. `objection` is why it is not worth to be used,
-    if it was forced.
+    `field` says how the force field was fitted, of a model that has one, `curve` what fewer presses tell of it, where
+    that was asked for. `objection` is why it is not worth to be used, if it was forced.
     `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer_whole.SIZES`.
     """
 
@@ -82,6 +82,7 @@ class Transfer:
     whole: Mapping[str, float]
     objection: str = ''
     field: str = ''
+    curve: tuple[Point, ...] = ()
 
     @property
     def reason(self) -> str:
@@ -90,9 +91,9 @@ class Transfer:
 
     def as_dict(self) -> dict[str, Any]:
         """What a model's card says of it."""
-        plain = asdict(replace(self, readout=None))  # type: ignore[arg-type]
-        plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict()}
-        return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
+        plain = asdict(replace(self, readout=None, curve=()))  # type: ignore[arg-type]
+        plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict(), 'reason': self.reason}
+        return {name: value for name, value in plain.items() if name not in ('readout', 'curve')}
 
 
 def transfer(

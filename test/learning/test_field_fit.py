@@ -6,15 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from pressures import hertz
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.fit import described, fit_field
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensors import CameraDescription, Sensor
 
-SIDE, BALL_MM, NOISE_PX = 8, 0.6, 0.004
+SIDE, NOISE_PX = 8, 0.004
+BALL = KnownBody.named('ball:0.6')
 SENSOR = Sensor()
 
 
@@ -31,7 +34,7 @@ def terms() -> tuple[np.ndarray, np.ndarray]:
     """Places on the surface, and what each term of all regions makes of 1 N there."""
     places = np.random.default_rng(4).uniform(-12, 12, (60, 2))
     regions = Regions(SENSOR, SIDE, SIDE)
-    return places, regions.terms_of_ball(places, 0.5, np.arange(regions.count))
+    return places, regions.terms_of_pressure(places, hertz(regions.layer, 0.5), np.arange(regions.count))
 
 
 def pressed(terms: tuple[np.ndarray, np.ndarray], shares: np.ndarray, count: int) -> Dataset:
@@ -51,7 +54,7 @@ def nominal() -> np.ndarray:
 
 def fitted(dataset: Dataset, scaling: InputScaling):
     count = len(dataset.presses)
-    return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL_MM)
+    return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL)
 
 
 def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
@@ -86,7 +89,7 @@ def test_a_camera_that_is_aside_of_its_description_is_followed(scaling: InputSca
     """By 0.5 and 0.3 mm: after sixty light presses little more than noise is left over."""
     aside = dataclasses.replace(SENSOR, camera=CameraDescription(position_mm=(0.5, 0.3, -23.0)))
     places, real = np.random.default_rng(4).uniform(-12, 12, (60, 2)), Regions(aside, SIDE, SIDE)
-    made = real.terms_of_ball(places, 0.5, np.arange(real.count))
+    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
     fit = fitted(pressed((places, made), nominal(), 60), scaling)
     true = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
     start = described(SENSOR, scaling).readout.response

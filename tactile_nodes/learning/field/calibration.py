@@ -13,7 +13,9 @@ from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field.body import BALL_MM, BODY, KnownBody, body_of_card
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
+from tactile_nodes.learning.judgement import told as told_errors
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_fit import OtherGel, Transfer, folds_of
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
@@ -23,8 +25,8 @@ from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
 
-SENSOR, BALL_MM = 'sensor', 'ball_mm'
-"""What a card says of the sensor, and of the ball that pressed it."""
+SENSOR = 'sensor'
+"""What a card says of the sensor."""
 
 
 def train_field(
@@ -43,41 +45,84 @@ def train_field(
         )
     require_bins(sensor, bins)
     tips.require_fit(dataset.features[0].size, bins)
-    made = _fitted(sensor, replace(tips, carried=None), dataset, config.ball_mm, progress)
+    made = _fitted(sensor, replace(tips, carried=None), dataset, KnownBody.named(config.body), progress)
     report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
     return replace(made.readout, tips=tips), report
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """What a person says of a sensor and of the ball (radius, mm) that pressed it; 0 and none: as the source does."""
+    """What a person says of a sensor and of the body that pressed it; none: as the source does."""
 
     sensor: Sensor | None = None
-    ball_mm: float = 0.0
+    body: KnownBody | None = None
 
     def told(self, card: Mapping[str, Any]) -> dict[str, Any]:
         """A source's card with that."""
-        said = {} if self.sensor is None else {SENSOR: to_values(self.sensor)}
-        return {**card, **said, **({BALL_MM: self.ball_mm} if self.ball_mm else {})}
+        told = {**card, **({SENSOR: to_values(self.sensor)} if self.sensor else {})}
+        if self.body:
+            told.pop(BALL_MM, None)
+            told[BODY] = self.body.card_name
+        return told
+
+    def known_body(self, loaded: LoadedModel) -> KnownBody:
+        """What pressed.
+
+        Raises:
+            ModelError: neither the person nor the source says it.
+        """
+        return self.body or body_of_card(loaded.card, loaded.model_id)
+
+    def known_sensor(self, loaded: LoadedModel) -> Sensor:
+        """What was pressed.
+
+        Raises:
+            ModelError: neither the person nor the source says it.
+        """
+        return self.sensor or sensor_of(loaded.card, loaded.model_id)
 
 
-def with_field(loaded: LoadedModel, made: Transfer, dataset: Dataset, progress: Progress | None) -> Transfer:
-    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses."""
+def with_field(
+    loaded: LoadedModel,
+    made: Transfer,
+    dataset: Dataset,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+    *,
+    curve: bool = False,
+) -> Transfer:
+    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses.
+
+    With `curve` it also says what fewer presses would have told.
+    """
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
         return made
-    sensor = sensor_of(loaded.card, loaded.model_id)
-    fit = _fitted(sensor, made.readout, dataset, float(loaded.card[BALL_MM]), progress or Progress())
-    return replace(made, readout=replace(fit.readout, tips=made.readout), field=fit.reason)
+    pressed = pressed or Pressed()
+    sensor, body = pressed.known_sensor(loaded), pressed.known_body(loaded)
+    fit = _fitted(sensor, made.readout, dataset, body, progress or Progress(), curve=curve)
+    told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
+    return replace(made, readout=replace(fit.readout, tips=made.readout), field=told, curve=fit.curve)
 
 
 def _fitted(
-    sensor: Sensor, tips: AxisymmetricReadout, dataset: Dataset, ball_mm: float, progress: Progress
+    sensor: Sensor,
+    tips: AxisymmetricReadout,
+    dataset: Dataset,
+    body: KnownBody,
+    progress: Progress,
+    *,
+    curve: bool = False,
 ) -> FieldFit:
     """By a picture of each press whose place and force are known."""
     other = OtherGel.of(tips, dataset)
-    known = other.rows[np.isfinite(dataset.presses[other.rows]).all(axis=1)]
-    fold = folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
-    return fit_field(sensor, other.live_scaling, dataset, known, fold, ball_mm, progress)
+    rows, fold = known_presses(dataset, other.rows)
+    return fit_field(sensor, other.live_scaling, dataset, rows, fold, body, progress, curve=curve)
+
+
+def known_presses(dataset: Dataset, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those of some samples whose place and force are known, and the part to which each belongs."""
+    known = rows[np.isfinite(dataset.presses[rows]).all(axis=1)]
+    return known, folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
 
 
 def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path, progress: Progress) -> str:
@@ -97,7 +142,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     made = described(sensor, scaling, progress).readout
     card = {
         **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
-        **Pressed(sensor, float(loaded.card[BALL_MM])).told({}),
+        **Pressed(sensor, body_of_card(loaded.card, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': 'description'},
         'made_with': f'tactile_nodes {__version__}',
@@ -119,8 +164,8 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
 
 
 def card_of_sensor(config: FieldConfig) -> dict[str, Any]:
-    """What the card of a training run says of its sensor and of the ball that pressed it."""
-    return Pressed(load_sensor(config.sensor), config.ball_mm).told({})
+    """What the card of a training run says of its sensor and of the body that pressed it."""
+    return Pressed(load_sensor(config.sensor), KnownBody.named(config.body)).told({})
 
 
 def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:
@@ -129,6 +174,6 @@ def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:
     Raises:
         ModelError: it describes none.
     """
-    if SENSOR not in card or BALL_MM not in card:
+    if SENSOR not in card:
         raise ModelError(f'model {model_id} does not say of which sensor it is; fetch it again or train it again')
     return from_mapping(Sensor, card[SENSOR], source=f'the card of model {model_id}', exact=False)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float, Inexact
 
 from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
 
@@ -34,6 +34,23 @@ class ElasticLayer:
         self._layers = tuple(layers)
 
     @property
+    def nodes_mm(self) -> Float[np.ndarray, 'y x 2']:
+        """Where the nodes of the grid are."""
+        x, y = ((np.arange(count) - count // 2) * step for count, step in zip(self.cells, self.spacing_mm, strict=True))
+        return np.stack(np.meshgrid(x, y), -1)
+
+    def points(
+        self, place_mm: Float[np.ndarray, 'points 2'], force_n: Float[np.ndarray, ' points']
+    ) -> Complex[np.ndarray, 'ky kx']:
+        """The spectrum of forces at points about the middle, as shares of their sum."""
+        along_x, along_y = np.fft.rfftfreq(self.cells[0], self.spacing_mm[0]), self._frequencies[1][:, 0]
+        right, down = (
+            np.exp(-2j * np.pi * k[:, None] * at) for k, at in zip((along_x, along_y), place_mm.T, strict=True)
+        )
+        spectrum: np.ndarray = (down * (force_n / force_n.sum())) @ right.T
+        return spectrum
+
+    @property
     def _frequencies(self) -> list[np.ndarray]:
         """Of the waves along x and along y, per mm."""
         along_x = np.fft.rfftfreq(self.cells[0], self.spacing_mm[0])
@@ -59,7 +76,7 @@ class ElasticLayer:
         spread = (CubicSpline(np.log(known), each)(at) for each in vars(found).values())
         return Waves(*spread)
 
-    def kernels(self, spectrum: Float[np.ndarray, 'ky kx']) -> Float[np.ndarray, 'loads depths 3 y x']:
+    def kernels(self, spectrum: Inexact[np.ndarray, 'ky kx']) -> Float[np.ndarray, 'loads depths 3 y x']:
         """Displacements (x, y, z) about the middle under 1 N into the gel, along x and along y, of one shape.
 
         `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number.
@@ -84,11 +101,4 @@ class ElasticLayer:
         """The spectrum of a force spread evenly over a rectangle."""
         along_x, along_y = self._frequencies
         spectrum: np.ndarray = np.sinc(along_y * height_mm) * np.sinc(along_x * width_mm)
-        return spectrum
-
-    def hertz(self, radius_mm: float) -> Float[np.ndarray, 'ky kx']:
-        """The spectrum of Hertz's pressure over a disc: 3 (sin x - x cos x) / x³, x = k radius."""
-        x = np.maximum(self._grid[0] * radius_mm, 1e-2)
-        exact = 3 * (np.sin(x) - x * np.cos(x)) / x**3
-        spectrum: np.ndarray = np.where(self._grid[0] * radius_mm < 1e-2, 1.0, exact)
         return spectrum

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Inexact, Int
 
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
@@ -71,11 +71,19 @@ class Regions:
 
     @cached_property
     def layer(self) -> ElasticLayer:
-        """The gel, on a grid that patches divide."""
+        """The gel where its markers are, on a grid that patches divide."""
+        return self._layer_at(self.depths_mm)
+
+    @cached_property
+    def surface(self) -> ElasticLayer:
+        """The gel where bodies touch it, on the same grid."""
+        return self._layer_at(np.zeros(1))
+
+    def _layer_at(self, depths_mm: Float[np.ndarray, ' depths']) -> ElasticLayer:
         gel = self.sensor.gel
         stack = [Elastic(*each) for each in zip(gel.layers_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
         width, height = self.patches.size_mm
-        return ElasticLayer(stack, self.depths_mm, (width / FINER, height / FINER))
+        return ElasticLayer(stack, depths_mm, (width / FINER, height / FINER))
 
     @property
     def nominal_shares(self) -> Float[np.ndarray, ' terms']:
@@ -168,11 +176,15 @@ class Regions:
         slope_y, slope_x = np.gradient(kernels, *self.layer.spacing_mm[::-1], axis=(3, 4))
         return np.stack([kernels, slope_x, slope_y], axis=3).astype(np.float32)
 
-    def terms_of_ball(
-        self, places_mm: Float[np.ndarray, 'presses 2'], contact_mm: float, known: Int[np.ndarray, ' known']
+    def terms_of_pressure(
+        self,
+        places_mm: Float[np.ndarray, 'presses 2'],
+        spectrum: Inexact[np.ndarray, 'ky kx'],
+        known: Int[np.ndarray, ' known'],
     ) -> Float32[np.ndarray, 'presses known 2 terms']:
-        """Motion (px) of some regions by term under 1 N of a ball at each place, as Hertz says over a disc."""
-        fields = self._fields(self.layer.hertz(contact_mm))[:, :, 0]
+        """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
+        spectrum."""
+        fields = self._fields(spectrum)[:, :, 0]
         seen, jacobian = (each[:, known] for each in self._seen)
         found = np.zeros((len(places_mm), len(known), 2, DEPTHS, 3), np.float32)
         for number, place in enumerate(places_mm):

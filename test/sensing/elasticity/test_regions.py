@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pressures import hertz
 
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions
 from tactile_nodes.sensing.geometry import FisheyeCamera
@@ -19,7 +20,7 @@ def regions() -> Regions:
 def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -> None:
     """1 N of Hertz's pressure over 0.8 mm at (3, 0) mm, seen by a region above and right of it, depth by depth."""
     known, place = np.array([9 * 20 + 13]), np.array([[3.0, 0.0]])
-    terms = regions.terms_of_ball(place, 0.8, known)[0, 0].reshape(2, DEPTHS, 3)[:, :, 0]
+    terms = regions.terms_of_pressure(place, hertz(regions.layer, 0.8), known)[0, 0].reshape(2, DEPTHS, 3)[:, :, 0]
     pixel = np.array([[100 + 22 * 13 + 10.5, 20 + 22 * 9 + 10.5]])
     camera, layer = FisheyeCamera(640, 480, FOCAL), Layer(6.0, 0.111, 0.5)
     ray = camera.unproject(pixel)[0]
@@ -39,7 +40,8 @@ def test_a_patch_is_felt_as_a_ball_of_its_size_at_its_place(regions: Regions) ->
     """From some distance they are alike (Saint-Venant)."""
     known = np.arange(0, 400, 37)
     patch = 9 * 18 + 6
-    ball = regions.terms_of_ball(regions.patches.centres_mm[patch : patch + 1], 1.0, known)[0]
+    place = regions.patches.centres_mm[patch : patch + 1]
+    ball = regions.terms_of_pressure(place, hertz(regions.layer, 1.0), known)[0]
     square = regions.terms_of_patches(known)[..., patch]
     assert ball[:, :, ::3] == pytest.approx(square[:, :, ::3], abs=0.05 * float(np.abs(square[:, :, ::3]).max()))
 
@@ -54,9 +56,9 @@ def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions
 def test_a_rolled_camera_sees_a_press_turned_back() -> None:
     """By a quarter, about the middle, so that regions of a square picture take each other's places."""
     straight, rolled = Regions(Sensor(), 8, 8), Regions(Sensor(camera=CameraDescription(roll_deg=90.0)), 8, 8)
-    everywhere = np.arange(64)
-    plain = straight.terms_of_ball(np.array([[4.0, 0.0]]), 0.8, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
+    everywhere, place, ball = np.arange(64), np.array([[4.0, 0.0]]), hertz(straight.layer, 0.8)
+    plain = straight.terms_of_pressure(place, ball, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
     # What is right of the middle (x > 0) it sees above it (v < 0).
-    turned = rolled.terms_of_ball(np.array([[4.0, 0.0]]), 0.8, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
+    turned = rolled.terms_of_pressure(place, ball, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
     back = np.stack([-turned[..., 1, :], turned[..., 0, :]], axis=2)
     assert np.rot90(back, -1) == pytest.approx(plain, abs=1e-3)

@@ -1,0 +1,86 @@
+"""Calibrate the force field by presses of a body that is no ball: what they tell of tips is nothing.
+
+A model of the field alone reads tips as any other contact. What reads tips in its source knows the markers and the
+camera of another gel, and nothing that a ring or a punch shows says better.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field.calibration import Pressed, known_presses
+from tactile_nodes.learning.field.fit import fit_field
+from tactile_nodes.learning.field.presses import BodyPresses
+from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer_checks import (
+    MOST_OFFSET_N,
+    require_presses,
+    require_tared,
+    source_readout,
+)
+from tactile_nodes.learning.transfer_errors import Errors
+from tactile_nodes.learning.transfer_fit import OtherGel, Transfer
+from tactile_nodes.learning.transfer_source import axisymmetric_source
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.explain.readout import FieldReadout
+
+
+def presses_tell_tips(loaded: LoadedModel, pressed: Pressed) -> bool:
+    """Whether what reads tips is calibrated: of any model but the field, and of the field where a ball pressed.
+
+    Raises:
+        ModelError: nobody says what pressed.
+    """
+    return not isinstance(loaded.model.readout, FieldReadout) or pressed.known_body(loaded).is_ball
+
+
+def transfer_alone(
+    loaded: LoadedModel,
+    dataset: Dataset,
+    pressed: Pressed,
+    progress: Progress | None = None,
+    *,
+    forced: bool = False,
+    curve: bool = False,
+) -> Transfer:
+    """The field of another gel; `forced` as for `transfer`, `curve` as for `with_field`.
+
+    Raises:
+        DatasetError: presses from which no calibration follows, or which it would read no better than its source.
+        ConfigurationError: the body is wider than the gel.
+    """
+    body, source = pressed.known_body(loaded), loaded.model.readout
+    assert isinstance(source, FieldReadout)
+    known = axisymmetric_source(source_readout(loaded))
+    require_presses(dataset, known)
+    other = OtherGel.of(known, dataset)
+    rows, fold = known_presses(dataset, other.rows)
+    fit = fit_field(
+        pressed.known_sensor(loaded), other.live_scaling, dataset, rows, fold, body, progress, curve=curve
+    )  # fmt: skip
+    offset_n, spread_n = fit.offset_n
+    require_tared(offset_n, spread_n if abs(offset_n) > MOST_OFFSET_N else 0.0)
+    assert fit.by is not None
+    before = Errors.of(_read(source, dataset, fit.by))
+    contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
+    said = objection('calibration', fit.errors, before, of_the_mean(contacts))
+    require_worth(said, 'keep the model, or press at more places', forced=forced)
+    told = f'alone: presses of {body.card_name} tell nothing of tips, which the field reads as any other contact'
+    return Transfer(
+        fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, said, told,
+        fit.curve,
+    )  # fmt: skip
+
+
+def _read(readout: FieldReadout, dataset: Dataset, presses: BodyPresses) -> Float[np.ndarray, 'n 3']:
+    """Errors of centre (mm) and force (N) as the model to begin with reads these presses."""
+    errors = []
+    for row, centre, force_n in zip(presses.rows.tolist(), presses.centre_mm, presses.force_n, strict=True):
+        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        told = np.array([[each.x_mm, each.y_mm, each.force_n] for each in found.contacts])
+        place = told[:, 2] @ told[:, :2] / told[:, 2].sum() if told[:, 2].sum() > 0 else np.full(2, np.nan)
+        errors.append((*(place - centre), found.normal_force_n.sum() - force_n))
+    return np.reshape(errors, (-1, 3)).astype(float)

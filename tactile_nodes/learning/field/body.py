@@ -1,0 +1,107 @@
+"""The rigid body that presses a gel to calibrate it: what a person calls it, and its lower side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
+from tactile_nodes.simulation.touch.families import ball
+from tactile_nodes.touch_bodies import FARTHEST_MM, body_of
+from tactile_nodes.touch_tables import Contact
+
+BODY, BALL_MM = 'body', 'ball_mm'
+"""What a card says of the body; and of the radius of a ball, before there were others."""
+
+BALL, PUNCH = 'ball', 'punch'
+ROUND = {'tip': 'ball:0.6', 'ball': 'ball:5'}
+"""Families that are balls."""
+
+
+@dataclass(frozen=True)
+class KnownBody:
+    """A body by its name: 'ball:0.6', 'punch:1.5' (radius in mm), a family, a mesh, heights, or a description."""
+
+    told: str
+    body: Body
+
+    @classmethod
+    def named(cls, told: str) -> KnownBody:
+        """As `tactile calibrate --body` takes it.
+
+        Raises:
+            ConfigurationError: there is no such body or file, it is no body, or its radius is none.
+        """
+        told = ROUND.get(told, told)
+        shape, colon, size = told.partition(':')
+        if colon and shape in (BALL, PUNCH):
+            return cls(told, _round(told, shape, size))
+        contact = Contact.named(told)
+        return cls(told, body_of(contact.body, contact.tilt_deg))
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether its presses also tell how tips are read."""
+        return self.told.startswith(f'{BALL}:')
+
+    @property
+    def card_name(self) -> str:
+        """What a card says of it: of a file its name."""
+        return self.told if ':' in self.told else Path(self.told).name
+
+    def over(self, nodes_mm: Float[np.ndarray, 'y x 2']) -> Float[np.ndarray, 'y x']:
+        """Height of its lower side above the surface where it just touches; infinite where it is not."""
+        x, y = np.moveaxis(nodes_mm, -1, 0)
+        height = self.body.under(x, y)[0]
+        within = np.maximum(np.abs(x), np.abs(y)) <= self.body.half_mm
+        return np.where(within & (height < NO_BODY_MM), height, np.inf)
+
+    def require_within(self, sensor: Sensor) -> None:
+        """Refuse a body that is wider than the gel. Raises ConfigurationError."""
+        narrow_mm = min(sensor.gel.width_mm, sensor.gel.height_mm)
+        if 2 * self.body.reach_mm > narrow_mm:
+            raise ConfigurationError(
+                f'the body {self.told} is {2 * self.body.reach_mm:.0f} mm wide, and the gel {narrow_mm:g} mm; press '
+                'with a smaller one'
+            )
+
+
+def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
+    """The body that pressed the gel of a model.
+
+    Raises:
+        ModelError: nobody knows: the card says nothing, or names a file.
+    """
+    told = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
+    if told and not Path(told).suffix[1:].isalpha():
+        return KnownBody.named(told)
+    pressed = f'was made by presses of {told}' if told else 'does not say what pressed'
+    raise ModelError(f'model {model_id} {pressed}; say what presses now: --body ball:0.6')
+
+
+def _round(told: str, shape: str, size: str) -> Body:
+    radius_mm = float(size) if _is_number(size) else math.nan
+    if not 0 < radius_mm <= FARTHEST_MM / 2:
+        raise ConfigurationError(
+            f'{told} is no body: after {shape}: comes its radius in mm, above 0 and up to {FARTHEST_MM / 2:g}, like '
+            f'{shape}:1.5'
+        )
+    x, y = grid(radius_mm + 1.0)
+    flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
+    return Body.of_heights(told, ball(radius_mm, x, y) if shape == BALL else flat)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,183 @@
+"""Presses of a known body beside what the layer makes of them, region by region and term by term.
+
+The body's pressure is the layer's own answer to its shape and its force, so a ring's contact grows with the force as a
+ball's does. Forces count in steps: within one the pressure has one shape.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.sensing.elasticity.indentation import Indentation, Indenter
+from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
+from tactile_nodes.sensing.explain.weights import region_weights
+from tactile_nodes.sensing.network import InputScaling
+
+DEEPEST = 0.18
+"""Share of the gel's thickness up to which a press serves: 0.5 N of the paper's tip, 1.1 mm deep."""
+
+LEAST_LINEAR, MOST_FITTED = 10, 300
+STEP = 1.25
+"""Forces that differ by less than so many times share the shape of their pressure: a ball's contact differs by 8 %."""
+
+DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.15
+"""How far regions differ: in what a depth counts, as a share of its fifth, and in how far off their rays are (mm).
+
+Slopes held much tighter cannot follow a camera that is half a millimetre aside of its description.
+"""
+
+DOUBT = 0.02
+"""Share of its motion by which the response of a region is off that was fitted to presses."""
+
+LEAST_NOISE_PX = 0.004
+
+LEAST_RANGE = 0.3
+"""Forces that differ by less than so much of the largest do not tell where they begin."""
+
+
+@dataclass(frozen=True)
+class BodyPresses:
+    """What the known regions show under presses of a known body, beside what each term of their response makes of them.
+
+    `terms` is motion (px) under the press's own force, `weights` one over the variance that is expected of a motion,
+    `centre_mm` where the middle of the pressure is, `rows` which samples of their data set they are.
+    """
+
+    terms: Float32[np.ndarray, 'n regions 2 terms']
+    motion: Float[np.ndarray, 'n regions 2']
+    weights: Float[np.ndarray, 'n regions']
+    centre_mm: Float[np.ndarray, 'n 2']
+    force_n: Float[np.ndarray, ' n']
+    rows: Int[np.ndarray, ' n']
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    def take(self, chosen: np.ndarray) -> BodyPresses:
+        """Some of them."""
+        return BodyPresses(*(getattr(self, each.name)[chosen] for each in fields(self)))
+
+    def misfit(self, shares: Float[np.ndarray, 'regions terms']) -> float:
+        """Root mean square of what these shares leave over, in units of what is expected."""
+        left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
+        return float(np.sqrt((np.square(left).sum(axis=-1) * self.weights).sum() / (2 * (self.weights > 0).sum())))
+
+    def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
+        """What all shares have to be multiplied with."""
+        told = np.einsum('nrpt,rt->nrp', self.terms, shares)
+        weights = self.weights[..., None]
+        return float((weights * told * self.motion).sum() / max((weights * told * told).sum(), 1e-12))
+
+    def offset_n(self, shares: Float[np.ndarray, 'regions terms'], fold: Int[np.ndarray, ' n']) -> tuple[float, float]:
+        """The force at which nothing seems to move, and its standard deviation by leaving out part after part."""
+        told, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
+        shown = (
+            (weights * told * self.motion).sum(axis=(1, 2)) / (weights * told * told).sum(axis=(1, 2)) * self.force_n
+        )
+        if np.ptp(self.force_n) < LEAST_RANGE * self.force_n.max():
+            return 0.0, 0.0
+        rest = [fold != out for out in np.unique(fold)]
+        found = np.array([_begins(self.force_n[each], shown[each]) for each in rest])
+        return _begins(self.force_n, shown), float(np.sqrt((len(found) - 1) * found.var()))
+
+    def fitted(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'regions terms']:
+        """Shares of every region that explain its motion best, near those given."""
+        sigma = np.zeros((DEPTHS, 3))
+        scale = float(shares[0, ::3].mean())
+        sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
+        left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
+        levers = (self.terms * sigma.reshape(-1)).astype(float)
+        weighted = levers * self.weights[..., None, None]
+        information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + np.eye(TERMS)
+        towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
+        return shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
+
+
+def _begins(force_n: Float[np.ndarray, ' n'], shown: Float[np.ndarray, ' n']) -> float:
+    """Where a line through what is shown, over the force, is at nothing."""
+    slope, height = np.polyfit(force_n, shown, 1)
+    return float(-height / slope) if slope > 0 else 0.0
+
+
+class Pressures:
+    """How a body presses on a sensor's gel, force by force."""
+
+    def __init__(self, regions: Regions, body: KnownBody) -> None:
+        body.require_within(regions.sensor)
+        self._indenter = Indenter(regions.surface, body.over(regions.surface.nodes_mm))
+        self._thickness_mm = sum(regions.sensor.gel.layers_mm)
+        self._known: dict[int, Indentation] = {}
+
+    @staticmethod
+    def steps(force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' n']:
+        """In which step each force is."""
+        steps: np.ndarray = np.round(np.log(force_n) / math.log(STEP)).astype(int)
+        return steps
+
+    def at(self, step: int) -> Indentation:
+        """The pressure of a step."""
+        if step not in self._known:
+            self._known[step] = self._indenter.pressed(STEP**step)
+        return self._known[step]
+
+    def linear(self, force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' chosen']:
+        """Presses that are light enough for the linear layer; of heavy ones the lightest.
+
+        Raises:
+            DatasetError: none has a force that is known.
+        """
+        known = np.flatnonzero(np.isfinite(force_n) & (force_n > 0))
+        if not known.size:
+            raise DatasetError(
+                'no press has a force that is known, which the force field needs; check the force sensor'
+            )
+        order = known[np.argsort(force_n[known], kind='stable')]
+        steps = np.arange(self.steps(force_n[order]).min() - 1, self.steps(force_n[order]).max() + 2)
+        depth_mm = np.interp(np.log(force_n[order]), steps * math.log(STEP), [self.at(int(n)).depth_mm for n in steps])
+        count = max(int((depth_mm <= DEEPEST * self._thickness_mm).sum()), min(LEAST_LINEAR, len(order)))
+        return np.sort(order[:count])[:: max(1, math.ceil(count / MOST_FITTED))]
+
+
+def presses_of(
+    regions: Regions,
+    pressures: Pressures,
+    scaling: InputScaling,
+    dataset: Dataset,
+    rows: Int[np.ndarray, ' n'],
+    softer: float = 1.0,
+    advance: Callable[[int], object] = lambda _: None,
+) -> BodyPresses:
+    """Some samples of a data set; `softer` is how many times as soft the gel is as its description says."""
+    known = known_of(scaling)
+    motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
+    sure = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
+    place, force = dataset.presses[rows][:, :2].astype(float), dataset.presses[rows][:, 3].astype(float)
+    motion, steps = motion.astype(float), pressures.steps(force * softer)
+    terms, centre = np.zeros((len(rows), len(known), 2, TERMS), np.float32), place.copy()
+    for step in np.unique(steps).tolist():
+        same, shape = np.flatnonzero(steps == step), pressures.at(step)
+        centre[same] += shape.centre_mm
+        spectrum = regions.layer.points(shape.place_mm, shape.force_n)
+        terms[same] = regions.terms_of_pressure(place[same], spectrum, known) * force[same, None, None, None]
+        advance(len(same))
+    weights = region_weights(motion, sure, noise_px(scaling), DOUBT)
+    return BodyPresses(terms, motion, weights, centre, force, rows)
+
+
+def known_of(scaling: InputScaling) -> Int[np.ndarray, ' known']:
+    """Which regions are known."""
+    return np.flatnonzero(scaling.trusted.reshape(-1) > 0)
+
+
+def noise_px(scaling: InputScaling) -> float:
+    """The noise of the median region."""
+    known = scaling.gain[scaling.trusted > 0]
+    return max(float(np.median(1 / known)), LEAST_NOISE_PX)

@@ -1,0 +1,88 @@
+"""How a rigid body presses on a layer: the pressure that holds its lower side, without friction, under a given force.
+
+Conjugate gradients under p >= 0 and a total (Polonsky and Keer 1999), the layer's answer by a transform there and one
+back. Linear elasticity: so deep as the layer is linear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+from jaxtyping import Bool, Float
+
+from tactile_nodes.sensing.elasticity.layer import ElasticLayer
+
+CLOSE, MOST_STEPS = 1e-5, 200
+"""Share of the force that a step still moves from node to node when it is the last; and the most steps."""
+
+
+@dataclass(frozen=True)
+class Indentation:
+    """A body that is held down with a force: what each node of the surface bears, and how deep it is.
+
+    `force_n` sums to the whole force; `depth_mm` is that of the body's lowest point below the surface at rest.
+    """
+
+    force_n: Float[np.ndarray, ' nodes']
+    place_mm: Float[np.ndarray, 'nodes 2']
+    depth_mm: float
+
+    @property
+    def centre_mm(self) -> Float[np.ndarray, ' 2']:
+        """The centre of the pressure."""
+        centre: np.ndarray = self.force_n @ self.place_mm / self.force_n.sum()
+        return centre
+
+
+class Indenter:
+    """A body over the surface of a layer that is asked for its depth 0 alone.
+
+    `height_mm` is that of the body's lower side over each node, the lowest being 0; not finite where there is no body.
+    """
+
+    def __init__(self, surface: ElasticLayer, height_mm: Float[np.ndarray, 'y x']) -> None:
+        self._shape = surface.cells[::-1]
+        sinks = -surface.kernels(surface.rectangle(*surface.spacing_mm))[0, 0, 2].astype(float)
+        self._sinks = scipy.fft.rfft2(scipy.fft.ifftshift(sinks))
+        self._body: Bool[np.ndarray, 'y x'] = np.isfinite(height_mm)
+        self._height = np.where(self._body, height_mm, 0.0)
+        self._nodes_mm = surface.nodes_mm
+
+    def pressed(self, force_n: float) -> Indentation:
+        """Held down with a force."""
+        held = self._begin(force_n)
+        way, slope = np.zeros(self._shape), 0.0
+        for _ in range(MOST_STEPS):
+            touches = held > 0
+            gap = self._sunk(held) + self._height
+            gap -= gap[touches].mean()
+            steep = float(np.square(gap[touches]).sum())
+            way = np.where(touches, gap + (steep / slope if slope else 0.0) * way, 0.0)
+            moved = self._sunk(way)
+            moved -= moved[touches].mean()
+            step = float((gap * way)[touches].sum() / max((moved * way)[touches].sum(), 1e-30))
+            found = np.where(touches, np.maximum(held - step * way, 0.0), 0.0)
+            touched = self._body & (found == 0) & (gap < 0) & ~touches
+            found[touched] = -step * gap[touched]
+            slope = 0.0 if touched.any() else steep
+            found *= force_n / found.sum()
+            change, held = float(np.abs(found - held).sum()), found
+            if change < CLOSE * force_n:
+                break
+        return self._told(held)
+
+    def _begin(self, force_n: float) -> Float[np.ndarray, 'y x']:
+        """All of the body bears the force alike."""
+        return np.where(self._body, force_n / np.count_nonzero(self._body), 0.0)
+
+    def _sunk(self, force: np.ndarray) -> np.ndarray:
+        """How far the nodes sink under forces on them (mm)."""
+        sunk: np.ndarray = scipy.fft.irfft2(self._sinks * scipy.fft.rfft2(force), s=self._shape)
+        return sunk
+
+    def _told(self, held: np.ndarray) -> Indentation:
+        touches = held > 0
+        depth = float((self._sunk(held) + self._height)[touches].mean())
+        return Indentation(held[touches], self._nodes_mm[touches], depth)
