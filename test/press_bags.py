@@ -19,7 +19,7 @@ from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
-from tactile_nodes.simulation.optics import Optics, Press
+from tactile_nodes.simulation.optics import Optics, Press, Shaping
 
 START_NS = 1_700_000_000_000_000_000
 SECOND_NS = 1_000_000_000
@@ -40,9 +40,17 @@ class Sensor:
         self._optics = Optics(gel, self.table)
         self._seed = 0
 
-    def image(self, *presses: Press) -> np.ndarray:
+    def image(self, *presses: Shaping) -> np.ndarray:
         self._seed += 1
         return np.ascontiguousarray(centre_crop(self._optics.render(presses, self._seed)))
+
+    def touching(self, x_mm: float, y_mm: float, depth_mm: float) -> Shaping:
+        """What presses so deep at a place."""
+        return Press(x_mm, y_mm, depth_mm)
+
+    def force_n(self, depth_mm: float) -> float:
+        """What it presses with."""
+        return self.table.force_at(depth_mm)
 
     def rest(self) -> np.ndarray:
         return average([self.image() for _ in range(4)])
@@ -79,7 +87,7 @@ class Collection:
         )
         return image
 
-    def images(self, stamp_ns: int, count: int, depth_mm: float, press: Press | None = None) -> None:
+    def images(self, stamp_ns: int, count: int, depth_mm: float, press: Shaping | None = None) -> None:
         """Images one after the other, and a rig state that says how deep the tip was."""
         state = types.RigState(header=header(stamp_ns, 'rig'), depth=depth_mm * 1e-3)
         self._write(RIG_STATE, state)
@@ -96,7 +104,7 @@ class Collection:
         """
         begin_ns, end_ns = self.window_ns(slot)
         self.images(begin_ns - 2 * SECOND_NS, 2, -1.0)
-        self.images(begin_ns, frames, depth_mm, Press(x_mm, y_mm, depth_mm))
+        self.images(begin_ns, frames, depth_mm, self.sensor.touching(x_mm, y_mm, depth_mm))
         message = self.message(number, x_mm, y_mm, depth_mm, (begin_ns, end_ns), **told)
         self._write(PRESS, message, end_ns + SECOND_NS // 10)
         return message
@@ -104,7 +112,7 @@ class Collection:
     def message(
         self, number: int, x_mm: float, y_mm: float, depth_mm: float, window_ns: tuple[int, int], **told: Any
     ) -> types.Press:
-        force = types.Vector3(z=-self.sensor.table.force_at(depth_mm))
+        force = types.Vector3(z=-self.sensor.force_n(depth_mm))
         fields: dict[str, Any] = {
             'header': header(window_ns[0], 'gel_surface'),
             'plan_id': PLAN,
@@ -152,11 +160,13 @@ def whole_collection(folder: Path, sensor: Sensor) -> Path:
     return collection.close()
 
 
-def spread_collection(folder: Path, sensor: Sensor, count: int) -> Path:
-    """Presses anywhere within 11 mm, 0.3 to 1.5 mm deep, against one rest image."""
+def spread_collection(
+    folder: Path, sensor: Sensor, count: int, reach_mm: float = 11.0, depths_mm: tuple[float, float] = (0.3, 1.5)
+) -> Path:
+    """Presses anywhere within a reach, between two depths, against one rest image."""
     collection, random = Collection(folder, sensor), np.random.default_rng(7)
     collection.reference(0)
     for slot in range(count):
-        x_mm, y_mm = random.uniform(-11.0, 11.0, 2)
-        collection.press(slot, slot + 1, float(x_mm), float(y_mm), float(random.uniform(0.3, 1.5)))
+        x_mm, y_mm = random.uniform(-reach_mm, reach_mm, 2)
+        collection.press(slot, slot + 1, float(x_mm), float(y_mm), float(random.uniform(*depths_mm)))
     return collection.close()

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from body_presses import BodySensor
+from press_bags import spread_collection
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import ResponseConfig
@@ -17,6 +19,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.model_file import load_model, save_model
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
@@ -172,9 +175,17 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['--pictures', 'gel.csv', '--model', 'field', '--ball-mm', '5'], 'pictures tell of tips alone'),
-        (['--dataset', 'gel.npz', '--model', 'portable', '--ball-mm', '5'], 'go with a model of any contact'),
-        (['--dataset', 'gel.npz', '--model', 'field', '--ball-mm', '-5'], 'cannot be -5'),
+        (['--dataset', 'gel.npz', '--model', 'portable', '--body', 'ball:5'], 'go with a model of any contact'),
+        (
+            ['--dataset', 'gel.npz', '--model', 'field', '--body', 'ball:-5'],
+            'ball:-5 is no body: after ball: comes its',
+        ),
+        (['--dataset', 'gel.npz', '--model', 'field', '--body', 'flat.stl'], 'cannot read the body flat.stl (No such'),
+        (
+            ['--dataset', 'gel.npz', '--model', 'field', '--body', 'cube'],
+            "there is no contact 'cube'; give one of: tip",
+        ),
+        (['--dataset', 'gel.npz', '--model', 'field', '--body', 'punch:16'], 'mm wide, and the gel 32 mm'),
         (['--model', 'portable', '--sensor', 'simulated'], 'a description makes a field'),
         (['--model', 'field', '--sensor', 'nowhere.yaml'], "there is no sensor 'nowhere.yaml'"),
     ],
@@ -184,6 +195,39 @@ def test_what_only_any_contact_needs_is_refused_elsewhere(
 ) -> None:
     assert main(['calibrate', *words, '-o', str(tmp_path / 'none.safetensors')]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_an_open_mesh_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = tmp_path / 'sheet.obj'
+    mesh.write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n')
+    words = ['--model', 'field', '--dataset', 'gel.npz', '--body', str(mesh), '-o', str(tmp_path / 'none.safetensors')]
+    assert main(['calibrate', *words]) == 1
+    assert "the mesh 'sheet' is not closed; fill its holes" in capsys.readouterr().err
+
+
+@pytest.mark.timeout(240)  # a contact is solved, and fitted to, in half a minute of a processor
+def test_presses_of_a_square_calibrate_the_field_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    sensor = BodySensor('square', 2.0)
+    bag = spread_collection(tmp_path / 'bag', sensor, 20, 9.5, (0.1, float(sensor.touched.depth_mm[-1])))
+    output = tmp_path / 'gel-7.safetensors'
+    words = ['--model', 'field', '--gel', 'gel-7', '--body', 'square', '--curve', '-o', str(output)]
+    assert main(['calibrate', str(bag), *words]) == 0
+    told = capsys.readouterr().out
+    assert 'force field alone: presses of square tell nothing of tips' in told
+    none, ten, all_but_a_fifth = (line for line in told.splitlines() if ' presses: force RMSE' in line)
+    assert none.strip().startswith('0 presses') and none.endswith('description')
+    assert ten.strip().startswith('10 presses')
+    assert all_but_a_fifth.strip().startswith('16 presses')
+    off_n = [float(line.split('RMSE ')[1].split(' N')[0]) for line in (none, ten)]
+    assert off_n[1] < off_n[0] / 3  # the gel is half as hard again as its description says
+    loaded = load_model(output)
+    readout = loaded.model.readout
+    assert isinstance(readout, FieldReadout)
+    assert readout.tips is None
+    assert (loaded.card['body'], 'ball_mm' in loaded.card) == ('square', False)
 
 
 def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

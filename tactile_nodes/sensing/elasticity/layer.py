@@ -76,10 +76,13 @@ class ElasticLayer:
         spread = (CubicSpline(np.log(known), each)(at) for each in vars(found).values())
         return Waves(*spread)
 
-    def kernels(self, spectrum: Inexact[np.ndarray, 'ky kx']) -> Float[np.ndarray, 'loads depths 3 y x']:
+    def kernels(
+        self, spectrum: Inexact[np.ndarray, 'ky kx'], *, pressed_only: bool = False
+    ) -> Float[np.ndarray, 'loads depths 3 y x']:
         """Displacements (x, y, z) about the middle under 1 N into the gel, along x and along y, of one shape.
 
-        `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number.
+        `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number. `pressed_only` leaves
+        out the two along the surface.
         """
         k, across, along = self._grid
         shift = (-1.0) ** np.arange(k.shape[1])[None] * (-1.0) ** np.arange(k.shape[0])[:, None]
@@ -87,11 +90,11 @@ class ElasticLayer:
         x, y, w = across[..., None], along[..., None], self._waves
         pressed = load * -1j * w.pressed
         loads = [(x * pressed, y * pressed, -load * w.sinking)]
-        for one, other, sign in ((x, y, -1.0), (y, x, 1.0)):
+        for one, other, sign in () if pressed_only else ((x, y, -1.0), (y, x, 1.0)):
             # A force along an axis has a part along the wave and one across it.
             straight, aside = load * one * w.sheared, load * other * sign * w.across
             loads.append((x * straight - y * aside, y * straight + x * aside, -1j * load * one * w.dipping))
-        for number in (1, 2):  # at no wave number all shear is alike
+        for number in range(1, len(loads)):  # at no wave number all shear is alike
             loads[number][number - 1][0, 0] = load[0, 0] * w.across[0, 0]
         kernels = np.stack([np.stack(each) for each in loads])
         moved: np.ndarray = np.fft.irfft2(np.moveaxis(kernels, -1, 1), s=self.cells[::-1])

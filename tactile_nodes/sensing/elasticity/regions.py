@@ -170,9 +170,11 @@ class Regions:
         rest: np.ndarray = steps - node
         return node.astype(int), rest.astype(np.float32)
 
-    def _fields(self, spectrum: np.ndarray) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
+    def _fields(
+        self, spectrum: np.ndarray, *, pressed_only: bool = False
+    ) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
         """Displacement along each axis, and its slopes along x and y, at each depth under each load."""
-        kernels = self.layer.kernels(spectrum).transpose(1, 2, 0, 3, 4)
+        kernels = self.layer.kernels(spectrum, pressed_only=pressed_only).transpose(1, 2, 0, 3, 4)
         slope_y, slope_x = np.gradient(kernels, *self.layer.spacing_mm[::-1], axis=(3, 4))
         return np.stack([kernels, slope_x, slope_y], axis=3).astype(np.float32)
 
@@ -184,7 +186,7 @@ class Regions:
     ) -> Float32[np.ndarray, 'presses known 2 terms']:
         """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
         spectrum."""
-        fields = self._fields(spectrum)[:, :, 0]
+        fields = self._fields(spectrum, pressed_only=True)[:, :, 0]
         seen, jacobian = (each[:, known] for each in self._seen)
         found = np.zeros((len(places_mm), len(known), 2, DEPTHS, 3), np.float32)
         for number, place in enumerate(places_mm):

@@ -1,0 +1,104 @@
+"""The force field calibrated by presses of any known body, on a gel half as hard again as its description says."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from body_presses import STIFFER, BodySensor
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.field.alone import transfer_alone
+from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.calibration import Pressed
+from tactile_nodes.learning.transfer_fit import Transfer
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.explain.readout import FieldReadout
+
+BODIES = {'punch:3': (2.0, 9.0), 'square': (2.0, 9.5), 'ring': (2.0, 9.0)}
+"""How hard each is pressed (N), and how far from the middle (mm)."""
+
+
+@pytest.fixture(scope='module')
+def model() -> LoadedModel:
+    return load_model(find_model('field'))
+
+
+@pytest.fixture(scope='module')
+def pressed(model: LoadedModel) -> dict[str, tuple[Dataset, np.ndarray]]:
+    """Thirty presses of each body, and what they are: total and centre."""
+    return {
+        name: BodySensor(name, most_n).presses(model, 30, reach_mm, seed)
+        for seed, (name, (most_n, reach_mm)) in enumerate(BODIES.items())
+    }
+
+
+@pytest.fixture(scope='module')
+def made(model: LoadedModel, pressed: dict[str, tuple[Dataset, np.ndarray]]) -> dict[str, Transfer]:
+    """A calibration by the presses of each of two bodies."""
+    return {name: calibrated(model, pressed[name][0], name) for name in ('punch:3', 'square')}
+
+
+def calibrated(model: LoadedModel, dataset: Dataset, body: str, **more: bool) -> Transfer:
+    return transfer_alone(model, dataset, Pressed(body=KnownBody.named(body)), **more)
+
+
+def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[float, float]:
+    """Medians of the total's error over the total, and of the distance of the centre (mm)."""
+    totals, centres = [], []
+    rows = np.flatnonzero(dataset.presses[:, 2] > 0)
+    for row, (force_n, *centre) in zip(rows, acting, strict=True):
+        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        assert found.acting is not None
+        assert found.acting.field is not None
+        pressure = found.acting.field.pressure_mpa.ravel().astype(float)
+        totals.append(abs(found.normal_force_n.sum() / force_n - 1))
+        centres.append(np.hypot(*(pressure @ readout.solver.patches.centres_mm / pressure.sum() - centre)))
+    return float(np.median(totals)), float(np.median(centres))
+
+
+@pytest.mark.parametrize('body', ['punch:3', 'square'])
+def test_presses_of_one_body_calibrate_what_is_told_of_another(
+    body: str, model: LoadedModel, made: dict[str, Transfer], pressed: dict[str, tuple[Dataset, np.ndarray]]
+) -> None:
+    """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a third low."""
+    readout = made[body].readout
+    assert isinstance(readout, FieldReadout)
+    assert made[body].whole['gain'] == pytest.approx(1 / STIFFER, rel=0.06)
+    total, centre = off(readout, *pressed['ring'])
+    assert total < 0.06
+    assert centre < 0.15
+    uncalibrated = dataclasses.replace(model.model.readout, tips=None)  # type: ignore[type-var]
+    assert off(uncalibrated, *pressed['ring'])[0] > 0.25  # type: ignore[arg-type]
+
+
+def test_a_punch_that_is_taken_for_a_ball_tells_another_body_worse(
+    model: LoadedModel, made: dict[str, Transfer], pressed: dict[str, tuple[Dataset, np.ndarray]]
+) -> None:
+    right, ring = made['punch:3'], pressed['ring']
+    wrong = calibrated(model, pressed['punch:3'][0], 'ball:0.6', forced=True)
+    assert off(wrong.readout, *ring)[0] > 2 * off(right.readout, *ring)[0]  # type: ignore[arg-type]
+    assert wrong.misfits[wrong.form] > 1.5 * right.misfits[right.form]
+
+
+def test_forces_that_begin_elsewhere_are_refused(
+    model: LoadedModel, pressed: dict[str, tuple[Dataset, np.ndarray]]
+) -> None:
+    dataset = pressed['square'][0]
+    presses = dataset.presses.copy()
+    presses[presses[:, 2] > 0, 3] += 0.5
+    with pytest.raises(DatasetError, match='tare the force sensor'):
+        calibrated(model, dataclasses.replace(dataset, presses=presses), 'square')
+
+
+@pytest.mark.parametrize('told', ['ball:0', 'punch:-1', 'ball:nan', 'punch:wide', 'punch:'])
+def test_a_radius_that_is_none_is_refused(told: str) -> None:
+    with pytest.raises(ConfigurationError, match=f'{told} is no body: after .* comes its radius in mm, above 0'):
+        KnownBody.named(told)
+
+
+def test_a_body_that_is_wider_than_the_gel_is_refused(model: LoadedModel) -> None:
+    with pytest.raises(ConfigurationError, match=r'the body punch:17 is \d+ mm wide, and the gel 32 mm'):
+        KnownBody.named('punch:17').require_within(Pressed().known_sensor(model))
