@@ -190,25 +190,21 @@ def _on_gel(
 
 def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int) -> tuple[AxisymmetricReadout, str]:
     """The readout that one way leads to, and its form."""
-    from tactile_nodes.learning.transfer_fit import transfer
-    from tactile_nodes.learning.transfer_partial import as_pens, transfer_outline, transfer_partial
+    from tactile_nodes.learning.transfer_fit import Transfer, transfer
+    from tactile_nodes.learning.transfer_partial import PartialTransfer, as_pens, transfer_outline, transfer_partial
     from tactile_nodes.sensing.explain.readout import FieldReadout
 
-    if way == IMAGE:
-        told = transfer_outline(source, pressed.outline, pressed.half_px)
-        return told.readout, told.form
     few = pressed.presses.take(_first(pressed.presses, presses))
-    if way == FULL:
-        known = transfer(source, few)
-        assert not isinstance(known.readout, FieldReadout)
-        return known.readout, known.form
-    if way == PEN:
-        dataset = as_pens(few)
+    if way == IMAGE:
+        made: Transfer | PartialTransfer = transfer_outline(source, pressed.outline, pressed.half_px)
+    elif way == FULL:
+        made = transfer(source, few)
     else:
-        dataset = _with_weights(pressed, PENS if way == PEN_WEIGHT else 0, presses)
-    outline = pressed.outline if way == IMAGE_WEIGHT else None
-    told = transfer_partial(source, dataset, outline, pressed.half_px)
-    return told.readout, told.form
+        dataset = as_pens(few) if way == PEN else _with_weights(pressed, PENS if way == PEN_WEIGHT else 0, presses)
+        outline = pressed.outline if way == IMAGE_WEIGHT else None
+        made = transfer_partial(source, dataset, outline, pressed.half_px)
+    assert not isinstance(made.readout, FieldReadout)
+    return made.readout, made.form
 
 
 def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:

@@ -129,10 +129,13 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
 
     source = Source.find(arguments.model)
     model_id, made = calibrate_by_hand(
-        source, arguments.pictures, arguments.gel, arguments.output, progress, command, forced=arguments.force
-    )
+        source, arguments.pictures, arguments.gel, arguments.output, progress, command, _pressed(arguments),
+        forced=arguments.force,
+    )  # fmt: skip
     print(f'{arguments.output}: model {model_id}, from {made.told_presses}')
     print(f'form {made.reason}')
+    if made.field:
+        print(f'force field {made.field}')
     for when, errors in (('before', made.before), ('after', made.after)):
         force, place = errors.force_rmse_n, errors.place_median_mm
         unknown = '' if math.isfinite(force + place) else ' (nan: not known)'

@@ -22,6 +22,9 @@ from tactile_nodes.learning.building import gel_told
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.evaluate import config_of
+from tactile_nodes.learning.field.alone import presses_tell_tips
+from tactile_nodes.learning.field.by_hand import alone_by_hand, with_field_by_hand
+from tactile_nodes.learning.field.calibration import Pressed, kept
 from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.measuring import Measurer
 from tactile_nodes.learning.press_tables import read_table
@@ -127,12 +130,14 @@ def calibrate_by_hand(
     output: Path,
     progress: Progress,
     command: str = '',
+    pressed: Pressed | None = None,
     *,
     forced: bool = False,
 ) -> tuple[str, PartialTransfer]:
     """Write the model of the gel that the table's pictures show; its id, and how it came about.
 
-    With `forced` also one that reads held-out presses no better than the source, or than their mean.
+    With `forced` also one that reads held-out presses no better than the source, or than their mean. `pressed` is what
+    a readout of any contact has to know, as its source says unless given.
 
     Raises:
         ModelError: the model cannot be transferred, or is a calibration for this gel already.
@@ -143,14 +148,15 @@ def calibrate_by_hand(
     require_source(loaded, str(told['id']))
     presses = HandPresses.read(table)
     progress.say(presses.told)
-    made, rest = _fitted(loaded, presses, progress)
+    pressed = pressed or Pressed()
+    made, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
     said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
     require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
     made = replace(made, objection=said)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     samples = len(presses.rest) + len(presses.pressed)
     card = {
-        **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
+        **kept(pressed.told(loaded.card), made.readout),
         'command': command,
         'made_with': f'tactile_nodes {__version__}',
         'licence': 'the same as tactile_nodes',
@@ -162,7 +168,9 @@ def calibrate_by_hand(
     return save_model(output, replace(loaded.model, readout=made.readout, model_id='unsaved'), card, rest), made
 
 
-def _fitted(loaded: LoadedModel, presses: HandPresses, progress: Progress) -> tuple[PartialTransfer, np.ndarray]:
+def _fitted(
+    loaded: LoadedModel, presses: HandPresses, pressed: Pressed, progress: Progress, *, forced: bool
+) -> tuple[PartialTransfer, np.ndarray]:
     """The calibration, and the rest image that it was measured against."""
     readout, outline = source_readout(loaded), outline_between(loaded, presses.rest_picture)
     if isinstance(outline, str) and not presses.pressed:
@@ -172,8 +180,12 @@ def _fitted(loaded: LoadedModel, presses: HandPresses, progress: Progress) -> tu
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size[0]) as measurer:
         dataset = presses.dataset(measurer)
         half_px, rest = measurer.side / 2, measurer.rest_image
-    if not presses.pressed:
+    if not presses_tell_tips(loaded, pressed):
+        return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), rest
+    if presses.pressed:
+        seen = None if isinstance(outline, str) else outline
+        made = transfer_partial(readout, dataset, seen, half_px, progress)
+    else:
         assert isinstance(outline, OutlineMap)
-        return transfer_outline(readout, outline, half_px), rest
-    seen = None if isinstance(outline, str) else outline
-    return transfer_partial(readout, dataset, seen, half_px, progress), rest
+        made = transfer_outline(readout, outline, half_px)
+    return with_field_by_hand(loaded, made, dataset, pressed, progress), rest

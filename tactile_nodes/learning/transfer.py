@@ -12,8 +12,7 @@ from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.dataset_file import load_dataset
 from tactile_nodes.learning.field.alone import presses_tell_tips, transfer_alone
-from tactile_nodes.learning.field.body import BALL_MM, BODY
-from tactile_nodes.learning.field.calibration import SENSOR, Pressed, with_field
+from tactile_nodes.learning.field.calibration import Pressed, kept, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
 from tactile_nodes.learning.source import require_same_features
@@ -26,8 +25,6 @@ from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.network import NetworkReadout
 
 CALIBRATION = 'calibration'
-KEPT = 'flow', 'encoding', 'crop_px', SENSOR, BODY, BALL_MM
-"""What a calibrated model's card has from its source's."""
 
 Made = Transfer | NetworkTransfer
 
@@ -178,9 +175,8 @@ def card_of(
     source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
     """What a stranger needs to know about the model: that of its source, and what was pressed."""
-    kept = {name: source.loaded.card[name] for name in KEPT if name in source.loaded.card}
     return {
-        **kept,
+        **kept(source.loaded.card, made.readout),
         'command': command,
         'made_with': f'tactile_nodes {__version__}',
         'licence': 'the same as tactile_nodes',

@@ -30,6 +30,7 @@ from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.learning.transfer_whole import HARDNESS, SIZES, Typical
 from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.outline import OutlineMap
 from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensing.uncertainty import Calibration
@@ -56,10 +57,11 @@ UNTOLD_FORCE_N, UNTOLD_PLACE_MM, OUTLINE_PLACE_MM = 0.1, 1.2, 0.3
 class PartialTransfer:
     """A calibrated readout, and how it came about; errors are NaN of what no press told.
 
-    `misfits` are by form, of held-out presses; `held` says in sentences what was kept as on the known gel.
+    `misfits` are by form, of held-out presses; `held` says in sentences what was kept as on the known gel, `field` how
+    the force field was fitted, of a model that has one, or why not.
     """
 
-    readout: AxisymmetricReadout
+    readout: AxisymmetricReadout | FieldReadout
     form: str
     misfits: Mapping[str, float]
     before: Errors
@@ -71,6 +73,7 @@ class PartialTransfer:
     whole: Mapping[str, float]
     presses: int = 0
     objection: str = ''
+    field: str = ''
 
     @property
     def told_presses(self) -> str:

@@ -14,6 +14,7 @@ from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.hand_presses import HandPresses, outline_between
 from tactile_nodes.learning.press_tables import NEWTON_PER_GRAM
 from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -77,6 +78,59 @@ def test_two_rest_images_alone_make_a_model_that_says_what_it_does_not_know(fold
     assert told['form'] == 'outline'
     assert any('as hard as the known one' in sentence for sentence in told['held'])
     assert told['after']['force_rmse_n'] is None
+
+
+def whole_presses(folder: Path, count: int) -> Path:
+    """Presses of 0.1 to 0.5 N whose place and force are known, four pictures untouched, and five weights anywhere."""
+    table, random = contact_table(GEL), np.random.default_rng(11)
+    optics, rows = Optics(GEL, table), [HEADER]
+    for number in range(4):
+        cv2.imwrite(str(folder / f'still{number}.png'), optics.render((), 50 + number))
+        rows.append(f'still{number}.png,,,0')
+    for number, (x, y) in enumerate(random.uniform(-11, 11, (count, 2)).tolist()):
+        force_n = float(random.uniform(0.1, 0.45))
+        cv2.imwrite(
+            str(folder / f'known{number}.png'), optics.render((Press(x, y, table.depth_at(force_n)),), 60 + number)
+        )
+        rows.append(f'known{number}.png,{x:.4f},{y:.4f},{force_n / NEWTON_PER_GRAM:.4f}')
+    rows += [f'press{number}.png,,,50' for number in range(5)]
+    (folder / f'known{count}.csv').write_text('\n'.join(rows) + '\n')
+    return folder / f'known{count}.csv'
+
+
+def test_presses_by_hand_that_are_known_whole_calibrate_the_field_too(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = folder / 'field.safetensors'
+    words = ['--model', 'field', '--gel', 'by-hand', '-o', str(output)]
+    assert main(['calibrate', '--pictures', str(whole_presses(folder, 16)), *words]) == 0
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'force field of 21 presses 16 have a place and a force that are known' in told
+    loaded = load_model(output)
+    readout, source = loaded.model.readout, load_model(find_model('field')).model.readout
+    assert isinstance(readout, FieldReadout)
+    assert isinstance(source, FieldReadout)
+    assert readout.tips is not None
+    # A modulus of 0.09 instead of 0.111 MPa: every force moves the regions by 1.23 times as much.
+    assert np.linalg.norm(readout.response) / np.linalg.norm(source.response) == pytest.approx(0.111 / 0.09, rel=0.08)
+    assert loaded.card['body'] == 'ball:0.6' or loaded.card['ball_mm'] == 0.6
+
+
+def test_presses_of_which_not_all_is_known_leave_the_field_out(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = folder / 'tips.safetensors'
+    words = ['--model', 'field', '--gel', 'by-hand', '-o', str(output)]
+    assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *words]) == 0
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'force field not fitted, so this model reads tips alone: of 8 presses 0 have a place and a force' in told
+    assert load_model(output).model.readout.kind == 'axisymmetric'
+
+
+def test_what_a_punch_shows_by_hand_needs_places_and_forces(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ['--model', 'field', '--body', 'punch:2', '--gel', 'by-hand', '-o', str(folder / 'none.safetensors')]
+    assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *words]) == 1
+    assert 'a calibration needs presses at 5 places at least, and there are 0' in capsys.readouterr().err
 
 
 def test_why_pictures_of_another_size_cannot_be_compared_with_a_simulated_gel_is_told() -> None:

@@ -23,10 +23,14 @@ from tactile_nodes.params import from_mapping, to_values
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensors import Sensor, load_sensor
 
 SENSOR = 'sensor'
 """What a card says of the sensor."""
+
+KEPT = 'flow', 'encoding', 'crop_px'
+"""What a calibrated model's card has from its source's."""
 
 
 def train_field(
@@ -82,6 +86,12 @@ class Pressed:
         return self.sensor or sensor_of(loaded.card, loaded.model_id)
 
 
+def kept(card: Mapping[str, Any], readout: AnyReadout) -> dict[str, Any]:
+    """What a calibrated model's card has from its source's: of a field also what it was pressed by."""
+    names = (*KEPT, SENSOR, BODY, BALL_MM) if isinstance(readout, FieldReadout) else KEPT
+    return {name: card[name] for name in names if name in card}
+
+
 def with_field(
     loaded: LoadedModel,
     made: Transfer,
@@ -97,11 +107,28 @@ def with_field(
     """
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
         return made
-    pressed = pressed or Pressed()
-    sensor, body = pressed.known_sensor(loaded), pressed.known_body(loaded)
-    fit = _fitted(sensor, made.readout, dataset, body, progress or Progress(), curve=curve)
+    fit = fit_beside_tips(loaded, made.readout, dataset, pressed or Pressed(), progress, curve=curve)
     told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
     return replace(made, readout=replace(fit.readout, tips=made.readout), field=told, curve=fit.curve)
+
+
+def fit_beside_tips(
+    loaded: LoadedModel,
+    tips: AxisymmetricReadout,
+    dataset: Dataset,
+    pressed: Pressed,
+    progress: Progress | None = None,
+    *,
+    curve: bool = False,
+) -> FieldFit:
+    """The field of a gel whose tips were calibrated by the same presses.
+
+    Raises:
+        ModelError: neither the person nor the source says what pressed, or what was.
+        ConfigurationError: the body is wider than the gel.
+    """
+    sensor, body = pressed.known_sensor(loaded), pressed.known_body(loaded)
+    return _fitted(sensor, tips, dataset, body, progress or Progress(), curve=curve)
 
 
 def _fitted(
@@ -141,7 +168,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
     made = described(sensor, scaling, progress).readout
     card = {
-        **{name: loaded.card[name] for name in ('flow', 'encoding', 'crop_px')},
+        **{name: loaded.card[name] for name in KEPT},
         **Pressed(sensor, body_of_card(loaded.card, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': 'description'},

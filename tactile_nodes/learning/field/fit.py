@@ -53,6 +53,9 @@ wide contacts of other bodies leave so much more over."""
 CURVE = 0, 10, 30, 100
 """Presses that the error is told for, as far as there are so many."""
 
+NEARLY = 0.9
+"""Of all presses: so many are as good as all."""
+
 
 @dataclass(frozen=True)
 class FieldFit:
@@ -211,7 +214,7 @@ def _curve(judge: _Judge, presses: BodyPresses, start: np.ndarray, fold: Int[np.
     rest = [np.flatnonzero(fold != out) for out in np.unique(fold)]
     most = min(map(len, rest))
     points = []
-    for count in sorted({*(n for n in CURVE if n < most), most}):
+    for count in sorted({*(n for n in CURVE if n < NEARLY * most), most}):
         made = [_few(presses.take(each[:count]), start, fold[each[:count]]) for each in rest]
         form = Counter(name for name, _ in made).most_common(1)[0][0]
         points.append(Point(count, form, judge.read(form, presses, fold, [shares for _, shares in made]).errors))
