@@ -145,24 +145,10 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
 
 
 def _pressed(arguments: argparse.Namespace) -> Pressed:
-    from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.field.body import KnownBody
-    from tactile_nodes.learning.field.calibration import Pressed
+    from tactile_nodes.learning.field.calibration import pressed_by
     from tactile_nodes.model_file import find_model, load_model
-    from tactile_nodes.sensing.explain.readout import FieldReadout
-    from tactile_nodes.sensors import load_sensor
 
-    if not (arguments.sensor or arguments.body):
-        return Pressed()
-    loaded = load_model(find_model(arguments.model))
-    if not isinstance(loaded.model.readout, FieldReadout):
-        raise ConfigurationError('--sensor and --body go with a model of any contact: --model field')
-    pressed = Pressed(
-        load_sensor(arguments.sensor) if arguments.sensor else None,
-        KnownBody.named(arguments.body) if arguments.body else None,
-    )
-    pressed.known_body(loaded).require_within(pressed.known_sensor(loaded))
-    return pressed
+    return pressed_by(load_model(find_model(arguments.model)), arguments.sensor or '', arguments.body)
 
 
 def _of_description(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from tactile_nodes.estimating import Inputs
 from tactile_nodes.learning.building import gel_told
 from tactile_nodes.learning.calibrating import Presses, Written, finish, new_file, take_presses
 from tactile_nodes.learning.calibrator import Calibrator, Fitted, StopRule
+from tactile_nodes.learning.field.calibration import pressed_by
 from tactile_nodes.learning.live_model import LiveModel
 from tactile_nodes.learning.transfer import Source
 from tactile_nodes.learning.transfer_fit import Transfer
@@ -29,6 +30,7 @@ class CalibrationSettings:
 
     model: str = parameter('portable', 'the model to begin with: name of one that ships, or a file', read_only=True)
     gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
+    body: str = parameter('', 'of a model of any contact: what presses, like punch:1.5; empty: as the model says')
     folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
     output: str = parameter('', 'file to write instead; one that is there already is replaced')
     bag: str = parameter('', 'take the presses of this bag; empty: of the running rig', read_only=True)
@@ -47,16 +49,17 @@ class CalibrationSession:
         tell: what a person reads, a line at a time.
 
     Raises:
-        ModelError, ConfigurationError: there is no such model or gel, nothing can be calibrated from it, or no file can
-            be written where it is to go: said before anything is pressed.
+        ModelError, ConfigurationError: there is no such model, gel or body, nothing can be calibrated from it, or no
+            file can be written where it is to go: said before anything is pressed.
     """
 
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
         self._settings, self._tell = settings, tell
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
-        self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule)
-        self._written = Written(self._source, self.calibrator, 'tactile launch calibrate')
+        pressed = pressed_by(self._source.loaded, body=settings.body)
+        self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule, pressed=pressed)
+        self._written = Written(self._source, self.calibrator, 'tactile launch calibrate', pressed=pressed)
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
         """The whole of it, once; the file that was written. The rig that presses is asked to end in any case.
@@ -77,6 +80,8 @@ class CalibrationSession:
         model_id = self._written.to(file, self._replaced(live, file))
         self._tell(f'{file}: model {model_id}, from {made.presses} presses')
         self._tell(_summary(made))
+        if self._written.made is not None and self._written.made.field:
+            self._tell(f'force field {self._written.made.field}')
         if live is not None and live.present:
             live.use(file)
             self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')

@@ -17,6 +17,7 @@ from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.bags import RecordedPress
 from tactile_nodes.learning.building import Builder, BuildOptions
 from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.field.alone import centre_of, centres
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.measuring import Measurer
 from tactile_nodes.learning.progress import Progress
@@ -135,6 +136,7 @@ class Calibrator:
     ) -> None:
         require_source(loaded, str(gel['id']))
         self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
+        self._centre = centres(loaded, pressed or Pressed())
         self._pressed, self._forced, self._curve = pressed, forced, curve
         flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
         crop = loaded.image_size[0]
@@ -182,8 +184,8 @@ class Calibrator:
         self._require_fitting(press, samples[0].reference_id)
         self.require_live_gel()
         sample = samples[0]
-        before = _reading(self.loaded.model.readout, sample, self._builder)
-        after = _reading(self.made.readout, sample, self._builder) if self.made else None
+        before = self._reading(self.loaded.model.readout, sample)
+        after = self._reading(self.made.readout, sample) if self.made else None
         self.read.append(PressRead(self.presses, sample.force_n, before, after))
         return self.read[-1]
 
@@ -238,6 +240,12 @@ class Calibrator:
         """Keep what was measured."""
         self._measurer.close()
 
+    def _reading(self, readout: Any, sample: Sample) -> Reading:
+        found = readout.read(sample.features.astype(np.float32), self._builder.shelf.confidence(sample))
+        (right, down), (x_mm, y_mm) = self._centre(sample.force_n), sample.position_mm
+        x, y, force_n = centre_of(found.contacts)
+        return Reading(force_n - sample.force_n, math.hypot(x - x_mm - right, y - y_mm - down))
+
     def _require_fitting(self, press: RecordedPress, reference: str) -> None:
         assert press.reference is not None  # or it could not have been measured
         needed = self.loaded.image_size[0]
@@ -269,9 +277,3 @@ def _attempts(recordings: RecordedPresses) -> bytes:
     """Which attempts the presses are: another may count later on, and the rig may find one doubtful, at any number."""
     each = recordings
     return np.column_stack([each.bag, each.plan, each.press, each.attempt, each.window_ns]).tobytes()
-
-
-def _reading(readout: Any, sample: Sample, builder: Builder) -> Reading:
-    contact = readout.read(sample.features.astype(np.float32), builder.shelf.confidence(sample)).contacts[0]
-    x_mm, y_mm = sample.position_mm
-    return Reading(contact.force_n - sample.force_n, math.hypot(contact.x_mm - x_mm, contact.y_mm - y_mm))

@@ -12,6 +12,7 @@ from tactile_nodes.learning.onnx_parts import write_answer, write_inputs
 from tactile_nodes.learning.onnx_response import write_response
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.paths import check_output, write_whole
+from tactile_nodes.sensing.explain.readout import FieldReadout
 from tactile_nodes.sensing.network import NetworkReadout
 from tactile_nodes.sensing.response_readout import ResponseReadout
 
@@ -31,6 +32,12 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
         ModelError: there is no graph of its kind of readout yet.
     """
     writer, readout = Writer(), loaded.model.readout
+    if isinstance(readout, FieldReadout):
+        raise ModelError(
+            f'model {loaded.model_id} is a force field, which is solved for frame by frame, and no export holds that '
+            'solver: its first, linear answer alone smears force over the surface; run it with tactile_nodes itself '
+            '(tactile launch live, without torch), or export fast, which reads tips'
+        )
     if not isinstance(readout, NetworkReadout | ResponseReadout):
         raise ModelError(
             f'model {loaded.model_id} is {readout.kind}, which cannot be exported; export a network or a measured '

@@ -41,8 +41,8 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout
         return readout
     if readout.tips is None:
         raise ModelError(
-            f'model {loaded.model_id} follows from a description alone and knows no press; begin with one that does, '
-            'such as field'
+            f'model {loaded.model_id} is a field alone, without what reads tips, by which presses are checked; begin '
+            'with one that has both, such as field'
         )
     return readout.tips
 

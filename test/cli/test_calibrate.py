@@ -11,9 +11,11 @@ from body_presses import BodySensor
 from press_bags import spread_collection
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.dataset_file import FORMAT, FORMAT_VERSION, save_dataset
+from tactile_nodes.learning.field.body import body_of_card
 from tactile_nodes.learning.labels import force_labels
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recordings import RecordedPresses
@@ -228,6 +230,30 @@ def test_presses_of_a_square_calibrate_the_field_alone(
     assert isinstance(readout, FieldReadout)
     assert readout.tips is None
     assert (loaded.card['body'], 'ball_mm' in loaded.card) == ('square', False)
+
+
+@pytest.mark.timeout(240)
+def test_presses_of_the_tip_calibrate_tips_and_field(
+    other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    output = tmp_path / 'gel-7.safetensors'
+    words = ['--model', 'field', '--gel', 'gel-7', '--curve', '-o', str(output)]
+    assert main(['calibrate', str(other_bag), *words]) == 0
+    told = capsys.readouterr().out
+    assert 'it reads held-out presses' in told
+    none, some = (line for line in told.splitlines() if ' presses: force RMSE' in line)
+    assert none.strip().startswith('0 presses') and some.strip().startswith('8 presses')
+    loaded = load_model(output)
+    readout = loaded.model.readout
+    assert isinstance(readout, FieldReadout)
+    assert readout.tips is not None
+    assert body_of_card(loaded.card, loaded.model_id).told == 'ball:0.6'
+
+
+def test_a_source_that_was_pressed_by_a_mesh_asks_what_presses_now(model: Path) -> None:
+    with pytest.raises(ModelError, match=r'was made by presses of part\.stl; say what presses now: --body ball:0\.6'):
+        body_of_card({'body': 'part.stl'}, load_model(model).model_id)
 
 
 def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ import pytest
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.learning.field.body import body_of_card
 from tactile_nodes.learning.hand_presses import HandPresses, outline_between
 from tactile_nodes.learning.press_tables import NEWTON_PER_GRAM
 from tactile_nodes.model_file import find_model, load_model
@@ -113,7 +114,7 @@ def test_presses_by_hand_that_are_known_whole_calibrate_the_field_too(
     assert readout.tips is not None
     # A modulus of 0.09 instead of 0.111 MPa: every force moves the regions by 1.23 times as much.
     assert np.linalg.norm(readout.response) / np.linalg.norm(source.response) == pytest.approx(0.111 / 0.09, rel=0.08)
-    assert loaded.card['body'] == 'ball:0.6' or loaded.card['ball_mm'] == 0.6
+    assert body_of_card(loaded.card, loaded.model_id).told == 'ball:0.6'
 
 
 def test_presses_of_which_not_all_is_known_leave_the_field_out(

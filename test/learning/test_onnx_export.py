@@ -108,6 +108,12 @@ def test_a_card_with_odd_numbers_is_refused_in_a_sentence(
         load_model(tmp_path / 'odd.safetensors')
 
 
+def test_a_force_field_is_refused_with_what_to_use_instead(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r'solved for frame by frame.*run it with tactile_nodes itself.*export fast'):
+        export_onnx(load_model(find_model('field')), tmp_path / 'field.onnx')
+    assert not (tmp_path / 'field.onnx').exists()
+
+
 def test_numbers_that_overflow_are_refused_in_a_sentence(tmp_path: Path) -> None:
     made = response()
     readout = replace(made.model.readout, calibration=Calibration(force_floor_n=1e308))

@@ -6,13 +6,16 @@ camera of another gel, and nothing that a ring or a punch shows says better.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.field.calibration import Pressed, known_presses
-from tactile_nodes.learning.field.fit import fit_field
-from tactile_nodes.learning.field.presses import BodyPresses
+from tactile_nodes.learning.field.fit import fit_field, regions_of
+from tactile_nodes.learning.field.presses import BodyPresses, Pressures
 from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer_checks import (
@@ -25,6 +28,7 @@ from tactile_nodes.learning.transfer_fit import OtherGel, Transfer
 from tactile_nodes.learning.transfer_source import axisymmetric_source
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.reading import Contact
 
 BENT = 0.1
 """Share of the median force by which presses seem to begin aside of nothing because the layer is not quite linear: of
@@ -38,6 +42,32 @@ def presses_tell_tips(loaded: LoadedModel, pressed: Pressed) -> bool:
         ModelError: nobody says what pressed.
     """
     return not isinstance(loaded.model.readout, FieldReadout) or pressed.known_body(loaded).is_ball
+
+
+def centres(loaded: LoadedModel, pressed: Pressed) -> Callable[[float], tuple[float, float]]:
+    """Where the middle of the pressure is beside the body's origin (mm), by its force.
+
+    Raises:
+        ModelError: nobody says what pressed.
+    """
+    readout = loaded.model.readout
+    if not isinstance(readout, FieldReadout) or presses_tell_tips(loaded, pressed):
+        return lambda _: (0.0, 0.0)
+    pressures = Pressures(regions_of(pressed.known_sensor(loaded), readout.scaling), pressed.known_body(loaded))
+
+    def centre(force_n: float) -> tuple[float, float]:
+        x, y = pressures.about(force_n).centre_mm.tolist()
+        return x, y
+
+    return centre
+
+
+def centre_of(contacts: Sequence[Contact]) -> tuple[float, float, float]:
+    """Where the middle of what is read lies (mm), and the whole force (N); NaN of the middle of no force."""
+    force = np.array([each.force_n for each in contacts])
+    places = np.array([[each.x_mm, each.y_mm] for each in contacts])
+    x, y = (force @ places / force.sum()).tolist() if force.sum() > 0 else (math.nan, math.nan)
+    return x, y, float(force.sum())
 
 
 def transfer_alone(
@@ -83,7 +113,6 @@ def _read(readout: FieldReadout, dataset: Dataset, presses: BodyPresses) -> Floa
     errors = []
     for row, centre, force_n in zip(presses.rows.tolist(), presses.centre_mm, presses.force_n, strict=True):
         found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
-        told = np.array([[each.x_mm, each.y_mm, each.force_n] for each in found.contacts])
-        place = told[:, 2] @ told[:, :2] / told[:, 2].sum() if told[:, 2].sum() > 0 else np.full(2, np.nan)
-        errors.append((*(place - centre), found.normal_force_n.sum() - force_n))
+        x, y, _ = centre_of(found.contacts)
+        errors.append((x - centre[0], y - centre[1], found.normal_force_n.sum() - force_n))
     return np.reshape(errors, (-1, 3)).astype(float)

@@ -86,6 +86,25 @@ class Pressed:
         return self.sensor or sensor_of(loaded.card, loaded.model_id)
 
 
+def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed:
+    """What a person says of sensor and body, by their names; empty: as the model says.
+
+    Raises:
+        ConfigurationError: there is none of that name, the body is wider than the gel, or the model has no force field.
+        ModelError: the model does not say what the person leaves out.
+    """
+    if not (sensor or body):
+        return Pressed()
+    if not isinstance(loaded.model.readout, FieldReadout):
+        raise ConfigurationError(
+            f'a sensor and a body go with a model of any contact, such as field, and {loaded.model_id} is '
+            f'{loaded.model.readout.kind}'
+        )
+    pressed = Pressed(load_sensor(sensor) if sensor else None, KnownBody.named(body) if body else None)
+    pressed.known_body(loaded).require_within(pressed.known_sensor(loaded))
+    return pressed
+
+
 def kept(card: Mapping[str, Any], readout: AnyReadout) -> dict[str, Any]:
     """What a calibrated model's card has from its source's: of a field also what it was pressed by."""
     names = (*KEPT, SENSOR, BODY, BALL_MM) if isinstance(readout, FieldReadout) else KEPT

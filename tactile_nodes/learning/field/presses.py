@@ -28,6 +28,8 @@ LEAST_LINEAR, MOST_FITTED = 10, 300
 STEP = 1.25
 """Forces that differ by less than so many times share the shape of their pressure: a ball's contact differs by 8 %."""
 
+LIGHTEST_N = 1e-3
+
 DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.15
 """How far regions differ: in what a depth counts, as a share of its fifth, and in how far off their rays are (mm).
 
@@ -127,6 +129,10 @@ class Pressures:
         if step not in self._known:
             self._known[step] = self._indenter.pressed(STEP**step)
         return self._known[step]
+
+    def about(self, force_n: float) -> Indentation:
+        """The pressure of the step that a force is in; of none that of the lightest."""
+        return self.at(int(self.steps(np.array([max(force_n, LIGHTEST_N)]))[0]))
 
     def linear(self, force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' chosen']:
         """Presses that are light enough for the linear layer; of heavy ones the lightest.
