@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from tactile_nodes.sensing.compiling import compiled_loops
 
-STEPS = 30
+STEPS = 20
 TINY = 1e-12
 RELAXED = 1.6
 STIFF = 0.03

@@ -1,9 +1,10 @@
 """The force field that explains how regions move: normal force and shear on patches of the surface.
 
-Least squares under p >= 0 and |q| <= p, over the patches of those bins in which a linear answer finds force. A uniform
-pressure on an incompressible layer moves next to nothing, so that any smear of it would fit: a reweighted l1 term holds
-a patch down the more, the less force there is around it, and less where the contact is wide. What the camera itself
-moved by is found with the forces. Which region counts how much is in `tactile_nodes.sensing.explain.weights`.
+Least squares under p >= 0 and |q| <= p: first on those bins in which a linear answer finds force, then on the patches
+around which there is some. A uniform pressure on an incompressible layer moves next to nothing, so that any smear of it
+would fit: a reweighted l1 term holds a patch down the more, the less force there is around it, and less where the
+contact is wide. What the camera itself moved by is found with the forces. Which region counts how much is in
+`tactile_nodes.sensing.explain.weights`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.elasticity.patches import PER_BIN, PatchGrid
 from tactile_nodes.sensing.explain.cone import STEPS, inverse_root, least_squares
 from tactile_nodes.sensing.explain.weights import Weights, region_weights
 
@@ -33,8 +34,9 @@ is filled rather than held down, by so much less as the square of their number s
 UNSEEN_N = 0.012
 """What noise allows to be on a patch whose force is told as none."""
 
-FIRST_STEPS = 15
-"""Of the solver, to what holds patches down in the end."""
+ON_BINS, FIRST_STEPS = 2.0, 10
+"""How much more bins are held down than patches, and steps of the solver on them: all that comes of it is which patches
+are solved on, and what holds them down."""
 
 GRANTED = 50.0
 """Weight of a ridge term (1/N²), which holds all forces: none is some hundred mN for nothing."""
@@ -46,7 +48,7 @@ ACTIVE, LEAST_N = 0.05, 1e-3
 """Bins are solved on that hold this share of the strongest bin's force, and so much."""
 
 DROPPED = 1e-4
-"""Share of the force: patches around which there is less are left out of the next round."""
+"""Share of the force: patches around which bins hold less are not solved on."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +109,18 @@ class FieldSolver:
         return Weights.of(region_weights(motion, confidence, noise_px, self.doubt), self.camera)
 
     @cached_property
+    def _by_bin(self) -> Float32[np.ndarray, 'unknowns rows']:
+        """What 1 N of each force moves, even over a bin."""
+        member = self.patches.member / PER_BIN**2
+        by_bin = [member.T @ part for part in np.split(self.response.T.astype(float), 3)]
+        return np.concatenate(by_bin).astype(np.float32)
+
+    @cached_property
     def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:
         """The linear answer on bins, of motion with its usual noise alone; what the camera moves is left out."""
-        member = self.patches.member * (self.patches.bins.count / self.patches.count)
-        on_bins = np.concatenate([part @ member for part in np.split(self.response.astype(float), 3, axis=1)], axis=1)
-        even = Weights.of(np.full(len(on_bins) // 2, self.noise_px**-2), self.camera).times(on_bins.T)
-        solved: np.ndarray = np.linalg.solve(even @ on_bins + COARSE * np.eye(len(even)), even)
+        on_bins = self._by_bin.astype(float)
+        even = Weights.of(np.full(on_bins.shape[1] // 2, self.noise_px**-2), self.camera).times(on_bins)
+        solved: np.ndarray = np.linalg.solve(even @ on_bins.T + COARSE * np.eye(len(even)), even)
         return solved
 
     def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, '3 bins']:
@@ -127,56 +135,65 @@ class FieldSolver:
         coarse: Float[np.ndarray, '3 bins'] | None = None,
     ) -> Field:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
-        count, flat = self.patches.count, motion.reshape(-1).astype(float)
+        flat = motion.reshape(-1).astype(float)
         around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
-        active = np.flatnonzero((around > max(ACTIVE * around.max(), LEAST_N))[self.patches.bin_of])
-        pressed = around[self.patches.bin_of] * self.patches.bins.count / count
+        bins = np.flatnonzero(around > max(ACTIVE * around.max(), LEAST_N))
+        if not bins.size:
+            return self._nothing(flat, weights)
+        pressed = self._on_bins(bins, around, flat, weights)
+        some = self._nearby(pressed) > DROPPED * pressed.sum()
+        active = np.flatnonzero(some & np.isin(self.patches.bin_of, bins))
         if not active.size:
             return self._nothing(flat, weights)
-        information, evidence = self._evidence(active, flat, weights)
-        first = self._solved(information, evidence, active, pressed, FIRST_STEPS)
-        # Patches around which there is next to nothing are left out; what is known of the others stays.
-        kept = self._nearby(first[0])[active] > DROPPED * first[0].sum()
-        if not kept.any():
-            return self._nothing(flat, weights)
-        active, chosen = active[kept], np.tile(kept, 3)
-        information = information[np.ix_(chosen, chosen)]
-        forces = self._solved(information, evidence[chosen], active, first[0], STEPS)
-        return self._field(forces, active, information, flat, weights)
-
-    def _evidence(
-        self, active: Int[np.ndarray, ' n'], motion: Float[np.ndarray, ' rows'], weights: Weights
-    ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
-        """What the motion says of the forces on some patches: its information on them (the lower half), and that times
-        the best ones."""
-        caused = self._caused(active)
-        information = weights.among(caused)
-        information[np.diag_indices(len(information))] += np.float32(GRANTED)
-        return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
-
-    def _solved(
-        self,
-        information: Float32[np.ndarray, 'm m'],
-        evidence: Float32[np.ndarray, ' m'],
-        active: Int[np.ndarray, ' n'],
-        pressed: Float[np.ndarray, ' patches'],
-        steps: int,
-    ) -> Float[np.ndarray, '3 patches']:
-        """The best forces in the cone, patches held down as `pressed` says what is around them."""
-        towards = evidence.copy()
-        towards[: active.size] -= self._held(pressed)[active].astype(np.float32)
+        caused = self._caused(self._by_force, active)
+        information, evidence = self._evidence(caused, GRANTED, flat, weights)
+        evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
-        forces[:, active] = least_squares(information, towards, FRICTION, steps).reshape(3, -1)
-        return forces
+        forces[:, active] = least_squares(information, evidence, FRICTION, STEPS).reshape(3, -1)
+        left = flat - forces[:, active].reshape(-1) @ caused
+        return Field(forces, active, inverse_root(information), *self._fit(flat, left, weights))
+
+    def _on_bins(
+        self,
+        bins: Int[np.ndarray, ' n'],
+        around: Float[np.ndarray, ' bins'],
+        motion: Float[np.ndarray, ' rows'],
+        weights: Weights,
+    ) -> Float[np.ndarray, ' patches']:
+        """The normal force of the best answer on some bins, as each patch has its share; `around` is the linear one."""
+        caused = self._caused(self._by_bin, bins)
+        information, evidence = self._evidence(caused, GRANTED / PER_BIN**2, motion, weights)
+        held = self._held(self._shared(around)) @ self.patches.member[:, bins]
+        evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
+        pressed = np.zeros(self.patches.bins.count)
+        pressed[bins] = least_squares(information, evidence, FRICTION, FIRST_STEPS)[: bins.size]
+        return self._shared(pressed)
+
+    def _shared(self, on_bins: Float[np.ndarray, ' bins']) -> Float[np.ndarray, ' patches']:
+        """Forces on bins as even ones on their patches."""
+        shared: np.ndarray = on_bins[self.patches.bin_of] / PER_BIN**2
+        return shared
+
+    @staticmethod
+    def _evidence(
+        caused: Float32[np.ndarray, 'm rows'], granted: float, motion: Float[np.ndarray, ' rows'], weights: Weights
+    ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
+        """What the motion says of forces: its information on them (the lower half), and that times the best ones."""
+        information = weights.among(caused)
+        information[np.diag_indices(len(information))] += np.float32(granted)
+        return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
 
     @cached_property
     def _by_force(self) -> Float32[np.ndarray, 'unknowns rows']:
         return np.ascontiguousarray(self.response.T)
 
-    def _caused(self, active: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'm rows']:
-        """What 1 N of each force on some patches moves: a row a force."""
-        count = self.patches.count
-        rows: np.ndarray = self._by_force[np.concatenate([active, active + count, active + 2 * count])]
+    @staticmethod
+    def _caused(
+        by_force: Float32[np.ndarray, 'unknowns rows'], active: Int[np.ndarray, ' n']
+    ) -> Float32[np.ndarray, 'm rows']:
+        """What 1 N of each force on some patches or bins moves: a row a force."""
+        count = len(by_force) // 3
+        rows: np.ndarray = by_force[np.concatenate([active, active + count, active + 2 * count])]
         return rows
 
     def _nearby(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
@@ -188,12 +205,6 @@ class FieldSolver:
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         filled = min(1.0, (WIDE / spread_over(pressed)) ** 2)
         return HELD * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
-
-    def _field(
-        self, forces: np.ndarray, active: np.ndarray, information: np.ndarray, motion: np.ndarray, weights: Weights
-    ) -> Field:
-        left = motion - forces[:, active].reshape(-1) @ self._caused(active)
-        return Field(forces, active, inverse_root(information), *self._fit(motion, left, weights))
 
     def _nothing(self, motion: np.ndarray, weights: Weights) -> Field:
         none = np.zeros((3, self.patches.count))
