@@ -274,7 +274,7 @@ class Estimating:
         """The fine maps beside the force that was answered last; None of a model that knows none."""
         if self._acting is None or self._acting.field is None:
             return None
-        return conversions.field_message(self._acting.field, self.now.loaded.model.bins, force)
+        return conversions.field_message(self._acting.field(), self.now.loaded.model.bins, force)
 
     def _found(self, features: types.FlowFeatures) -> ForceMap:
         if features.reasons & UNMEASURED:

@@ -199,14 +199,18 @@ class AxisymmetricReadout:
         motion[lost] = 0.0
         return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
 
-    def fit(self, seen: Seen, most_contacts: int = 0) -> Fit:
-        """As few contacts as explain what is seen, so many at most; 0: `most_contacts`. Not yet corrected."""
+    def fit(self, seen: Seen, most_contacts: int = 0, worth: float = math.inf) -> Fit:
+        """As few contacts as explain what is seen, so many at most; 0: `most_contacts`. Not yet corrected.
+
+        `worth`: so many that leave more than so many times of what they may (not squared) are of no use.
+        """
         most = most_contacts or self.most_contacts
-        fit = self._locate(seen, self._start(seen.motion)[None])
+        fit = self._locate(seen, self._start(seen.motion)[None], worth if most == 1 else math.inf)
         limit = self.calibration.misfit_limit**2
         while fit.misfit > limit and len(fit.contacts) < most:
             left = (seen.motion - self.response.motion(fit.contacts).sum(axis=0)) * (seen.certainty > 0)
-            more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]))
+            last = len(fit.contacts) + 1 == most
+            more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]), worth if last else math.inf)
             if more.misfit > 0.5 * fit.misfit:
                 break
             fit = more
@@ -229,20 +233,25 @@ class AxisymmetricReadout:
         pattern = float(motion @ motion) - motion.size * noise_px**2
         return min(float((along * along / np.maximum(squares, 1e-12)).max()) / max(pattern, 1e-12), 1.0)
 
-    def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3']) -> Fit:
-        """Gauss-Newton from `begin` to the most probable contacts."""
+    def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
+        """Gauss-Newton from `begin` to the most probable contacts; to those of no use it does not go."""
         half = self.bins.width_mm / 2, self.bins.height_mm / 2
         high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
         granted, hopeless = damping(len(begin)), HOPELESS * self.calibration.misfit_limit**2
+        count = max(int((seen.certainty > 0).sum()), 1)
+        useless = (worth * self.calibration.misfit_limit) ** 2 * count
         here, found = begin.copy(), []
         for _ in range(MOST_STEPS):
             fit, down, cost = self._compare(seen, here)
             found.append((cost, fit))
             if len(found) > 1 and fit.misfit > max(hopeless, SLOW * found[-2][1].misfit):
                 break
-            step = np.linalg.solve(fit.information + granted, down).reshape(-1, 3)
+            step = np.linalg.solve(fit.information + granted, down)
+            if fit.misfit * count - float(down @ step) > useless:
+                break  # what would be left if motion were as straight as it is here
+            step = step.reshape(-1, 3)
             moved = np.clip(here + np.clip(step, -largest, largest), low, high)
             if (np.abs(moved - here) < CONVERGED).all() or not moved[:, 2].any():
                 break

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -74,7 +75,8 @@ class Acting:
     """All that acts on the surface, beside the normal force on the bins, of a readout that knows.
 
     `explanation` is the simplest that explains the motion: 'nothing', 'tips' or 'field'. `wrench` is force x, y, z (N)
-    and torque x, y, z (N mm) on the gel about the frame's origin; pressing is -z.
+    and torque x, y, z (N mm) on the gel about the frame's origin; pressing is -z. `field` makes the fine maps, for
+    those who ask.
     """
 
     explanation: str
@@ -82,7 +84,7 @@ class Acting:
     normal_sigma_n: Float32[np.ndarray, 'rows cols']
     wrench: Float[np.ndarray, ' 6']
     wrench_covariance: Float[np.ndarray, '6 6']
-    field: SurfaceField | None = None
+    field: Callable[[], SurfaceField] | None = None
 
 
 @dataclass(frozen=True)

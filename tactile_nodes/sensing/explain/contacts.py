@@ -46,13 +46,7 @@ def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'
     centre = pressed @ patches.centres_mm / total
     away = patches.centres_mm - centre
     torsion = float((away[:, 0] * shear[1] - away[:, 1] * shear[0]).sum())
-    inside = part[field.active]
-    one, none = inside.astype(float), np.zeros(len(field.active))
-    x, y = (away[field.active] * one[:, None]).T
-    normal, along, turning = (
-        field.deviation(np.concatenate(each)) for each in ((one, none, none), (none, one, none), (none, -y, x))
-    )
-    across = field.deviation(np.concatenate([x / total, none, none]))
+    normal, along, turning, across = field.deviations(_levers(away[field.active], part[field.active], total)).tolist()
     lever = float(np.sqrt((pressed * np.square(away).sum(axis=1)).sum() / total))
     region = Region(
         (float(shear[0].sum()), float(shear[1].sum())), spread.shear_n(along, total), torsion,
@@ -62,6 +56,18 @@ def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'
         float(centre[0]), float(centre[1]), total, spread.place_mm(across), spread.normal_n(normal, total),
         UNKNOWN, UNKNOWN, region,
     )  # fmt: skip
+
+
+def _levers(
+    away: Float[np.ndarray, 'active 2'], inside: Bool[np.ndarray, ' active'], total: float
+) -> Float[np.ndarray, 'm 4']:
+    """What of the active patches' forces makes a contact's normal force, its shear along x, its torsion, and where it
+    is along x."""
+    levers = np.zeros((3, len(away), 4))
+    x, y = away.T * inside
+    levers[0, :, 0] = levers[1, :, 1] = inside
+    levers[1, :, 2], levers[2, :, 2], levers[0, :, 3] = -y, x, x / total
+    return levers.reshape(-1, 4)
 
 
 def _extent(
@@ -74,11 +80,11 @@ def _extent(
     within = pressed >= HALF * pressed.max()
     width, height = patches.size_mm
     about = away[within] - away[within].mean(axis=0)
-    second = about.T @ about / within.sum() + np.diag([width**2, height**2]) / 12
-    sizes, axes = np.linalg.eigh(second)
-    long, short = math.sqrt(12 * sizes[1]), math.sqrt(12 * sizes[0])
-    angle = math.atan2(float(axes[1, 1]), float(axes[0, 1]))
-    return float(within.sum()) * width * height, long, short, (angle + math.pi / 2) % math.pi - math.pi / 2
+    count = len(about)
+    (xx, xy), (_, yy) = (12 * (about.T @ about) / count).tolist()
+    xx, yy = xx + width**2, yy + height**2
+    mean, off = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)  # of Mohr's circle
+    return count * width * height, math.sqrt(mean + off), math.sqrt(mean - off), math.atan2(2 * xy, xx - yy) / 2
 
 
 def slip_share(pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, '2 patches']) -> float:

@@ -75,9 +75,10 @@ class Field:
         """How far the force is spread beyond a contact of which all is seen: 0, to 1 where it is twice as wide."""
         return float(np.clip(spread_over(self.forces_n[0]) / WIDE - 1, 0.0, 1.0))
 
-    def deviation(self, levers: Float[np.ndarray, ' m']) -> float:
-        """Standard deviation of a sum of the active patches' forces, each times its lever."""
-        return float(np.linalg.norm(self.root @ levers))
+    def deviations(self, levers: Float[np.ndarray, 'm sums']) -> Float[np.ndarray, ' sums']:
+        """Standard deviations of sums of the active patches' forces, or of the first of them, each times its lever."""
+        each = self.root[:, : len(levers)] @ levers.astype(self.root.dtype)
+        return np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
@@ -137,12 +138,11 @@ class FieldSolver:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
         flat = motion.reshape(-1).astype(float)
         around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
-        bins = np.flatnonzero(around > max(ACTIVE * around.max(), LEAST_N))
-        if not bins.size:
+        on = around > max(ACTIVE * around.max(), LEAST_N)
+        if not on.any():
             return self._nothing(flat, weights)
-        pressed = self._on_bins(bins, around, flat, weights)
-        some = self._nearby(pressed) > DROPPED * pressed.sum()
-        active = np.flatnonzero(some & np.isin(self.patches.bin_of, bins))
+        pressed = self._on_bins(np.flatnonzero(on), around, flat, weights)
+        active = np.flatnonzero((self._nearby(pressed) > DROPPED * pressed.sum()) & on[self.patches.bin_of])
         if not active.size:
             return self._nothing(flat, weights)
         caused = self._caused(self._by_force, active)

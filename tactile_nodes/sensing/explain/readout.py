@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -35,6 +35,10 @@ RUBBED = 0.35
 
 ONE_SHARE = 0.8
 """Of the motion that one place shows: tips between those of the table explain 0.84 of it and more."""
+
+WORTH = 2.0
+"""Unlikeness beyond which tips are no explanation: before they are found, contacts of other bodies are at 2.2 and more,
+tips at 1.0, two at 1.6."""
 
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
@@ -122,7 +126,7 @@ class FieldReadout:
         coarse = self.solver.coarse(motion)
         tips = self._tips(coarse, values, confidence)
         if tips is not None and tips[0].unlikeness <= ALIKE:
-            return tips[0]
+            return self._with_acting(tips[0])
         found = self.solver.field(motion, weights, coarse)
         unlike, count = found.misfit / self.misfit_limit, len(found.active)
         if found.gain < max(self.least_gain, count):
@@ -130,7 +134,7 @@ class FieldReadout:
         if tips is not None:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
-                return tips[0]
+                return self._with_acting(tips[0])
         return self._told(found, unlike)
 
     def _tips(
@@ -143,19 +147,21 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        if count == 1:
-            noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
-            if self.tips.share_of_one(seen, noise_px) < ONE_SHARE:
-                return None
-        fit = self.tips.fit(seen, count)
+        noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
+        if count == 1 and self.tips.share_of_one(seen, noise_px) < ONE_SHARE:
+            return None
+        worth = WORTH * max(1.0, noise_px / self._usual_px)
+        fit = self.tips.fit(seen, count, worth)
+        if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
+            return None
         left = self.tips.left_over(seen, fit)
-        reading = self.tips.told(seen, fit, self._noisier(left))
-        return replace(reading, acting=self._of_tips(reading)), left
+        noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self._usual_px)
+        return self.tips.told(seen, fit, noisier), left
 
-    def _noisier(self, left: Float32[np.ndarray, 'rows cols 2']) -> float:
-        """How many times as noisy as usual a picture is of which so much motion is left over; at least 1."""
-        usual_px = FOUND_NOISE * float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
-        return max(1.0, noise_of(left, self._inside) / usual_px)
+    @cached_property
+    def _usual_px(self) -> float:
+        """The noise of the median region."""
+        return float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
 
     def prepare(self) -> None:
         """Make all that the first frame would wait for."""
@@ -187,7 +193,7 @@ class FieldReadout:
         wrench, covariance = spread.wrench(found, patches)
         acting = Acting(
             'field', np.moveaxis(forces[1:], 0, -1), spread.bins_n(found, patches).astype(np.float32),
-            wrench, covariance, self._surface(found, widened),
+            wrench, covariance, partial(self._surface, found, widened),
         )  # fmt: skip
         sigma_n = math.sqrt(covariance[2, 2])
         return Reading(forces[0], contacts_of(found, patches, spread), sigma_n, unlike, acting=acting)
@@ -213,15 +219,15 @@ class FieldReadout:
         off = np.diag(np.square([self.spread.nominal[0]] * 3 + [self.spread.nominal[0] * self.bins.width_mm / 4] * 3))
         return Acting(
             'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, UNSEEN_N, np.float32), np.zeros(6), off,
-            self._surface(still, 1.0),
+            partial(self._surface, still, 1.0),
         )  # fmt: skip
 
     def _untouched(self, unlike: float) -> Reading:
         none, sigma_n = np.zeros((self.bins.rows, self.bins.cols), np.float32), self.spread.nominal[0]
         return Reading(none, (Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n),), sigma_n, unlike, acting=self.nothing())
 
-    def _of_tips(self, reading: Reading) -> Acting:
-        """What tips do beside their normal force: no shear, and pressure on the patches about their places."""
+    def _with_acting(self, reading: Reading) -> Reading:
+        """Tips with what they do beside: no shear, and pressure on the patches about their places."""
         patches = self.solver.patches
         pressed = np.zeros(patches.count)
         for each in reading.contacts:
@@ -235,7 +241,8 @@ class FieldReadout:
         none = np.zeros((self.bins.rows, self.bins.cols, 2), np.float32)
         share = reading.total_sigma_n / max(float(force.sum()), 1e-6)
         sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)
-        return Acting('tips', none, sigma, wrench, covariance, self._surface(still, 1.0))
+        acting = Acting('tips', none, sigma, wrench, covariance, partial(self._surface, still, 1.0))
+        return replace(reading, acting=acting)
 
 
 def _about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:

@@ -34,6 +34,8 @@ class FieldSpread:
 
     def times(self, factor: float) -> FieldSpread:
         """With deviations that are so much larger."""
+        if factor == 1:
+            return self
         names = 'normal', 'shear', 'bins', 'place', 'wide', 'response'
         larger: dict[str, Any] = {name: factor * np.array(getattr(self, name)) for name in names}
         return replace(self, **larger)
@@ -70,21 +72,12 @@ class FieldSpread:
     @staticmethod
     def _fitted_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
         """Of the normal force on each bin, of the fit alone."""
-        levers = patches.member[field.active].astype(field.root.dtype)
-        off: np.ndarray = np.linalg.norm(field.root[:, : len(field.active)] @ levers, axis=0)
-        return off.reshape(patches.bins.rows, patches.bins.cols).astype(float)
+        return field.deviations(patches.member[field.active]).reshape(patches.bins.rows, patches.bins.cols)
 
     def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
         """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
-        x, y = patches.centres_mm.T
-        one, none = np.ones_like(x), np.zeros_like(x)
-        # A normal force f at (x, y, 0) is (0, 0, -f), whose moment is (-y f, x f, 0); shear turns about z.
-        levers = np.array([
-            [none, one, none], [none, none, one], [-one, none, none],
-            [-y, none, none], [x, none, none], [none, -y, x],
-        ])  # fmt: skip
-        wrench = np.einsum('kcp,cp->k', levers, field.forces_n)
-        at = levers[:, :, field.active].reshape(6, -1)
+        wrench = patches.levers @ field.forces_n.reshape(-1)
+        at = patches.levers.reshape(6, 3, -1)[:, :, field.active].reshape(6, -1).astype(field.root.dtype)
         at_root = field.root @ at.T
         fitted = (at_root.T @ at_root).astype(float)
         shear, normal = self.shear, self.normal

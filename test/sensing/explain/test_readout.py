@@ -63,7 +63,7 @@ def test_a_frame_is_told_with_wrench_bins_and_fine_map_that_agree(readout: Field
     assert acting.wrench[5] == pytest.approx(x * 0.4, abs=0.15)
     assert acting.field is not None
     area = float(np.prod(readout.solver.patches.size_mm))
-    assert float(acting.field.pressure_mpa.sum()) * area == pytest.approx(total, rel=1e-3)
+    assert float(acting.field().pressure_mpa.sum()) * area == pytest.approx(total, rel=1e-3)
     assert np.linalg.eigvalsh(acting.wrench_covariance).min() >= 0
     (contact,) = reading.contacts
     assert contact.region is not None
