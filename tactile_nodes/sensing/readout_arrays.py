@@ -14,7 +14,7 @@ from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Corr
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.blurs import Blur, Blurs
 from tactile_nodes.sensing.contact_drag import Drag
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.readout import STILL, FieldReadout
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -261,7 +261,11 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
 
 def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
     """Of the response halves of floats hold more digits than presses tell; what reads tips has names of its own."""
-    arrays = {**_scaling_arrays(readout.scaling), 'field': readout.response.astype(np.float16)}
+    arrays = {
+        **_scaling_arrays(readout.scaling),
+        'field': readout.response.astype(np.float16),
+        'surface': readout.surface,
+    }
     tips: dict[str, Any] = {}
     if readout.tips is not None:
         inner, said = _axisymmetric_arrays(readout.tips)
@@ -282,7 +286,10 @@ def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinG
     tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
     numbers = {name: float(said[name]) for name in FIELD_NUMBERS}
     response = arrays['field'].astype(np.float32)
-    return FieldReadout(_scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, **numbers)
+    surface = arrays.get('surface', STILL)
+    return FieldReadout(
+        _scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, surface=surface, **numbers
+    )  # fmt: skip
 
 
 def _require_within(said: Mapping[str, Any]) -> None:

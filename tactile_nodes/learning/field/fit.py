@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
@@ -94,7 +95,10 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         response = _told(regions.terms_of_patches(known_of(scaling)), _nominal(regions, scaling))
         bar.advance()
-    readout = FieldReadout(scaling, response, regions.bins, noise_px(scaling), UNFITTED, _spread('', 0), ROOM)
+    readout = FieldReadout(
+        scaling, response, regions.bins, noise_px(scaling), UNFITTED, _spread('', 0), ROOM,
+        surface=regions.surface_under_shear,
+    )  # fmt: skip
     return FieldFit(readout, 'description')
 
 
@@ -190,7 +194,15 @@ class _Judge:
         """As these shares have it, which so many presses told."""
         doubt, response = DOUBT if form == 'regions' else UNFITTED, _told(self.terms, shares)
         noise, spread = noise_px(self.scaling), _spread(form, presses)
-        return FieldReadout(self.scaling, response, self.regions.bins, noise, doubt, spread, limit)
+        softer = np.float32(shares[:, ::3].sum(axis=1).mean())
+        return FieldReadout(
+            self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self.surface
+        )  # fmt: skip
+
+    @cached_property
+    def surface(self) -> Float32[np.ndarray, '2 near near']:
+        """How far shear takes the surface of the described gel along."""
+        return self.regions.surface_under_shear
 
     def read(self, form: str, presses: BodyPresses, fold: Int[np.ndarray, ' n'], held: list[np.ndarray]) -> _Held:
         """Some presses of each part, by the fit that did not see it."""

@@ -34,6 +34,9 @@ WINDOW = 1.2
 FINER = 8
 """Steps of the layer's grid along a patch."""
 
+NEAR = 2
+"""Patches to either side of one that its shear takes along."""
+
 BRIGHTNESS = -4.0
 """Power of the distance from the pupil with which the weight of markers falls: nearer ones are more distinct."""
 
@@ -78,6 +81,14 @@ class Regions:
     def surface(self) -> ElasticLayer:
         """The gel where bodies touch it, on the same grid."""
         return self._layer_at(np.zeros(1))
+
+    @property
+    def surface_under_shear(self) -> Float32[np.ndarray, '2 near near']:
+        """How far (mm) the surface goes along x under 1 N along x on a patch, there and at the patches around it, and
+        along y likewise."""
+        kernels = self.surface.kernels(self.surface.rectangle(*self.patches.size_mm))
+        cols, rows = (cells // 2 + FINER * np.arange(-NEAR, NEAR + 1) for cells in self.surface.cells)
+        return np.stack([kernels[1, 0, 0], kernels[2, 0, 1]])[:, rows[:, None], cols]
 
     def _layer_at(self, depths_mm: Float[np.ndarray, ' depths']) -> ElasticLayer:
         gel = self.sensor.gel

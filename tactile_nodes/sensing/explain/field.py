@@ -78,7 +78,8 @@ class Field:
     def deviations(self, levers: Float[np.ndarray, 'm sums']) -> Float[np.ndarray, ' sums']:
         """Standard deviations of sums of the active patches' forces, or of the first of them, each times its lever."""
         each = self.root[:, : len(levers)] @ levers.astype(self.root.dtype)
-        return np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
+        spread: np.ndarray = np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
+        return spread
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:

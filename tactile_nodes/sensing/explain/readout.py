@@ -17,6 +17,7 @@ from tactile_nodes.sensing.explain.contacts import contacts_of
 from tactile_nodes.sensing.explain.field import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.explain.weights import Weights, camera_ways, inside_of, noise_of
+from tactile_nodes.sensing.explain.where_now import moved_along
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
@@ -47,6 +48,10 @@ ALIKE = 0.93
 """Unlikeness up to which tips explain a frame, and the field is not asked."""
 
 
+STILL = np.zeros((2, 1, 1), np.float32)
+"""A surface of which nobody knows how far shear takes it along: models of before."""
+
+
 @dataclass(frozen=True)
 class FieldReadout:
     """Motion of regions to any contact.
@@ -54,6 +59,7 @@ class FieldReadout:
     `scaling` says what the regions show at rest and which are known; `response` is their motion (px) under 1 N on each
     patch, as `FieldSolver` has it. `misfit_limit` is the misfit beyond which a frame is unlike anything that the
     response knows, `least_gain` what has to be gained by any force. `tips` reads frames in which only tips press.
+    `surface` is how far shear takes the surface along, as `moved_along` has it.
     """
 
     scaling: InputScaling
@@ -65,6 +71,7 @@ class FieldReadout:
     misfit_limit: float = 1.5
     least_gain: float = 8.0
     tips: AxisymmetricReadout | None = None
+    surface: Float32[np.ndarray, '2 near near'] = field(default_factory=lambda: STILL)
 
     kind = 'field'
 
@@ -188,6 +195,7 @@ class FieldReadout:
 
     def _told(self, found: Field, unlike: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
+        found = replace(found, forces_n=moved_along(found.forces_n, self.surface, patches))
         spread = self.spread.times(widened)
         forces = patches.over_bins(found.forces_n).astype(np.float32)
         wrench, covariance = spread.wrench(found, patches)
