@@ -76,8 +76,8 @@ def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, mon
     assert not shown.is_alive()
 
 
-def in_a_terminal(term: str, *words: str) -> str:
-    """What `tactile` writes on a terminal that says what it is by TERM."""
+def in_a_terminal(term: str, until: bytes, *words: str) -> str:
+    """What `tactile` writes on a terminal that says what it is by TERM, until that comes and Ctrl-C."""
     ours, theirs = os.openpty()
     command = [sys.executable, '-m', 'tactile_nodes', *words]
     with subprocess.Popen(command, stdout=theirs, env={**os.environ, 'TERM': term}) as process:
@@ -85,7 +85,9 @@ def in_a_terminal(term: str, *words: str) -> str:
         told = b''
         with contextlib.suppress(OSError):  # EIO: nobody has the other end any more
             while more := os.read(ours, 4096):
-                told += more
+                seen, told = until in told, told + more
+                if until in told and not seen:
+                    process.send_signal(signal.SIGINT)
         os.close(ours)
         assert process.wait(10.0) == 0
     return told.decode()
@@ -94,15 +96,14 @@ def in_a_terminal(term: str, *words: str) -> str:
 @pytest.mark.parametrize('term', ['dumb', ''])
 def test_a_terminal_that_cannot_draw_gets_lines(other: ZmqBus, repeating: Repeating, term: str) -> None:
     publish_forces(other, repeating)
-    told = in_a_terminal(term, 'view', '--duration', '1.1')
-    assert ' fps  force  0.000 N  contact none' in told.splitlines()[0]
+    told = in_a_terminal(term, b' fps  force  0.000 N  contact none', 'view', '--duration', '60')
     assert 'frames in' in told
     assert '\x1b' not in told
 
 
 def test_a_terminal_that_can_draw_gets_the_picture(other: ZmqBus, repeating: Repeating) -> None:
     publish_forces(other, repeating)
-    assert '\x1b[' in in_a_terminal('xterm-256color', 'view', '--duration', '0.3')
+    assert '\x1b[' in in_a_terminal('xterm-256color', b'latency [ms]', 'view', '--duration', '60')
 
 
 def test_lines_tell_what_nodes_warn_of_once(other: ZmqBus, capsys: pytest.CaptureFixture[str]) -> None:

@@ -110,8 +110,8 @@ def test_a_sample_that_is_well_is_usable_and_says_its_size(rig: Rig) -> None:
 
 def test_health_and_description_speak_of_a_sensor_that_works(rig: Rig) -> None:
     sensor = rig.open()
-    read(sensor)
-    assert sensor.health.level == Level.OK, sensor.health
+    # On a busy machine the first samples may come too unevenly to tell the sensor's clock by.
+    read_until(sensor, lambda sample: sensor.health.level == Level.OK)
     assert 'samples/s' in sensor.health.message
     assert sensor.description['kind']
 
