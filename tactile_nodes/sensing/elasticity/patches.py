@@ -63,16 +63,15 @@ class PatchGrid:
         return np.asarray(self.bin_of[:, None] == np.arange(self.bins.count), float)
 
     @cached_property
-    def levers(self) -> Float[np.ndarray, '6 unknowns']:
-        """Force x, y, z and torque x, y, z (N mm per N) about the frame's origin of 1 N on each patch: into the gel on
-        all of them, then along x, then along y.
+    def levers(self) -> Float[np.ndarray, '3 patches 6']:
+        """Force x, y, z and torque x, y, z (N mm) about the frame's origin of 1 N into the gel, along x, or along y.
 
         A normal force f at (x, y, 0) is (0, 0, -f), whose moment is (-y f, x f, 0); shear turns about z.
         """
         x, y = self.centres_mm.T
         one, none = np.ones_like(x), np.zeros_like(x)
-        force = (none, one, none), (none, none, one), (-one, none, none)
-        return np.array([*force, (-y, none, none), (x, none, none), (none, -y, x)]).reshape(6, -1)
+        rows = (none, none, -one, -y, x, none), (one, none, none, none, none, -y), (none, one, none, none, none, x)
+        return np.ascontiguousarray(np.array(rows).transpose(0, 2, 1))
 
     def over_bins(self, values: Float[np.ndarray, '*shape patches']) -> Float[np.ndarray, '*shape rows cols']:
         """Sums over the patches of each bin."""

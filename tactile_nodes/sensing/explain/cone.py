@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -26,11 +28,18 @@ def in_cone(
     return pressed, shear * np.minimum(friction * pressed / np.maximum(size, TINY), 1.0)
 
 
-def inverse_root(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
-    """R, lower triangular, with R'R the inverse of a symmetric positive matrix, of which the lower half is read."""
+@cache
+def _of_triangles(dtype: np.dtype) -> tuple[Any, Any]:
+    """What factorises matrices of this type, and what inverts the factor."""
     from scipy.linalg.lapack import get_lapack_funcs
 
-    factorise, invert = get_lapack_funcs(('potrf', 'trtri'), (matrix,))
+    factorise, invert = get_lapack_funcs(('potrf', 'trtri'), dtype=dtype)
+    return factorise, invert
+
+
+def inverse_root(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
+    """R, lower triangular, with R'R the inverse of a symmetric positive matrix, of which the lower half is read."""
+    factorise, invert = _of_triangles(matrix.dtype)
     factor, failed = factorise(matrix, lower=1, clean=1)
     if failed:
         raise np.linalg.LinAlgError('the forces of this contact cannot be told apart')

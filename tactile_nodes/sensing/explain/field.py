@@ -118,17 +118,17 @@ class FieldSolver:
         return np.concatenate(by_bin).astype(np.float32)
 
     @cached_property
-    def _coarse(self) -> Float[np.ndarray, 'unknowns rows']:
+    def _coarse(self) -> Float32[np.ndarray, 'unknowns rows']:
         """The linear answer on bins, of motion with its usual noise alone; what the camera moves is left out."""
         on_bins = self._by_bin.astype(float)
         even = Weights.of(np.full(on_bins.shape[1] // 2, self.noise_px**-2), self.camera).times(on_bins)
         solved: np.ndarray = np.linalg.solve(even @ on_bins.T + COARSE * np.eye(len(even)), even)
-        return solved
+        return solved.astype(np.float32)
 
     def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, '3 bins']:
         """Forces on bins, into the gel, along x and along y, by one matrix; nothing holds them to the cone."""
-        answer: np.ndarray = self._coarse @ motion.reshape(-1)
-        return answer.reshape(3, -1)
+        answer: np.ndarray = self._coarse @ motion.reshape(-1).astype(np.float32)
+        return answer.reshape(3, -1).astype(float)
 
     def field(
         self,

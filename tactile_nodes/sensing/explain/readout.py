@@ -113,9 +113,13 @@ class FieldReadout:
     ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
         """What the known regions moved by (px), beside what they show at rest, and how much each of them counts."""
         moved = values - self.scaling.mean
+        return self._weighed(moved, confidence.reshape(-1)[self._known], noise_of(moved, self._inside))
+
+    def _weighed(
+        self, moved: Float[np.ndarray, 'rows cols 2'], sure: Float[np.ndarray, ' regions'], noise_px: float
+    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
         motion = moved.reshape(-1, 2)[self._known].astype(float)
-        sure = confidence.reshape(-1)[self._known]
-        return motion, self.solver.weights(motion, sure, noise_of(moved, self._inside))
+        return motion, self.solver.weights(motion, sure, noise_px)
 
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -125,13 +129,14 @@ class FieldReadout:
         Tips are taken where they leave no more over than those of their training do, or where the field, beside one for
         each of its forces, explains no more (Akaike 1974).
         """
-        followed = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
-        finite = np.isfinite(values.reshape(-1, 2)[self._known]).all()
-        if followed.sum() < LEAST_REGIONS or not finite:
+        moved, sure = values - self.scaling.mean, confidence.reshape(-1)[self._known]
+        followed = np.count_nonzero(sure >= self.scaling.confidence_floor)
+        if followed < LEAST_REGIONS or not np.isfinite(moved.reshape(-1, 2)[self._known]).all():
             return nothing_read(self.bins)
-        motion, weights = self.weighed(values, confidence)
+        noise_px = noise_of(moved, self._inside)
+        motion, weights = self._weighed(moved, sure, noise_px)
         coarse = self.solver.coarse(motion)
-        tips = self._tips(coarse, values, confidence)
+        tips = self._tips(coarse, noise_px / FOUND_NOISE, values, confidence)
         if tips is not None and tips[0].unlikeness <= ALIKE:
             return self._with_acting(tips[0])
         found = self.solver.field(motion, weights, coarse)
@@ -145,7 +150,7 @@ class FieldReadout:
         return self._told(found, unlike)
 
     def _tips(
-        self, coarse: Float[np.ndarray, '3 bins'], values: np.ndarray, confidence: np.ndarray
+        self, coarse: Float[np.ndarray, '3 bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
     ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
         """The frame as tips that only press, where it may be, and the motion that they leave over."""
         count = self._places(coarse)
@@ -154,7 +159,6 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        noise_px = noise_of(values - self.scaling.mean, self._inside) / FOUND_NOISE
         if count == 1 and self.tips.share_of_one(seen, noise_px) < ONE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self._usual_px)

@@ -13,6 +13,11 @@ from jaxtyping import Float
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field import Field
 
+UNSEEN = np.array([0, 0, 1, 1, 1, 0])
+"""What a contact whose middle shows nothing leaves unknown of force x, y, z and torque x, y, z."""
+
+_SIX = np.arange(6)
+
 
 @dataclass(frozen=True)
 class FieldSpread:
@@ -76,16 +81,13 @@ class FieldSpread:
 
     def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
         """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
-        wrench = patches.levers @ field.forces_n.reshape(-1)
-        at = patches.levers.reshape(6, 3, -1)[:, :, field.active].reshape(6, -1).astype(field.root.dtype)
-        at_root = field.root @ at.T
-        fitted = (at_root.T @ at_root).astype(float)
-        shear, normal = self.shear, self.normal
-        factors = np.array([shear[0], shear[0], normal[0], normal[0], normal[0], shear[0]])
-        total = field.total_n
-        right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9))
-        reach = np.array([1.0, 1.0, 1.0, down, right, np.hypot(right, down)])
-        shares = np.array([shear[1], shear[1], normal[1], normal[1], normal[1], shear[1]])
-        unseen = self.wide * field.wide * np.array([0, 0, 1, 1, 1, 0])
-        off = np.sqrt(np.square(shares) + self.response**2 + np.square(unseen)) * reach * total
-        return wrench, fitted * np.outer(factors, factors) + np.diag(np.square(off))
+        wrench = field.forces_n.reshape(-1) @ patches.levers.reshape(-1, 6)
+        each = field.root @ patches.levers[:, field.active].reshape(-1, 6).astype(field.root.dtype)
+        shear, normal, total = self.shear, self.normal, field.total_n
+        factors, shares = np.array([shear, shear, normal, normal, normal, shear]).T
+        right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9)).tolist()
+        reach = total * np.array([1.0, 1.0, 1.0, down, right, math.hypot(right, down)])
+        unseen = self.wide * field.wide * UNSEEN
+        covariance = (each.T @ each).astype(float) * np.outer(factors, factors)
+        covariance[_SIX, _SIX] += (np.square(shares) + self.response**2 + np.square(unseen)) * np.square(reach)
+        return wrench, covariance

@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
+from tactile_nodes.sensing.explain.cone import inverse_root
+
 CAMERA_PX = 0.05
 """How far the camera moves by itself: what is more has been taken out of the picture before, as a knock."""
 
@@ -31,7 +33,7 @@ QUIETEST, SIGMAS = 0.3, 0.3853
 """Of the regions of a frame the quieter three tenths tell its noise: of normal noise so many differ by less than so
 many standard deviations."""
 
-CURVED = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+CURVED, CURVED_TIMES = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32), 6.0
 """What is left of the motion of nine regions without what is smooth (Immerkær 1996): six times the noise of each."""
 
 CERTAIN, LOST = 0.3, 0.1
@@ -67,7 +69,7 @@ def noise_of(moved: Float32[np.ndarray, 'rows cols 2'], inside: Bool[np.ndarray,
     if left.size < LEAST_DIFFERENCES:
         return 0.0
     place = int(QUIETEST * left.size)
-    return float(np.partition(left, place)[place]) / (SIGMAS * float(np.linalg.norm(CURVED)))
+    return float(np.partition(left, place)[place]) / (SIGMAS * CURVED_TIMES)
 
 
 def inside_of(known: Bool[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
@@ -105,8 +107,7 @@ class Weights:
         """From those of the regions, and their motion as the camera moves."""
         single = np.repeat(regions, 2)
         weighted = camera * single[:, None]
-        factor = np.linalg.cholesky(np.eye(camera.shape[1]) + weighted.T @ camera)
-        shared = np.linalg.solve(factor, weighted.T).T
+        shared = weighted @ inverse_root(np.eye(camera.shape[1]) + weighted.T @ camera).T
         return cls(single.astype(np.float32), np.ascontiguousarray(shared, np.float32))
 
     def times(self, motions: Float[np.ndarray, 'm rows']) -> Float[np.ndarray, 'm rows']:
