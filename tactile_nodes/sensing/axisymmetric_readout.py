@@ -225,13 +225,21 @@ class AxisymmetricReadout:
         x, y, force_n = starts[best].tolist()
         return np.array([x, y, force_n * float(share[best])])
 
-    def share_of_one(self, seen: Seen, noise_px: float) -> float:
-        """How much of the squared motion, without such noise of each region, one tip of the table explains; 0 to 1."""
+    def share_of(self, seen: Seen, noise_px: float, tips: int) -> float:
+        """How much of the squared motion, without such noise of each region, so many tips of the table explain; 0 to 1.
+
+        Each is the one that explains most of what those before leave (orthogonal matching pursuit, Pati 1993).
+        """
         _, fields, squares = self._starts
-        motion = seen.motion.reshape(-1).astype(np.float32)
-        along = np.maximum(fields @ motion, 0.0)
-        pattern = float(motion @ motion) - motion.size * noise_px**2
-        return min(float((along * along / np.maximum(squares, 1e-12)).max()) / max(pattern, 1e-12), 1.0)
+        left = motion = seen.motion.reshape(-1).astype(np.float32)
+        made = np.empty((0, motion.size), np.float32)
+        for _ in range(tips):
+            along = np.maximum(fields @ left, 0.0)
+            best = int((along * along / np.maximum(squares, 1e-12)).argmax())
+            made = np.vstack([made, fields[best]])
+            left = motion - np.linalg.lstsq(made.T, motion, rcond=None)[0] @ made
+        noise, whole = motion.size * noise_px**2, float(motion @ motion)
+        return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
 
     def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
         """Gauss-Newton from `begin` to the most probable contacts; to those of no use it does not go."""

@@ -34,8 +34,8 @@ quarter as high are looked for. Both above its noise."""
 RUBBED = 0.35
 """Shear over pressure in the linear answer from which a contact is no tip that only presses, not even at the rim."""
 
-ONE_SHARE = 0.8
-"""Of the motion that one place shows: tips between those of the table explain 0.84 of it and more."""
+TABLE_SHARE = 0.8
+"""Of the motion that as many tips of the table explain: of one to three tips anywhere it is 0.85 and more."""
 
 WORTH = 2.0
 """Unlikeness beyond which tips are no explanation: before they are found, contacts of other bodies are at 2.2 and more,
@@ -159,7 +159,7 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        if count == 1 and self.tips.share_of_one(seen, noise_px) < ONE_SHARE:
+        if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self._usual_px)
         fit = self.tips.fit(seen, count, worth)
