@@ -206,9 +206,7 @@ class Registration:
         self.lost = True
         if self._straightening is None:
             return False
-        self._forget_offset()
-        self._take(PictureMotion(), settled=False)
-        self._rested = 0
+        self._straighten_anew(PictureMotion())
         return True
 
     def _jump(self, terms: Float[np.ndarray, ' terms']) -> bool:
@@ -218,10 +216,15 @@ class Registration:
         if turned or self._size_px(moved) > self.options.most_px:
             self.lost = True
             return False
-        self._forget_offset()
-        self._take(moved, settled=False)
-        self._rested = 0
+        self._straighten_anew(moved)
         return True
+
+    def _straighten_anew(self, motion: PictureMotion) -> None:
+        """After a knock: by this motion, or by none where it is none, as when the camera is back where it was."""
+        self._forget_offset()
+        self._straightening = None
+        self._take(motion, settled=False)
+        self._rested = 0
 
     def _follow(
         self,
