@@ -232,12 +232,13 @@ class AxisymmetricReadout:
         """
         _, fields, squares = self._starts
         left = motion = seen.motion.reshape(-1).astype(np.float32)
-        made = np.empty((0, motion.size), np.float32)
+        axes = np.empty((0, motion.size), np.float32)
         for _ in range(tips):
             along = np.maximum(fields @ left, 0.0)
-            best = int((along * along / np.maximum(squares, 1e-12)).argmax())
-            made = np.vstack([made, fields[best]])
-            left = motion - np.linalg.lstsq(made.T, motion, rcond=None)[0] @ made
+            best = fields[int((along * along / np.maximum(squares, 1e-12)).argmax())]
+            axis = best - (axes @ best) @ axes
+            axis /= max(math.sqrt(float(axis @ axis)), 1e-6)
+            left, axes = left - (left @ axis) * axis, np.vstack([axes, axis])
         noise, whole = motion.size * noise_px**2, float(motion @ motion)
         return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
 

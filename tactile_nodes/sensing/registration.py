@@ -70,7 +70,8 @@ class Registration:
     again, moved too far, or has another shape. `found` is the share of the known patches that were found again,
     `explained` how well the middle one is, beside the rest image itself. `surely`: nothing touched in the last frame;
     `maybe`: not much did; `free`: less than 20 mN, as patches beside a flow without any tell. All follows from the
-    images and their stamps since the rest image; `dent` is what they say of that.
+    images and their stamps since the rest image; `dent` is what they say of that. `apart_px` is how far the picture has
+    moved since the rest image was taken.
     """
 
     def __init__(self, options: RegistrationOptions | None = None) -> None:
@@ -78,7 +79,7 @@ class Registration:
         self.motion = self._base = self._resting = PictureMotion()
         self.settled, self.lost, self.found = True, False, 1.0
         self.surely, self.maybe, self.free = False, False, False
-        self._moved_px, self.explained, self._noise_px = 0.0, 1.0, 0.0
+        self._moved_px, self.apart_px, self.explained, self._noise_px = 0.0, 0.0, 1.0, 0.0
         self._reference: np.ndarray | None = None
         self._rest: Registered
         self._fit: MotionFit
@@ -97,11 +98,6 @@ class Registration:
     def size_px(self) -> float:
         """Of the motion that is taken out: root mean square over the picture."""
         return self._moved_px
-
-    @property
-    def apart_px(self) -> float:
-        """How far the picture has moved since the rest image was taken."""
-        return self._size_px(self.motion - self._resting)
 
     @property
     def watches(self) -> bool:
@@ -289,7 +285,7 @@ class Registration:
         self.motion, self.settled = motion, settled
         if self._straightening is None or self._off_px(self._straightening) > NEGLIGIBLE_PX:
             self._straightening = self._straightening_for(motion)
-        self._moved_px = self._size_px(self.since_rest)
+        self._moved_px, self.apart_px = self._size_px(self.since_rest), self._size_px(motion - self._resting)
         left = self.beside_frame - self._base
         self._remainder = left if self._size_px(left) > NEGLIGIBLE_PX else None
 

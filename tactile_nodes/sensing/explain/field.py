@@ -73,7 +73,7 @@ class Field:
     @property
     def wide(self) -> float:
         """How far the force is spread beyond a contact of which all is seen: 0, to 1 where it is twice as wide."""
-        return float(np.clip(spread_over(self.forces_n[0]) / WIDE - 1, 0.0, 1.0))
+        return min(max(spread_over(self.forces_n[0]) / WIDE - 1, 0.0), 1.0)
 
     def deviations(self, levers: Float[np.ndarray, 'm sums']) -> Float[np.ndarray, ' sums']:
         """Standard deviations of sums of the active patches' forces, or of the first of them, each times its lever."""
