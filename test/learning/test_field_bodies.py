@@ -83,6 +83,18 @@ def test_a_punch_that_is_taken_for_a_ball_tells_another_body_worse(
     assert wrong.misfits[wrong.form] > 1.5 * right.misfits[right.form]
 
 
+def test_intervals_of_another_body_hold(
+    made: dict[str, Transfer], pressed: dict[str, tuple[Dataset, np.ndarray]]
+) -> None:
+    """Of a normal error 1.645 standard deviations to either side hold nine of ten."""
+    readout, (dataset, acting) = made['square'].readout, pressed['ring']
+    held = []
+    for row, (force_n, *_) in zip(np.flatnonzero(dataset.presses[:, 2] > 0), acting, strict=True):
+        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        held.append(abs(found.normal_force_n.sum() - force_n) < 1.645 * found.total_sigma_n)
+    assert np.mean(held) >= 0.85
+
+
 def test_forces_that_begin_elsewhere_are_refused(
     model: LoadedModel, pressed: dict[str, tuple[Dataset, np.ndarray]]
 ) -> None:

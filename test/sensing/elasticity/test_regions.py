@@ -62,3 +62,12 @@ def test_a_rolled_camera_sees_a_press_turned_back() -> None:
     turned = rolled.terms_of_pressure(place, ball, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
     back = np.stack([-turned[..., 1, :], turned[..., 0, :]], axis=2)
     assert np.rot90(back, -1) == pytest.approx(plain, abs=1e-3)
+
+
+def test_a_pressure_aside_of_its_place_is_that_pressure_there(regions: Regions) -> None:
+    known, aside = np.arange(0, 400, 7), np.array([[1.5, -2.25]])
+    here = regions.layer.points(aside, np.ones(1))
+    there = regions.layer.points(np.zeros((1, 2)), np.ones(1))
+    about = regions.terms_of_pressure(np.array([[2.0, 3.0]]), here, known)[..., ::3]
+    straight = regions.terms_of_pressure(np.array([[3.5, 0.75]]), there, known)[..., ::3]
+    assert about == pytest.approx(straight, abs=0.03 * float(np.abs(straight).max()))
