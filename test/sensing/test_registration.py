@@ -73,6 +73,16 @@ def test_a_knock_while_something_presses_is_taken_out_and_stays_in_doubt_until_n
     assert registration.motion.shift_px == pytest.approx((1.2, 0.5), abs=0.05)
 
 
+def test_a_camera_that_is_knocked_back_is_measured_as_if_it_had_stayed() -> None:
+    tracker, registration = following()
+    tracker.field(picture(shift(0.09, 0.0), number=1), S)
+    assert registration.straightening is not None
+    back = picture(number=2)
+    for number in range(3):
+        tracker.field(back, (2 + number) * S)
+    assert registration.straightened(back) is back
+
+
 def test_a_picture_that_moved_too_far_or_is_another_is_lost_and_found_again() -> None:
     tracker, registration = following()
     registration.options = RegistrationOptions(most_px=2.0)
