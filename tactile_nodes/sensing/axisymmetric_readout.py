@@ -30,8 +30,8 @@ DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
 """Distances from the press at which the share of motion that a region may be off by is stated."""
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
-CONVERGED = np.array([2e-4, 2e-4, 2e-5])
-"""Steps end where none along x, y (mm) or force (N) is longer."""
+CONVERGED = np.array([2e-3, 2e-3, 2e-4])
+"""Steps end with the first of which none along x, y (mm) or force (N) is longer; the next would be a tenth of it."""
 HOPELESS, SLOW = 4.0, 0.9
 """Contacts that leave so many times of what they may (squared) explain nothing: steps end with the first that leaves
 more than this share of what the step before left."""
@@ -262,7 +262,10 @@ class AxisymmetricReadout:
                 break  # what would be left if motion were as straight as it is here
             step = step.reshape(-1, 3)
             moved = np.clip(here + np.clip(step, -largest, largest), low, high)
-            if (np.abs(moved - here) < CONVERGED).all() or not moved[:, 2].any():
+            if not moved[:, 2].any():
+                break
+            if (np.abs(moved - here) < CONVERGED).all():
+                found[-1] = cost, replace(fit, contacts=moved)
                 break
             here = moved
         return min(found, key=lambda each: each[0])[1]

@@ -78,8 +78,8 @@ class Field:
     def deviations(self, levers: Float[np.ndarray, 'm sums']) -> Float[np.ndarray, ' sums']:
         """Standard deviations of sums of the active patches' forces, or of the first of them, each times its lever."""
         each = self.root[:, : len(levers)] @ levers.astype(self.root.dtype)
-        spread: np.ndarray = np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
-        return spread
+        deviations: np.ndarray = np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
+        return deviations
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:

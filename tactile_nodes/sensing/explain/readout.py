@@ -38,8 +38,8 @@ TABLE_SHARE = 0.8
 """Of the motion that as many tips of the table explain: of one to three tips anywhere it is 0.85 and more."""
 
 WORTH = 2.0
-"""Unlikeness beyond which tips are no explanation: before they are found, contacts of other bodies are at 2.2 and more,
-tips at 1.0, two at 1.6."""
+"""Unlikeness beyond which tips are no explanation: the first step towards one promises 1.3 at most, towards two 1.6;
+where another body presses it is 2.2 and more."""
 
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
