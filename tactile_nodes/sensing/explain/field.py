@@ -45,10 +45,8 @@ COARSE = 300.0
 """The same for the linear answer on bins."""
 
 ACTIVE, LEAST_N = 0.05, 1e-3
-"""Bins are solved on that hold this share of the strongest bin's force, and so much."""
-
-DROPPED = 1e-4
-"""Share of the force: patches around which bins hold less are not solved on."""
+"""Bins are solved on that hold this share of the strongest bin's force, and so much; then patches around which there is
+this share of what is around any."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,8 @@ class FieldSolver:
         if not on.any():
             return self._nothing(flat, weights)
         pressed = self._on_bins(np.flatnonzero(on), around, flat, weights)
-        active = np.flatnonzero((self._nearby(pressed) > DROPPED * pressed.sum()) & on[self.patches.bin_of])
+        nearby = self._nearby(pressed)
+        active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of])
         if not active.size:
             return self._nothing(flat, weights)
         caused = self._caused(self._by_force, active)
