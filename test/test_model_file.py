@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
 from tactile_nodes.sensing.blurs import Blur, Blurs
-from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
@@ -120,18 +119,15 @@ def blurred_response() -> ForceModel:
     return replace(model, readout=replace(readout, blurs=Blurs(0.52, (level,))))
 
 
-def dragged_response() -> ForceModel:
-    """The small response, which knows what drags add; any press is called one."""
-    model, random = small_response(), np.random.default_rng(5)
-    readout = model.readout
-    assert isinstance(readout, ResponseReadout)
-    axes = tuple(replace(axis, intervals=1) for axis in readout.response.axes)
-    drag = Drag(*axes, random.normal(size=(4, 4, 4, 5, 3)).astype(np.float16), 1e-9, 0.8, 0.02)
-    return replace(model, readout=replace(readout, drag=drag))
+def watchful_response() -> ForceModel:
+    """The small response, which takes any press for one that drags."""
+    model = small_response()
+    assert isinstance(model.readout, ResponseReadout)
+    return replace(model, readout=replace(model.readout, most_shift_gain=1e-9))
 
 
 @pytest.mark.parametrize(
-    'make', [small_model, layered_model, small_response, witnessed_model, blurred_response, dragged_response]
+    'make', [small_model, layered_model, small_response, witnessed_model, blurred_response, watchful_response]
 )
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
@@ -159,20 +155,16 @@ def test_what_a_model_knows_of_blurred_pictures_comes_back(tmp_path: Path):
     assert found != other
 
 
-def test_what_a_model_knows_of_drags_changes_nothing_else_in_its_file(tmp_path: Path):
-    """So a release that knows nothing of it reads the file, and reads drags as it always did."""
-    with_drag, without = tmp_path / 'dragged.safetensors', tmp_path / 'plain.safetensors'
-    save_model(with_drag, dragged_response(), CARD)
-    save_model(without, small_response(), CARD)
-    arrays, plain = (safetensors.numpy.load_file(each) for each in (with_drag, without))
-    assert {name for name in arrays if name not in plain} == {'drag'}
-    assert all(np.array_equal(arrays[name], plain[name]) for name in plain)
-    loaded = load_model(with_drag)
-    assert loaded.card['format_version'] == load_model(without).card['format_version']
-    readout = loaded.model.readout
+def test_a_file_of_an_earlier_release_that_holds_what_drags_add_still_tells_them(tmp_path: Path):
+    """It told them from 9.5 on; the array itself is left unread."""
+    file = tmp_path / 'earlier.safetensors'
+    save_model(file, small_response(), CARD)
+    limits = {'axes': [], 'least_gain': 9.5, 'most_mm': 1.0, 'doubt_n': 0.01}
+    added = {'drag': np.zeros((4, 4, 4, 5, 3), np.float16)}
+    file.write_bytes(_with_card(file.read_bytes(), lambda card: card['readout'].update(drag=limits), added))
+    readout = load_model(file).model.readout
     assert isinstance(readout, ResponseReadout)
-    assert readout.drag is not None
-    assert (readout.drag.least_gain, readout.drag.most_mm, readout.drag.doubt_n) == (1e-9, 0.8, 0.02)
+    assert readout.most_shift_gain == 9.5
 
 
 def test_what_a_model_knows_of_blur_changes_nothing_else_in_its_file(tmp_path: Path):

@@ -129,10 +129,6 @@ class ResponseConfig:
         (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
     )
     blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
-    dragged_presses: int = parameter(
-        2000, 'presses that are made once more with a drag of the tip, simulated ones alone; 0: none', minimum=0
-    )
-    drag_mm: float = parameter(1.0, 'the longest of these drags', minimum=0.1)
     texture_presses: int = parameter(
         400, "presses whose pictures tell how far each spot of the gel's texture goes; 0: none", minimum=0
     )

@@ -78,7 +78,7 @@ def compare(loaded: LoadedModel, content: bytes, shown: list[Features]) -> Diffe
 def _with_one_contact(model: ForceModel) -> ForceModel:
     if not isinstance(model.readout, ResponseReadout):
         return model
-    return dataclasses.replace(model, readout=dataclasses.replace(model.readout.straight, most_contacts=1))
+    return dataclasses.replace(model, readout=dataclasses.replace(model.readout, most_contacts=1))
 
 
 def _gaps(expected: ForceMap, found: dict[str, np.ndarray]) -> tuple[float, float, float, float, float]:

@@ -13,18 +13,10 @@ import numpy as np
 from tactile_nodes.learning.onnx_graph import Value, Writer
 from tactile_nodes.learning.onnx_parts import Answer, Inputs, hypot
 from tactile_nodes.learning.onnx_splines import laplacian, value_and_slopes
-from tactile_nodes.sensing.contact_width import (
-    ANY_MM2,
-    LEFT_FROM,
-    SURE_OF_WIDTH,
-    TAKEN,
-    TAKEN_BELOW,
-    USUAL_MM2,
-    WIDE_MM2,
-)
+from tactile_nodes.sensing.contact_shape import SHIFT_INFORMATION, SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, UNKNOWN
+from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN
 from tactile_nodes.sensing.response import CONVERGED_MM, DAMPING, LARGEST_STEP_MM, MOST_STEPS, WORTHWHILE_GAIN, Response
 from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
 from tactile_nodes.sensing.uncertainty import NOWHERE_MM
@@ -161,17 +153,16 @@ def _answer(
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
     noise = _gained(response, components, place, misfit) < calibration.least_gain
-    told, at_least, off = _beside_training(response, components, place, cofactors / determinant)
-    at, told = place[2], noise.where(place, told)
+    told, other = _told(readout, components, place, cofactors / determinant)
+    told = noise.where(place, told)
     height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
     sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
     sigma_n = _factor(calibration.force_factors, height) * hypot(
         force_slope * variances[2].sqrt(), calibration.force_floor_n
     )
-    off_n = off * at.most(1e-9) ** (1 / response.power - 1) / response.power
-    unlike = noise.where(unlike, unlike.most(at_least))
-    sigma_n = noise.where(sigma_n, hypot(sigma_n, off_n))
+    beyond = writer.constant(np.float32(BEYOND_UNLIKENESS))
+    unlike = noise.where(unlike, other.where(unlike.most(beyond), unlike))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
     force = told[2].most(0) ** (1 / response.power)
@@ -181,58 +172,65 @@ def _answer(
     return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
 
 
-def _beside_training(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value]:
-    """The contact with a usual width, how unlike the training it is at least, and by how much s may be off for a width.
+def _told(readout: ResponseReadout, components: Value, place: Value, inverse: Value) -> tuple[Value, Value]:
+    """The contact with a usual width, and whether it is another than a tip pressed straight down, or at an end.
 
     See `ResponseReadout`; `inverse` is that of the information with its damping.
     """
-    writer = place.writer
+    response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
-    width, sigma, step, off = _width(response, components, place, inverse)
-    wide = (width >= WIDE_MM2) & (width >= sigma * SURE_OF_WIDTH)
-    at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
-    moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
-    beyond, limit, within = (writer.constant(np.float32(each)) for each in (BEYOND_UNLIKENESS, LIMIT_UNLIKENESS, 0.0))
-    steps = np.array([(axis.high - axis.low) / axis.intervals for axis in (response.x, response.y)])
-    inner = high[:2] - steps, low[:2] + steps
-    across = place.take(np.array([0, 1]))
-    rim = ((across - inner[0]).most(inner[1] - across) / steps).most(0).sum()
-    near_ends = (rim >= _SOME_RIM) & (place[2] >= (1 - rim) * response.hard)
-    at_least = at_end.where(beyond, near_ends.where(beyond, wide.where(limit, within)))
-    return at_end.where(place, moved), at_least, wide.where(off, 0.0)
-
-
-def _width(response: Response, components: Value, place: Value, inverse: Value) -> tuple[Value, Value, Value, Value]:
-    """How much wider the contact is (mm²), its standard deviation, and by how much x, y and s are another with it.
-
-    A step of least squares by x, y, s and width, the last one set apart; with a usual width, and by how much further s
-    is with any; see `added_by_width`.
-    """
     made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
-    left = (components - made.reshape(-1)).cast(np.float64) * certainty
-    slopes = slopes.cast(np.float64)
+    left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
+    step, wide = _width(response, place, inverse, slopes, left, certainty)
+    dragged = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty) >= readout.most_shift_gain
+    at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
+    moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
+    other = ~(~at_end & ~wide & ~dragged & ~_near_ends(response, place))
+    return at_end.where(place, moved), other
+
+
+def _near_ends(response: Response, place: Value) -> Value:
+    """See `Response.near_ends`."""
+    low, high = np.array([response.x.low, response.y.low]), np.array([response.x.high, response.y.high])
+    steps = np.array([(axis.high - axis.low) / axis.intervals for axis in (response.x, response.y)])
+    across = place.take(np.array([0, 1]))
+    rim: Value = ((across - (high - steps)).most((low + steps) - across) / steps).most(0).sum()
+    near: Value = (rim >= _SOME_RIM) & (place[2] >= (1 - rim) * response.hard)
+    return near
+
+
+def _width(
+    response: Response, place: Value, inverse: Value, slopes: Value, left: Value, certainty: Value
+) -> tuple[Value, Value]:
+    """What x, y and s are another by with a usual width, and whether the contact is surely wide; see `contact_shape`.
+
+    A step of least squares by x, y, s and width, the last one set apart.
+    """
     bend = laplacian(response.axes, response.coefficients, place).cast(np.float64)
     shared = slopes @ (bend * certainty)
     known = inverse @ shared
     own = (bend * bend * certainty).sum() - shared @ known
     width = (bend @ left - known @ (slopes @ left)) / own
-    writer, share = place.writer, _taken(width, 1 / own, place[2] / response.s.high)
     usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
-    plain, least, most = inverse @ (slopes @ left), place[2] * -1.0, place[2]
-    step, further = plain - known * usual, (plain - known * width)[2]
-    off = further.most(least).least(most) - step[2].most(least).least(most)
-    return width, 1 / own.sqrt(), writer.concat(step[0], step[1], step[2] + share * off), (1.0 - share) * off
+    wide = (width >= WIDE_MM2) & (width >= 1 / own.sqrt() * SURE_OF_WIDTH)
+    step: Value = inverse @ (slopes @ left) - known * usual
+    return step, wide
 
 
-def _taken(width: Value, variance: Value, height: Value) -> Value:
-    """The share of a width's force that is taken; see `contact_width.taken`."""
-    usual, whatever = variance + (2 * USUAL_MM2) ** 2, variance + ANY_MM2**2
-    exponent = width * width * (1 / whatever - 1 / usual) * 0.5
-    against = (whatever / usual).sqrt() * width.writer.op('Exp', exponent)
-    fading = ((LEFT_FROM - height) * (1 / (LEFT_FROM - TAKEN_BELOW))).most(0).least(1)
-    return (width >= 0.0).where(fading * TAKEN / (against + 1.0), 0.0)
+def _gained_by_shift(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> Value:
+    """See `contact_shape`; of features with two channels, whose equations are solved by hand."""
+    weighted = certainty * shifts
+    by_contact = slopes @ weighted.transpose()
+    shared = inverse @ by_contact
+    down = shifts @ left - shared.transpose() @ (slopes @ left)
+    own = weighted @ np.ascontiguousarray(shifts.T) - by_contact.transpose() @ shared + SHIFT_INFORMATION * np.eye(2)
+    along_x, along_y = own[0], own[1]
+    determinant = along_x[0] * along_y[1] - along_x[1] * along_y[0]
+    squares = down[0] * down[0] * along_y[1] - 2 * (down[0] * down[1] * along_x[1]) + down[1] * down[1] * along_x[0]
+    gain: Value = squares / determinant * 0.5
+    return gain
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90, ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.sensing.contact_shape import shape_of
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.response import Fit
 from tactile_nodes.sensing.response_readout import ResponseReadout, Seen
@@ -31,7 +32,11 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
-    told = [raw.mended(*each) for each, press in zip(zip(components, fits, strict=True), touched, strict=True) if press]
+    told = [
+        raw.with_usual_width(*each)
+        for each, press in zip(zip(components, fits, strict=True), touched, strict=True)
+        if press
+    ]
     errors, sigmas = _errors(raw, presses, told)
     heights = np.maximum(presses[:, 3], 0.0) ** raw.response.power / raw.response.s.high
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
@@ -53,7 +58,7 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
         return readout.calibration
     judges, seen = _readable(readout, dataset, judges)
     components = [readout.whitening @ each.scores for each in seen]
-    told = [readout.mended(each, readout.fit(each)) for each in components]
+    told = [readout.with_usual_width(each, readout.fit(each)) for each in components]
     errors, sigmas = _errors(readout, dataset.presses[judges], told)
     place = to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
     force = to_coverage(errors[:, 2], sigmas[:, 1])
@@ -63,6 +68,21 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
         place_factors=tuple(place * each for each in c.place_factors),
         force_factors=tuple(force * each for each in c.force_factors),
     )
+
+
+def most_shift_gain(readout: ResponseReadout, dataset: Dataset, held_out: np.ndarray) -> float:
+    """What no more than one of a thousand presses gains by a shift of all regions, but for those at the ends.
+
+    Judged by presses that were held out, where these are enough, else by all. Where all lie at the ends there is no
+    limit.
+    """
+    touched = dataset.presses[:, 2] > 0
+    judges = np.flatnonzero(touched & held_out)
+    _, seen = _readable(readout, dataset, _thinned(judges if len(judges) >= LEAST_JUDGES else np.flatnonzero(touched)))
+    found = [(each, readout.fit(each)) for each in (readout.whitening @ one.scores for one in seen)]
+    inside = [each for each in found if not readout.beyond(each[1].contacts)]
+    gains = [shape_of(readout.response, readout.shifts, *each).shift_gain for each in inside]
+    return float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else math.inf
 
 
 def _thinned(judges: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
 from tactile_nodes.learning.dataset import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_calibration import calibrated, rescaled
+from tactile_nodes.learning.response_calibration import calibrated, most_shift_gain, rescaled
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
@@ -70,6 +70,7 @@ def fit_response(
         final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
         final = replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
         final = replace(final, calibration=rescaled(final, dataset, at_new_places(dataset, held_out)))
+        final = replace(final, most_shift_gain=most_shift_gain(final, dataset, held_out))
         bar.advance(1)
     return final
 

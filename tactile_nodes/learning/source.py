@@ -15,7 +15,6 @@ from tactile_nodes.learning.blurred_presses import BlurredPresses, simulate_blur
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset, simulate
 from tactile_nodes.learning.dataset_file import load_dataset
-from tactile_nodes.learning.dragged_presses import DraggedPresses, simulate_dragged
 from tactile_nodes.learning.learned_texture import simulated_texture
 from tactile_nodes.learning.plans import press_numbers
 from tactile_nodes.learning.progress import Progress
@@ -32,8 +31,7 @@ class TrainingData:
 
     `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
     measured against, without rows where presses are simulated. `blurred` are the first of the samples in pictures less
-    and less sharp, `dragged` once more with a drag. `texture` is how far each spot of the gel goes, where that is
-    known.
+    and less sharp. `texture` is how far each spot of the gel goes, where that is known.
     """
 
     config: TrainConfig
@@ -43,7 +41,6 @@ class TrainingData:
     origin: dict[str, Any]
     rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     blurred: tuple[BlurredPresses, ...] = ()
-    dragged: DraggedPresses | None = None
     texture: TextureGains | None = None
 
 
@@ -77,8 +74,8 @@ def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
         dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
         origin |= _split_entries(config, split)
     gel, blurred = {'id': config.gel.gel_id, **asdict(config.gel)}, simulated_blurred(config, chosen, progress)
-    texture, dragged = simulated_texture(config, chosen, progress), simulated_dragged(config, chosen, progress)
-    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred, dragged=dragged, texture=texture)
+    texture = simulated_texture(config, chosen, progress)
+    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred, texture=texture)
 
 
 def simulated_blurred(
@@ -89,15 +86,6 @@ def simulated_blurred(
         return ()
     made = simulate_blurred(config, progress)
     return tuple(replace(each, dataset=each.dataset.take(chosen[chosen < len(each.dataset.presses)])) for each in made)
-
-
-def simulated_dragged(
-    config: TrainConfig, chosen: Int[np.ndarray, ' chosen'], progress: Progress
-) -> DraggedPresses | None:
-    """Those of the chosen samples of a simulated data set that are dragged; only responses learn from them."""
-    if config.readout != 'response' or (made := simulate_dragged(config, progress)) is None:
-        return None
-    return made.take(chosen[chosen < len(made.pull_mm)])
 
 
 def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:

@@ -15,7 +15,6 @@ from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
 from tactile_nodes.learning.blurred_fit import with_blurs
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.dragged_fit import with_drag
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
 from tactile_nodes.learning.judgement import objection, of_the_mean, poor, require_worth
 from tactile_nodes.learning.network_fit import fit_network
@@ -157,8 +156,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     else:
         settings = config.response
         response = fit_response(dataset, data.held_out, settings, config.bins, progress)
-        response = with_blurs(response, dataset, data.blurred, data.held_out, settings, progress)
-        readout = with_drag(response, dataset, data.dragged, data.held_out, settings, progress)
+        readout = with_blurs(response, dataset, data.blurred, data.held_out, settings, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 

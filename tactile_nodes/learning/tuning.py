@@ -149,8 +149,8 @@ class SimulatedSource:
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
         config = candidate.of(self._base)
-        # Candidates are compared by presses straight down, in pictures as they are.
-        settings = replace(config.response, blurred_presses=0, dragged_presses=0, texture_presses=0)
+        # Candidates are compared by presses in pictures as they are.
+        settings = replace(config.response, blurred_presses=0, texture_presses=0)
         return training_data(replace(config, response=settings), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:

@@ -2,12 +2,8 @@
 
 Markers that run into each other, or are lost, show regions another mean of the same motion: each is off by a share of
 its own motion, and the more the nearer to the contact; what is badly found, under a speck of dirt, say, by more of it.
-So the errors of a frame are those of the training (and of a width as usual as the training's, see `contact_width`) and,
-beside them, some in proportion to what each region moved; a few more steps from the contacts that were found make the
+So the errors of a frame are those of the training and, beside them, some in proportion to what each region moved; a few more steps from the contacts that were found make the
 best of all. It is least squares as before, but components are no longer independent.
-
-A blurred picture shows motion flatter about a contact than it is, as a wider one would be. There a width of its own
-would take more away from the force than it mends.
 """
 
 from __future__ import annotations
@@ -18,12 +14,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.picture_noise import left_over, usual_noise, with_noise
 from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Reading, spread_over_bins
 from tactile_nodes.sensing.response import CONVERGED_MM, Fit, damping
 from tactile_nodes.sensing.response_readout import SURE_OF_DIRECTIONS, ResponseReadout
-from tactile_nodes.sensing.splines import laplacian, value_and_slopes
+from tactile_nodes.sensing.splines import value_and_slopes
 
 ALTERED_SHARE = 0.02
 """Of a region's motion, by which it is off. With half of it forces in a blurred picture are further off with
@@ -47,9 +42,6 @@ MOST_NOISE = 8.0
 """Variance that noise counts for at most. With more of it less noise is read as force, but more of what the splines
 miss, which is wrong in the same way in frame after frame. Fitted, as the share above."""
 
-NOISY = 2.0
-"""From this variance on a picture that is told blurred is taken for a noisy one."""
-
 
 def read_altered(
     readout: ResponseReadout,
@@ -61,9 +53,9 @@ def read_altered(
 ) -> Reading:
     """As the readout reads it, with regions trusted the less the more they moved, and its noise counted.
 
-    Of a picture that is told `blurred` contacts have no width; it may be as sharp as any and noisy, and then they have.
-    Where the readout was `measured` in such pictures, it knows their noise. Beside holes it cannot be asked for, as
-    more than noise is left over there. What is unlike the training is told as it was, and the force is no surer.
+    Where the readout was `measured` in such pictures, it knows their noise. Beside holes it cannot be asked for, as more
+    than noise is left over there, but in a picture that is told `blurred`, which may be as sharp as any and noisy. What
+    is unlike the training is told as it was, and the force is no surer.
     """
     plain = readout.read(values, confidence)
     if not plain.contacts[0].force_n > 0:
@@ -81,15 +73,14 @@ def read_altered(
     spread = spread_of(readout, missing, min(noise, MOST_NOISE), counted)
     power = readout.response.power
     begin = np.array([(each.x_mm, each.y_mm, each.force_n**power) for each in plain.contacts])
-    fit, answers = _refined(readout, components, begin, spread, 0.0 if blurred and noise < NOISY else USUAL_MM2)
+    fit, answers = _refined(readout, components, begin, spread)
     seen_spread = spread_of(readout, missing, noise, np.repeat(moved * doubt, channels))
     more = np.einsum('nc,cd,nd->n', answers, seen_spread - np.eye(len(spread)), answers).reshape(-1, 3)
     contacts = with_noise(readout.contacts(fit, more), readout, fit, answers, usual_noise(readout, confidence))
-    width_n = max(plain.total_sigma_n**2 - math.fsum(each.sigma_n**2 for each in plain.contacts), 0.0) ** 0.5
     beyond = readout.beyond(fit.contacts)
     return replace(
         plain, normal_force_n=spread_over_bins(contacts, readout.bins), contacts=contacts, left_over=left,
-        total_sigma_n=math.hypot(width_n, *(each.sigma_n for each in contacts)),
+        total_sigma_n=math.hypot(*(each.sigma_n for each in contacts)),
         unlikeness=BEYOND_UNLIKENESS if beyond else plain.unlikeness / math.sqrt(noise),
     )  # fmt: skip
 
@@ -133,19 +124,16 @@ def _refined(
     components: Float[np.ndarray, ' components'],
     begin: Float[np.ndarray, 'contacts 3'],
     spread: Float[np.ndarray, 'components components'],
-    width_mm2: float,
 ) -> tuple[Fit, Float[np.ndarray, 'n components']]:
     """Gauss-Newton with the covariance of all components: `spread`, and what the splines miss.
 
-    `width_mm2` is the standard deviation of each contact's width. With the fit comes what it answers to each component;
-    its information is that of the same contacts in a picture like those of the training.
+    With the fit comes what it answers to each component; its information is that of the same contacts in a picture like
+    those of the training.
     """
     response = readout.response
     _, largest, low, high = response.limits_array
-    bends = width_mm2 * np.array([laplacian(response.axes, response.coefficients, each) for each in begin.tolist()])
     certainty = response.certainty(float(begin[:, 2].max()))
-    missed = np.diag(1 / certainty - 1)
-    sure = np.linalg.inv(spread + missed + bends.T @ bends)
+    sure = np.linalg.inv(spread + np.diag(1 / certainty - 1))
     here, granted = begin, damping(len(begin))
     for _ in range(STEPS):
         made = [value_and_slopes(response.axes, response.coefficients, each) for each in here.tolist()]

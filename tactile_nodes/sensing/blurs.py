@@ -86,7 +86,7 @@ def _between(sharp: ResponseReadout, sharpness: float, levels: list[tuple[float,
             change += np.float32(weight) * level.change.astype(np.float32)
     was = sharp.response
     response = QuickResponse(*was.axes, was.coefficients + change, was.growth, was.power)
-    changed = replace(sharp, blurs=None, drag=None, response=response)
+    changed = replace(sharp.straight, blurs=None, response=response)
     nearest = levels[round(place)][1]
     return changed if nearest is None else _measured_like(changed, nearest)
 

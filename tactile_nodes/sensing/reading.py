@@ -14,10 +14,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 UNKNOWN = float('nan')
 BEYOND_UNLIKENESS = 2.0
-"""At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond."""
-
-LIMIT_UNLIKENESS = 1.0
-"""At least so unlike it is one that is wider than any contact of it, or drags the skin."""
+"""At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond; that is
+wider than any contact of it, or drags the skin."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -13,7 +14,6 @@ from tactile_nodes.sensing.axisymmetric_carried import Carried
 from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.blurs import Blur, Blurs
-from tactile_nodes.sensing.contact_drag import Drag
 from tactile_nodes.sensing.explain.readout import STILL, FieldReadout
 from tactile_nodes.sensing.explain.spread import FieldSpread
 from tactile_nodes.sensing.geometry import BinGrid
@@ -133,8 +133,8 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
     arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
     blurred, told = _blurs_arrays(readout.blurs)
-    dragged, limits = _drag_arrays(readout.drag)
-    return arrays | blurred | dragged, {
+    limits = {} if readout.most_shift_gain == math.inf else {'most_shift_gain': readout.most_shift_gain}
+    return arrays | blurred, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
         'power': response.power,
@@ -145,19 +145,9 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     }
 
 
-def _drag_arrays(drag: Drag | None) -> tuple[Arrays, dict[str, Any]]:
-    """Earlier releases leave it unread and read drags as they did."""
-    if drag is None:
-        return {}, {}
-    limits = {name: getattr(drag, name) for name in ('least_gain', 'most_mm', 'doubt_n')}
-    return {'drag': drag.coefficients}, {'drag': {'axes': [asdict(axis) for axis in drag.axes], **limits}}
-
-
-def _drag(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Drag | None:
-    if said is None:
-        return None
-    x, y, s = (SplineAxis(**axis) for axis in said['axes'])
-    return Drag(x, y, s, arrays['drag'], said['least_gain'], said['most_mm'], said['doubt_n'])
+def _most_shift_gain(said: Mapping[str, Any]) -> float:
+    """Earlier releases held what drags add, and told them by what such a one gains: the same limit, to a tenth."""
+    return float(said.get('most_shift_gain', said.get('drag', {}).get('least_gain', math.inf)))
 
 
 def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
@@ -203,7 +193,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         _calibration(said['calibration']),
         said['most_contacts'],
         _blurs(arrays, said.get('blurs')),
-        _drag(arrays, said.get('drag')),
+        _most_shift_gain(said),
     )
 
 

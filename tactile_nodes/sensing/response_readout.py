@@ -14,14 +14,20 @@ from jaxtyping import Bool, Float, Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.blurs import Blurs
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.contact_drag import ASTRAY, NO_DRAG, Drag, Dragged, dragged
-from tactile_nodes.sensing.contact_width import SURE_OF_WIDTH, WIDE_MM2, WIDTHS, Widths, added_by_width, mended
+from tactile_nodes.sensing.contact_shape import (
+    SHIFT_INFORMATION,
+    SURE_OF_WIDTH,
+    USUAL_MM2,
+    WIDE_MM2,
+    Shape,
+    shape_of,
+    with_usual_width,
+)
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import InputScaling
 from tactile_nodes.sensing.reading import (
     BEYOND_UNLIKENESS,
-    LIMIT_UNLIKENESS,
     UNKNOWN,
     Contact,
     Reading,
@@ -70,7 +76,8 @@ def project(
 class ResponseReadout:
     """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
 
-    `blurs` is what it knows of pictures less sharp than those of its training, `drag` of tips that drag the skin.
+    `blurs` is what it knows of pictures less sharp than those of its training. Contacts that gain more than
+    `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin: that is unlike its training.
     """
 
     scaling: InputScaling
@@ -81,7 +88,7 @@ class ResponseReadout:
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
     blurs: Blurs | None = None
-    drag: Drag | None = None
+    most_shift_gain: float = math.inf
 
     kind = 'response'
 
@@ -89,7 +96,7 @@ class ResponseReadout:
     def parameter_count(self) -> int:
         """Coefficients of the splines, principal directions, and the scaling of the components.
 
-        Those of presses straight down in sharp pictures: what blur and drags change is not counted.
+        Those of sharp pictures: what blur changes is not counted.
         """
         numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
         return sum(each.size for each in numbers)
@@ -97,7 +104,7 @@ class ResponseReadout:
     @cached_property
     def straight(self) -> ResponseReadout:
         """The same that takes every press for one straight down."""
-        return self if self.drag is None else replace(self, drag=None)
+        return self if self.most_shift_gain == math.inf else replace(self, most_shift_gain=math.inf)
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
         if self.likeness.directions.shape[1] != features or bins != self.bins:
@@ -133,13 +140,13 @@ class ResponseReadout:
         numbers = (
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
-            self.bins.width_mm, self.bins.height_mm, LIMIT_UNLIKENESS, response.hard, WIDE_MM2, SURE_OF_WIDTH,
-            *WIDTHS,
+            self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
+            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
             (np.array(told.place_factors, float), np.array(told.force_factors, float)), ends(told.least_gain),
-            NO_DRAG if self.drag is None else self.drag.for_loops, tuple(float(each) for each in numbers),
+            np.ascontiguousarray(self.shifts), tuple(float(each) for each in numbers),
         )  # fmt: skip
 
     @cached_property
@@ -147,6 +154,15 @@ class ResponseReadout:
         """Components of each input."""
         mixed: np.ndarray = self.whitening.astype(float) @ self.likeness.directions
         return mixed
+
+    @cached_property
+    def shifts(self) -> Float[np.ndarray, 'channels components']:
+        """Components of a shift of all regions: each channel of motion by one."""
+        gain = (self.scaling.trusted[..., None] * self.scaling.gain).astype(float)
+        count = gain.shape[-1]
+        each_channel = gain.reshape(-1, 1) * np.tile(np.eye(count), (gain.size // count, 1))
+        made: np.ndarray = each_channel.T @ self.mixing.T
+        return made
 
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -163,12 +179,9 @@ class ResponseReadout:
         return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
-        """As few contacts, pressed straight down, as explain the components, `most_contacts` at most."""
-        return self._with_more(components, self.single(components))
-
-    def single(self, components: Float32[np.ndarray, ' components']) -> Fit:
-        """The one contact, pressed straight down, that explains the components best."""
-        return locate(self.response, components, self.response.start(components)[None], self.calibration.least_gain)
+        """As few contacts as explain the components, `most_contacts` at most."""
+        single = locate(self.response, components, self.response.start(components)[None], self.calibration.least_gain)
+        return self._with_more(components, single)
 
     def _with_more(self, components: np.ndarray, fit: Fit) -> Fit:
         while fit.misfit > self.calibration.misfit_limit**2 and len(fit.contacts) < self.most_contacts:
@@ -182,67 +195,34 @@ class ResponseReadout:
         made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
         return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
 
-    def found(self, components: Float32[np.ndarray, ' components']) -> Fit | Dragged:
-        """What explains the components: one contact, one that drags, or as few as do; of the last two what does best.
-
-        A drag that leaves no more over than presses do is not looked at for a second contact.
-        """
-        single = self.single(components)
-        if self.drag is None or self.gain(components, single) < self.calibration.least_gain:
-            return self._with_more(components, single)
-        limit = self.calibration.misfit_limit**2
-        pulled = dragged(self.response, self.drag, components, single, ASTRAY * limit)
-        if pulled is not None and pulled.fit.misfit <= limit:
-            return pulled
-        several = self._with_more(components, single)
-        return several if pulled is None or several.misfit < pulled.fit.misfit else pulled
-
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
         if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
             return nothing_read(self.bins)
         components = self.whitening @ seen.scores
-        found, limits = self.found(components), self.likeness
-        fit = found.fit if isinstance(found, Dragged) else found
-        contacts = self.contacts(fit)
+        fit, limits = self.fit(components), self.likeness
         left_over = seen.left_over / (limits.floor + limits.share * seen.size)
-        unlike, off_n = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over), 0.0
+        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
         if self.gain(components, fit) < self.calibration.least_gain:
-            contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
-        elif isinstance(found, Dragged):
-            contacts = (found.moved(contacts[0]),)
-            at_least, off_n = self._beside_drag(found)
-            unlike = max(unlike, at_least)
+            contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
-            widths = added_by_width(self.response, components, fit)
-            contacts = self.contacts(mended(self.response, fit, widths))
-            at_least, off_n = self._beside_training(fit, widths)
-            unlike = max(unlike, at_least)
-        sigma_n = math.hypot(off_n, *(each.sigma_n for each in contacts))
+            shape = shape_of(self.response, self.shifts, components, fit)
+            contacts = self.contacts(with_usual_width(self.response, fit, shape))
+            unlike = max(unlike, BEYOND_UNLIKENESS) if self._is_other(fit, shape) else unlike
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
-    def _beside_drag(self, found: Dragged) -> tuple[float, float]:
-        """How unlike the training a contact that drags is at least, and what N its force is off by for that."""
-        assert self.drag is not None
-        beyond = found.length_mm > self.drag.most_mm or bool(at_an_end(self.response, found.fit.contacts).any())
-        return BEYOND_UNLIKENESS if beyond else LIMIT_UNLIKENESS, self.drag.doubt_n * found.length_mm
-
-    def _beside_training(self, fit: Fit, widths: Widths) -> tuple[float, float]:
-        """How unlike the training contacts are at least, by place, force and width, and what N a width stands for."""
-        response, surely = self.response, widths.wide
-        slopes = [response.force_slope(s) for s in fit.contacts[surely, 2].tolist()]
-        off_n = float(np.linalg.norm(widths.off[surely] * slopes))
-        if self.beyond(fit.contacts):
-            return BEYOND_UNLIKENESS, off_n
-        return LIMIT_UNLIKENESS * bool(surely.any()), off_n
+    def _is_other(self, fit: Fit, shape: Shape) -> bool:
+        """Whether a contact is wider than the tip of the training, drags the skin, or lies where training ends."""
+        return shape.shift_gain > self.most_shift_gain or bool(shape.wide.any()) or self.beyond(fit.contacts)
 
     def beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
         """Whether any contact lies at the end of what was trained, or near two ends at once."""
         return bool((at_an_end(self.response, contacts) | self.response.near_ends(contacts)).any())
 
-    def mended(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
-        """A fit's contacts as they are told; see `contact_width`."""
-        return mended(self.response, fit, added_by_width(self.response, components, fit))
+    def with_usual_width(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
+        """A fit's contacts as they are told; see `contact_shape`."""
+        return with_usual_width(self.response, fit, shape_of(self.response, self.shifts, components, fit))
 
     def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
         """See `gained`."""

@@ -173,6 +173,17 @@ def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(world: 
     assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
 
 
+@pytest.mark.parametrize(('name', 'level'), [('dragged', 0.1), ('dragged', 0.3), ('ball', 1), ('flat punch', 1)])
+def test_a_response_says_of_other_contacts_than_tips_pressed_straight_down_what_they_are(
+    world: World, name: str, level: float
+) -> None:
+    """The profile `field` reads them; these are off by more than twice the usual."""
+    for held in read(world, named(name)[0].at(level), ['fast', 'accurate'], FEW).values():
+        wrong = [each for each in held if each.moment.kind == HELD and abs(each.error_n) > 2 * 0.0026]
+        assert wrong
+        assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in wrong)
+
+
 @pytest.mark.parametrize(('name', 'level'), [('brightness', 0.7), ('flicker', 30), ('blur', 1), ('noise', 4)])
 def test_a_network_holds_in_altered_pictures(world: World, name: str, level: float) -> None:
     """Within 30 mN, which is its least uncertainty: its witness answers."""

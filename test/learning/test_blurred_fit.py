@@ -116,7 +116,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
         ),
         flow=Choice('inverse_compositional', {'rows': 10, 'cols': 10, 'finest_scale': 1}),
         encoding=Choice('cartesian_mean', {'rows': 10, 'cols': 10}),
-        response=ResponseConfig(blur_px=(0.5, 1.0), blurred_presses=16, dragged_presses=0),
+        response=ResponseConfig(blur_px=(0.5, 1.0), blurred_presses=16),
     )
 
 

@@ -18,7 +18,6 @@ from tactile_nodes.sensing.altered_reading import (
     read_altered,
     spread_of,
 )
-from tactile_nodes.sensing.contact_width import USUAL_MM2
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 
@@ -69,15 +68,6 @@ def test_a_region_found_surely_enough_is_doubted_no_more_than_another() -> None:
     seen = pressed() * np.random.default_rng(5).uniform(0.9, 1.1, (GRID, GRID, 1)).astype(np.float32)
     sure, enough = (read_altered(TRUSTING, seen, SURE * share).contacts for share in (1.0, BADLY_FOUND + 0.01))
     assert sure == enough
-
-
-def test_a_width_of_its_own_is_granted_to_contacts_of_sharp_pictures_only() -> None:
-    """Four places, of twice the usual width: with it the force is nearer to what all four are together."""
-    apart_mm = (8 * USUAL_MM2) ** 0.5
-    places = [(2.0 + apart_mm, -1.0), (2.0 - apart_mm, -1.0), (2.0, -1.0 + apart_mm), (2.0, -1.0 - apart_mm)]
-    seen = features(READER, components(READER.response, *[(*place, 0.15) for place in places]))
-    sharp, blurred = (read_altered(READER, seen, SURE, blurred=each).contacts[0].force_n for each in (False, True))
-    assert abs(sharp - 0.6) < 0.9 * abs(blurred - 0.6)
 
 
 PLAIN = replace(READER, likeness=replace(READER.likeness, directions=np.eye(COMPONENTS, INPUTS, dtype=np.float32)))
@@ -163,17 +153,6 @@ def test_noise_is_asked_for_but_beside_holes_in_a_picture_that_is_not_told_blurr
     sure.reshape(-1)[:holes] = 0
     told, known = (read_altered(made, seen, sure, blurred=blurred, measured=each).contacts[0] for each in (False, True))
     assert (told.sigma_n > 1.3 * known.sigma_n) == asked
-
-
-def test_a_sharp_and_noisy_picture_that_is_told_blurred_has_contacts_with_a_width() -> None:
-    apart_mm = (8 * USUAL_MM2) ** 0.5
-    places = [(2.0 + apart_mm, -1.0), (2.0 - apart_mm, -1.0), (2.0, -1.0 + apart_mm), (2.0, -1.0 - apart_mm)]
-    seen = features(READER, components(READER.response, *[(*place, 0.15) for place in places]))
-    noise = np.random.default_rng(9).normal(0, 2, seen.shape).astype(np.float32)
-    blurred, noisy = (
-        read_altered(EXACT, each, SURE, blurred=True).contacts[0].force_n for each in (seen, seen + noise)
-    )
-    assert abs(noisy - 0.6) < 0.9 * abs(blurred - 0.6)
 
 
 def test_no_force_stays_none() -> None:

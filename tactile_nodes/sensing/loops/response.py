@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.contact_drag import ASTRAY
 from tactile_nodes.sensing.loops.common import (
     compiled,
     copy,
@@ -21,9 +20,8 @@ from tactile_nodes.sensing.loops.common import (
     substitute,
     variances,
 )
-from tactile_nodes.sensing.loops.drag import beside_drag, dragged
 from tactile_nodes.sensing.loops.scores import seen, whitened
-from tactile_nodes.sensing.loops.width import off_by_width, value_and_slopes
+from tactile_nodes.sensing.loops.shape import other_than_tips, value_and_slopes
 
 
 @compiled()
@@ -156,29 +154,18 @@ def _one_more(components, contacts, response, table, ends, levels, power, more, 
 
 
 @compiled()
-def _fit(components, response, drag, table, ends, levels, power, limit, most, pull):
-    """As `ResponseReadout.found`: contacts (n, 3), information (3 n, 3 n), the misfit, and whether the one drags.
-
-    Fills in x, y, s, width and drag of one that does.
-    """
+def _fit(components, response, table, ends, levels, power, limit, most):
+    """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
     contacts, information = np.empty((1, 3)), np.empty((3, 3))
     misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, power, contacts, information)
-    known, by_drag = np.empty((3, 3)), np.inf
-    if drag[2][0] < np.inf and _gained(components, response[2], contacts, misfit, response[0][2, 1]) >= ends[3]:
-        by_drag = dragged(components, contacts[0], misfit > ASTRAY * limit, response, drag, ends[0], pull, known)
-    if by_drag > limit:
-        while misfit > limit and contacts.shape[0] < most:
-            count = contacts.shape[0] + 1
-            more, told = np.empty((count, 3)), np.empty((3 * count, 3 * count))
-            found = _one_more(components, contacts, response, table, ends, levels, power, more, told)
-            if found > 0.5 * misfit:
-                break
-            contacts, information, misfit = more, told, found
-    if by_drag < np.inf and not (by_drag > limit and misfit < by_drag):
-        contacts, information, misfit = np.empty((1, 3)), known, by_drag
-        copy(pull[:3].reshape(1, 3), contacts)
-        return contacts, information, misfit, True
-    return contacts, information, misfit, False
+    while misfit > limit and contacts.shape[0] < most:
+        count = contacts.shape[0] + 1
+        more, told = np.empty((count, 3)), np.empty((3 * count, 3 * count))
+        found = _one_more(components, contacts, response, table, ends, levels, power, more, told)
+        if found > 0.5 * misfit:
+            break
+        contacts, information, misfit = more, told, found
+    return contacts, information, misfit
 
 
 @compiled()
@@ -234,11 +221,22 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'Tuple((f8[:, ::1], f4[:, :, :, ::1], f8[::1])), '
-    'UniTuple(f8, 22), f8[:, ::1], f4[:, ::1])'
+    'f8[:, ::1], UniTuple(f8, 19), f8[:, ::1], f4[:, ::1])'
 )
 def read(
-    values, confidence, scaling, directions, whitening, response, table, factors, ends, drag, numbers, contacts, forces
+    values,
+    confidence,
+    scaling,
+    directions,
+    whitening,
+    response,
+    table,
+    factors,
+    ends,
+    shifts,
+    numbers,
+    contacts,
+    forces,
 ):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
 
@@ -252,31 +250,23 @@ def read(
     if not finite(size, scores):
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)
-    pull = np.empty(6)
-    found, information, misfit, pulled = _fit(
-        components, response, drag, table, ends, int(levels), power, limit * limit, contacts.shape[0], pull
+    found, information, misfit = _fit(
+        components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
     )
     count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
-    total, touching = 0.0, _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
-    near, hard = numbers[13:15]
-    if touching and pulled:
-        at_least, total = beside_drag(pull, drag, near, beyond, _stay_at_ends(found, limits, ends[0], found))
-        unlike = max(unlike, at_least)
-    elif touching:
+    touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
+    if touching:
         told = np.empty_like(found)
-        surely, total = off_by_width(components, found, response, power, numbers[15:], told)
-        if _stay_at_ends(found, limits, ends[0], told) or _near_ends(found, axes, hard):
+        other = other_than_tips(components, found, information, response, shifts, numbers[14:], told)
+        at_end = _stay_at_ends(found, limits, ends[0], told)
+        if other or at_end or _near_ends(found, axes, numbers[13]):
             unlike = max(unlike, beyond)
-        elif surely:
-            unlike = max(unlike, near)
     _tell(told, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
     if not touching:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere
-    elif pulled:
-        contacts[0, 0] += pull[4]
-        contacts[0, 1] += pull[5]
+    total = 0.0
     for n in range(count):
         total += contacts[n, 4] * contacts[n, 4]
     spread_over_bins(contacts, count, numbers[11:13], forces)

@@ -1,4 +1,4 @@
-"""A response at a place, and how much wider than the training's a contact is: see `splines` and `contact_width`."""
+"""A response at a place, and whether contacts are tips pressed straight down: see `splines` and `contact_shape`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -33,21 +33,6 @@ def value_and_slopes(at, axes, coefficients, result):
 
 
 @compiled()
-def value_of(at, axes, coefficients, result):
-    """As `splines.value_of`, of as many outputs as the result has."""
-    x, y, s = np.empty((2, 4)), np.empty((2, 4)), np.empty((2, 4))
-    i, j, k = spline_weights(at[0], axes[0], x), spline_weights(at[1], axes[1], y), spline_weights(at[2], axes[2], s)
-    for c in range(result.shape[0]):
-        result[c] = 0
-    for m in range(4):
-        for n in range(4):
-            for o in range(4):
-                row, weight = coefficients[i + m, j + n, k + o], np.float32(x[0, m] * y[0, n] * s[0, o])
-                for c in range(result.shape[0]):
-                    result[c] += weight * row[c]
-
-
-@compiled()
 def _bends(value, axis, weights):
     """Second derivatives of the four cubic splines that are not zero at a value."""
     low, high, intervals = axis[0], axis[1], axis[2]
@@ -79,8 +64,8 @@ def laplacian(at, axes, coefficients, result):
 
 
 @compiled()
-def _added(made, left, certainty, granted, column, step):
-    """As `contact_width._added`: fills in a step by x, y, s and width, and the last column of its covariance."""
+def _width(made, left, certainty, granted, column, step):
+    """As `contact_shape._width`: fills in a step by x, y, s and width, and the last column of its covariance."""
     information = np.empty((4, 4))
     for i in range(4):
         one = made[i + 1]
@@ -101,23 +86,62 @@ def _added(made, left, certainty, granted, column, step):
 
 
 @compiled()
-def _taken(mm2, variance, height, numbers):
-    """As `contact_width.taken`; `numbers` are `contact_width.WIDTHS`."""
-    usual_mm2, any_mm2, most, below, left = numbers
-    usual, whatever = variance + 4 * usual_mm2 * usual_mm2, variance + any_mm2 * any_mm2
-    against = math.sqrt(whatever / usual) * math.exp(-mm2 * mm2 / 2 * (1 / usual - 1 / whatever))
-    fading = min(max((left - height) / (left - below), 0.0), 1.0)
-    return most * fading / (1 + against) if mm2 > 0 else 0.0
+def _step(step, column, contact, limits, usual, moved):
+    """Fills in a contact as it is with a usual width, within the splines."""
+    share = step[3] / (column[3] + usual * usual)
+    for i in range(3):
+        by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
+        moved[i] = min(max(contact[i] + by, limits[2, i]), limits[3, i])
 
 
 @compiled()
-def off_by_width(components, contacts, response, power, numbers, moved):
-    """Whether any contact is surely wider than the training's, and the square of what N forces are off by for that.
+def _dot(one, other, certainty):
+    """Sum of products, weighted."""
+    total = 0.0
+    for c in range(certainty.shape[0]):
+        total += one[c] * certainty[c] * other[c]
+    return total
 
-    Fills in contacts as they are with a usual width (n, 3); see `contact_width`. `numbers` are its limits.
+
+@compiled()
+def _gained_by_shift(made, shifts, left, certainty, information, limits, granted):
+    """As `contact_shape._gained_by_shift`; `information` is that of all contacts."""
+    count, channels = information.shape[0], shifts.shape[0]
+    system, shared, by_contact = information.copy(), np.empty((channels, count)), np.empty((channels, count))
+    down, own = np.empty(channels), np.empty((channels, channels))
+    for i in range(count):
+        system[i, i] += limits[0, i % 3]
+    factorise(system)
+    for k in range(channels):
+        for i in range(count):
+            by_contact[k, i] = _dot(made[i // 3, 1 + i % 3], shifts[k], certainty)
+            shared[k, i] = by_contact[k, i]
+        substitute(system, shared[k])
+    for k in range(channels):
+        down[k] = _dot(shifts[k], left, certainty)
+        for i in range(count):
+            down[k] -= shared[k, i] * _dot(made[i // 3, 1 + i % 3], left, certainty)
+        for m in range(channels):
+            own[k, m] = _dot(shifts[k], shifts[m], certainty) + (granted if k == m else 0.0)
+            for i in range(count):
+                own[k, m] -= by_contact[k, i] * shared[m, i]
+    step = down.copy()
+    factorise(own)
+    substitute(own, step)
+    gain = 0.0
+    for k in range(channels):
+        gain += down[k] * step[k] / 2
+    return gain
+
+
+@compiled()
+def other_than_tips(components, contacts, information, response, shifts, numbers, moved):
+    """Whether any contact is surely wider than the training's, or drags the skin; see `contact_shape`.
+
+    Fills in contacts as they are with a usual width (n, 3). `numbers` are the limits.
     """
     axes, coefficients, growth, limits = response
-    wide, sure, usual = numbers[:3]
+    most_gain, wide, sure, usual, granted = numbers
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
@@ -132,20 +156,10 @@ def off_by_width(components, contacts, response, power, numbers, moved):
         left[c] = components[c]
         for n in range(count):
             left[c] -= made[n, 0, c]
-    surely, total = False, 0.0
+    other = False
     for n in range(count):
-        _added(made[n], left, certainty, limits[0], column, step)
-        share, s = step[3] / (column[3] + usual * usual), contacts[n, 2]
-        by_s = step[2] - column[2] * share
-        for i in range(2):
-            by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
-            moved[n, i] = min(max(contacts[n, i] + by, limits[2, i]), limits[3, i])
-        off = min(max(step[2], -s), s) - min(max(by_s, -s), s)
-        share_taken = _taken(step[3], column[3], s / axes[2, 1], numbers[2:])
-        by = min(max(by_s + share_taken * off, -limits[1, 2]), limits[1, 2])
-        moved[n, 2] = min(max(s + by, limits[2, 2]), limits[3, 2])
-        if step[3] >= wide and step[3] >= sure * math.sqrt(column[3]):
-            surely = True
-            off *= (1 - share_taken) * max(s, 1e-9) ** (1 / power - 1) / power
-            total += off * off
-    return surely, total
+        _width(made[n], left, certainty, limits[0], column, step)
+        _step(step, column, contacts[n], limits, usual, moved[n])
+        other = other or (step[3] >= wide and step[3] >= sure * math.sqrt(column[3]))
+    gain = _gained_by_shift(made, shifts, left, certainty, information, limits, granted)
+    return other or gain > most_gain
