@@ -2,8 +2,9 @@
 
 Markers that run into each other, or are lost, show regions another mean of the same motion: each is off by a share of
 its own motion, and the more the nearer to the contact; what is badly found, under a speck of dirt, say, by more of it.
-So the errors of a frame are those of the training and, beside them, some in proportion to what each region moved; a few more steps from the contacts that were found make the
-best of all. It is least squares as before, but components are no longer independent.
+So the errors of a frame are those of the training and, beside them, some in proportion to what each region moved; a few
+more steps from the contacts that were found make the best of all. It is least squares as before, but components are no
+longer independent.
 """
 
 from __future__ import annotations
@@ -53,9 +54,9 @@ def read_altered(
 ) -> Reading:
     """As the readout reads it, with regions trusted the less the more they moved, and its noise counted.
 
-    Where the readout was `measured` in such pictures, it knows their noise. Beside holes it cannot be asked for, as more
-    than noise is left over there, but in a picture that is told `blurred`, which may be as sharp as any and noisy. What
-    is unlike the training is told as it was, and the force is no surer.
+    Where the readout was `measured` in such pictures, it knows their noise. Beside holes it cannot be asked for, as
+    more than noise is left over there, but in a picture that is told `blurred`, which may be as sharp as any and noisy.
+    What is unlike the training is told as it was, and the force is no surer.
     """
     plain = readout.read(values, confidence)
     if not plain.contacts[0].force_n > 0:
