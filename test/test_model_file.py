@@ -103,7 +103,7 @@ def witnessed_model() -> ForceModel:
     """The small network with the small response as its witness."""
     model, response = small_model(), small_response().readout
     assert isinstance(response, ResponseReadout)
-    witness = Witness(replace(response, most_contacts=1), 'cartesian_mean', 0.03, 0.75)
+    witness = Witness(replace(response, most_contacts=1), 'cartesian_mean')
     return replace(model, readout=replace(model.readout, witness=witness))
 
 
@@ -182,8 +182,7 @@ def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):
     file, made = tmp_path / 'witnessed.safetensors', witnessed_model().readout.witness
     save_model(file, witnessed_model(), CARD)
     found = load_model(file).model.readout.witness
-    assert (found.encoding, found.margin_n, found.rim_mm) == ('cartesian_mean', 0.03, 0.75)
-    assert (found.hardest_n, found.inner_mm) == (made.hardest_n, made.inner_mm)
+    assert found.encoding == 'cartesian_mean'
     random = np.random.default_rng(1)
     seen = random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32)
     assert found.read(*seen).contacts == made.read(*seen).contacts

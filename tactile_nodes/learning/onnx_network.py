@@ -11,7 +11,7 @@ from tactile_nodes.sensing.features import PolarMean
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.network import CONTRADICTED_SIGMAS, TINY_N, Mlp, NetworkReadout
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, UNKNOWN
+from tactile_nodes.sensing.reading import UNKNOWN
 from tactile_nodes.sensing.witness import Witness
 
 _ACTIVATIONS = {'logistic': 'Sigmoid', 'relu': 'Relu'}
@@ -41,23 +41,12 @@ def _heard(writer: Writer, witness: Witness, inputs: Inputs, total: Value, sigma
     motion = _as_motion(inputs.features) if witness.encoding == PolarMean.name else inputs.features
     heard = write_response(writer, witness.readout, scale(motion, inputs.confidence, witness.readout.scaling))
     force = heard.contact[2]
-    own = heard.unlikeness.cast(np.float64).most(_beyond(witness, heard.contact))
     apart = writer.op('Abs', total - force) / (sigma * CONTRADICTED_SIGMAS).most(TINY_N)
-    told = [each.cast(np.float64) for each in (unlike, own, apart)]
+    told = [each.cast(np.float64) for each in (unlike, heard.unlikeness, apart)]
     lowest = writer.constant(np.float64(-1))
     known = [writer.op('IsNaN', each, dtype=bool).where(lowest, each) for each in told]
     largest = known[0].most(known[1]).most(known[2])
     return (largest < 0).where(writer.constant(np.float64(UNKNOWN)), largest)
-
-
-def _beyond(witness: Witness, contact: Value) -> Value:
-    """The unlikeness of a contact at the end of what was trained, 0 of others; see `Witness.read`."""
-    writer, (low, high) = contact.writer, witness.inner_mm
-    place, force = contact.take(np.array([0, 1])).cast(np.float64), contact[2]
-    outside = (place - np.array(high)).most(np.array(low) - place).max()
-    beyond, none = (writer.constant(np.float64(each)) for each in (BEYOND_UNLIKENESS, 0.0))
-    at_rim = (writer.like(force, 0.0) < force) & (writer.like(outside, 0.0) < outside)
-    return (force >= witness.hardest_n - witness.margin_n).where(beyond, at_rim.where(beyond, none))
 
 
 def _as_motion(features: Value) -> Value:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float32
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import ResponseConfig
@@ -20,12 +19,6 @@ from tactile_nodes.sensing.witness import Witness
 
 CONFIG = ResponseConfig(components=40, spacing_mm=2.0, levels=6, most_contacts=1)
 """As the profile `fast` has it."""
-
-MARGIN = 2.0
-"""Of the network's least uncertainties: a contact so near to the hardest one of the training is beyond it."""
-
-RINGS_MM = (0.5, 1.0, 1.5, 2.0)
-LEAST_IN_RING, TWICE = 20, 2.0
 
 PRESSES_PER_PLACE = 8
 """Splines lie further apart where fewer presses than this would tell of each place: the paper's plan has so many."""
@@ -58,36 +51,4 @@ def with_witness(
         why = str(error) or 'stopped'
         progress.say(f'the network has no witness, so contacts that it does not know may pass for known ones: {why}')
         return replace(readout, witness=None)
-    errors_n, judges = judged(readout, dataset, held_out)
-    rim_mm = unsure_rim_mm(errors_n, judges)
-    return replace(readout, witness=Witness(response, encoding, MARGIN * readout.spread.floor_n, rim_mm))
-
-
-def judged(
-    readout: NetworkReadout, dataset: Dataset, held_out: np.ndarray
-) -> tuple[Float[np.ndarray, ' judges'], Float32[np.ndarray, 'judges 4']]:
-    """The network's errors of the total on presses held out, and these presses."""
-    chosen = np.flatnonzero(held_out & (dataset.presses[:, 2] > 0))
-    features, confidence = dataset.features[chosen].astype(np.float32), dataset.confidence[dataset.rest[chosen]]
-    inputs = [readout.inputs(*each) for each in zip(features, confidence, strict=True)]
-    found_n = [readout.network(each).sum() * readout.output_scale_n for each in inputs]
-    return np.array(found_n, float) - dataset.presses[chosen, 3], dataset.presses[chosen]
-
-
-def unsure_rim_mm(errors_n: Float[np.ndarray, ' judges'], presses: Float32[np.ndarray, 'judges 4']) -> float:
-    """How far from the end of the pressed places a network errs twice as much as within: in rings of half a millimetre.
-
-    There presses teach it from one side only. 0 where it does not, or where a ring holds too few presses to tell.
-    """
-    if not len(presses):
-        return 0.0
-    places = np.abs(presses[:, :2] - (presses[:, :2].max(axis=0) + presses[:, :2].min(axis=0)) / 2)
-    inwards = (np.ptp(presses[:, :2], axis=0) / 2 - places).min(axis=1)
-    within = float(np.sqrt(np.mean(errors_n[inwards >= RINGS_MM[-1]] ** 2))) if (inwards >= RINGS_MM[-1]).any() else 0.0
-    rim_mm = 0.0
-    for outer, inner in itertools.pairwise((0.0, *RINGS_MM)):
-        ring = errors_n[(inwards >= outer) & (inwards < inner)]
-        if len(ring) < LEAST_IN_RING or not np.sqrt(np.mean(ring**2)) > TWICE * within > 0:
-            break
-        rim_mm = inner
-    return rim_mm
+    return replace(readout, witness=Witness(response, encoding))

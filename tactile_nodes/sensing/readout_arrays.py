@@ -99,15 +99,14 @@ def _witness_arrays(witness: Readout | None) -> tuple[Arrays, dict[str, Any]]:
     if not isinstance(witness, Witness):
         return {}, {}
     arrays, said = _response_arrays(witness.readout)
-    said |= {'encoding': witness.encoding, 'margin_n': witness.margin_n, 'rim_mm': witness.rim_mm}
-    return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said}
+    return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said | {'encoding': witness.encoding}}
 
 
 def _witness(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid) -> Witness | None:
     if said is None:
         return None
     own = {name.removeprefix(WITNESS): each for name, each in arrays.items() if name.startswith(WITNESS)}
-    return Witness(_response(own, said, bins), said['encoding'], said['margin_n'], said['rim_mm'])
+    return Witness(_response(own, said, bins), said['encoding'])
 
 
 def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:

@@ -171,9 +171,9 @@ def _bins(loaded: LoadedModel, frames: list[Features]) -> np.ndarray:
 
 
 def witnessed(encoding: str) -> LoadedModel:
-    """The network beside the response, beyond whose training are the hardest tenth and the rim."""
+    """The network beside the response."""
     loaded, watching = network(), response(1.0).model.readout
-    witness = Witness(watching, encoding, margin_n=0.12, rim_mm=1.5)
+    witness = Witness(watching, encoding)
     return replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, witness=witness)))
 
 

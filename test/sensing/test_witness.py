@@ -13,7 +13,6 @@ from tactile_nodes.sensing.features import Features, as_motion
 from tactile_nodes.sensing.likeness import Likeness
 from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.network import Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS
 from tactile_nodes.sensing.witness import Witness
 
 WITNESS = Witness(readout(1), 'cartesian_mean')
@@ -63,23 +62,6 @@ def test_two_contacts_are_unlike_the_training_whatever_force_is_said():
     alone = WITNESS.read(pair, SURE)
     assert alone.unlikeness > 1
     assert network(alone.contacts[0].force_n).read(pair, SURE).unlikeness == alone.unlikeness
-
-
-def test_a_contact_near_the_hardest_of_the_training_may_be_harder():
-    near = replace(WITNESS, margin_n=0.03)
-    assert near.hardest_n == 1.0
-    assert near.read(shown((0.0, 1.0, 0.98)), SURE).unlikeness == BEYOND_UNLIKENESS
-    assert near.read(shown((0.0, 1.0, 0.96)), SURE).unlikeness < BEYOND_UNLIKENESS
-    assert WITNESS.read(shown((0.0, 1.0, 0.98)), SURE).unlikeness < BEYOND_UNLIKENESS
-
-
-@pytest.mark.parametrize(('x_mm', 'beyond'), [(10.9, False), (11.1, True), (-11.1, True)])
-def test_a_contact_at_the_rim_of_the_trained_places_is_beyond_the_training(x_mm: float, beyond: bool):
-    """Places end at 12 mm."""
-    near = replace(WITNESS, rim_mm=1.0)
-    assert (near.read(shown((x_mm, 1.0, 0.3)), SURE).unlikeness >= BEYOND_UNLIKENESS) == beyond
-    assert (near.read(shown((1.0, x_mm, 0.3)), SURE).unlikeness >= BEYOND_UNLIKENESS) == beyond
-    assert WITNESS.read(shown((x_mm, 1.0, 0.3)), SURE).unlikeness < 1
 
 
 def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
