@@ -278,10 +278,10 @@ class OtherGel:
         forces follows from the source's own markers.
         """
         source, presses = self.source, len(self.presses)
-        terms, local = source.correction.terms * np.array([1.0, 1.0, 0.0]), None
+        terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
         if source.carried is not None and form == 'regions':
-            terms, local = source.carried.after(presses), source.carried.local_after(presses)
-        correction = replace(source.correction, terms=terms, local=local)
+            terms = source.carried.after(presses)
+        correction = replace(source.correction, terms=terms, local=None)
         return replace(
             source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None,
             pressed_n=self.pressed_n,

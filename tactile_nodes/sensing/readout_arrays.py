@@ -209,8 +209,6 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     if readout.carried is not None:
         arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
         carried = {'carried': list(readout.carried.presses)}
-        if readout.carried.local is not None:
-            arrays['carried_local'] = readout.carried.local.astype(np.float16)
     return arrays, {
         **_said(readout.kind, readout.scaling, None),
         'lateral': response.lateral,
@@ -234,7 +232,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     streak = Streak(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
     local = arrays['local'].astype(float) if 'local' in arrays else None
-    carried = _carried(arrays, said['carried']) if 'carried' in said else None
+    carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
@@ -286,11 +284,6 @@ def _require_within(said: Mapping[str, Any]) -> None:
         low, high = RANGES[name]
         if not low <= said[name] <= high:
             raise ValueError(f'{name} is {said[name]!r:.40}, and not from {low:g} to {high:g}')
-
-
-def _carried(arrays: Mapping[str, np.ndarray], presses: list[int]) -> Carried:
-    local = arrays['carried_local'].astype(float) if 'carried_local' in arrays else None
-    return Carried(tuple(presses), arrays['carried'].astype(float), local)
 
 
 def _calibration(said: Mapping[str, Any]) -> Calibration:

@@ -11,7 +11,6 @@ from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
 
 TERMS = np.stack([np.full((20, 3), 3.0), np.full((20, 3), 1.0)])
 CARRIED = Carried((10, 40), TERMS)
-TABLES = np.stack([np.full((5, 5, 3), 0.03), np.full((5, 5, 3), 0.01)])
 
 
 @pytest.mark.parametrize(('presses', 'expected'), [(3, 3.0), (10, 3.0), (20, 2.0), (40, 1.0), (400, 1.0)])
@@ -25,25 +24,20 @@ def test_terms_after_one_number_of_presses_serve_for_all() -> None:
     assert once.after(100) == pytest.approx(TERMS[0])
 
 
-def test_tables_follow_the_logarithm_of_the_presses_too() -> None:
-    table = Carried((10, 40), TERMS, TABLES).local_after(20)
-    assert table == pytest.approx(np.full((5, 5, 3), 0.02))
-
-
 def test_it_comes_back_from_a_file() -> None:
     whole = readout(carried=CARRIED)
     again = readout_from(*readout_arrays(whole), whole.bins).carried
     assert again is not None
     assert again.presses == CARRIED.presses
     assert again.terms == pytest.approx(TERMS)
-    assert again.local is None
 
 
-def test_its_tables_come_back_from_a_file_to_a_thousandth() -> None:
-    whole = readout(carried=Carried((10, 40), TERMS, TABLES))
-    again = readout_from(*readout_arrays(whole), whole.bins).carried
-    assert again is not None
-    assert again.local == pytest.approx(TABLES, rel=1e-3)
+def test_a_table_beside_it_in_a_file_of_before_is_left_aside() -> None:
+    whole = readout(carried=CARRIED)
+    arrays, said = readout_arrays(whole)
+    again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, said, whole.bins)
+    assert again.carried.after(10) == pytest.approx(TERMS[0])
+    assert again.correction.local is None
 
 
 def test_a_file_without_it_carries_nothing() -> None:
