@@ -203,6 +203,8 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     if response.unsure is not None:
         arrays['unsure'] = response.unsure.astype(np.float16)
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
+    if correction.local is not None:
+        arrays['local'] = np.asarray(correction.local, np.float32)
     carried = {}
     if readout.carried is not None:
         arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
@@ -229,12 +231,13 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
     streak = Streak(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
+    local = arrays['local'].astype(float) if 'local' in arrays else None
     carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
         arrays['doubt'].astype(float),
-        Correction(arrays['correction'].astype(float), **said['correction']),
+        Correction(arrays['correction'].astype(float), **said['correction'], local=local),
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
