@@ -4,7 +4,7 @@
     python examples/grip.py
 
 It decides fifty times a second by the newest force, because silence calls nobody. A loop that is stable with a late
-force too stands in tactile_nodes/collection/guarded.py.
+force too stands in tactile_nodes/collection/press/guarded.py.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import sys
 from typing import Any
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.messages import stamp_ns
 
 LIMIT_N = 0.5

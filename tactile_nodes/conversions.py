@@ -12,13 +12,13 @@ from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, SurfaceField
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, grey
-from tactile_nodes.sensing.picture_motion import TERMS, PictureMotion
-from tactile_nodes.sensing.reading import Acting, Contact, Region, SurfaceField
+from tactile_nodes.sensing.picture.motion import TERMS, PictureMotion
 
 if TYPE_CHECKING:
-    from tactile_nodes.sensing.drift_verdict import Verdict
+    from tactile_nodes.sensing.judge.drift_verdict import Verdict
     from tactile_nodes.simulation.scene import Truth
 
 MILLI = 1e-3

@@ -11,12 +11,12 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.drift import Limits
-from tactile_nodes.sensing.drift_alarm import Level
-from tactile_nodes.sensing.drift_verdict import Verdict
+from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.network import NetworkReadout
-from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.judge.drift import Limits
+from tactile_nodes.sensing.judge.drift_alarm import Level
+from tactile_nodes.sensing.judge.drift_verdict import Verdict
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
 

@@ -18,15 +18,15 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import is_file
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.likeness import known
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
+from tactile_nodes.sensing.explain.reading import Acting, Contact
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.likeness import known
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
-from tactile_nodes.sensing.quality import ContactDetector
-from tactile_nodes.sensing.reading import Acting, Contact
-from tactile_nodes.sensing.stamped import ByStamp
-from tactile_nodes.sensing.steady_force import SteadyForce
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.judge.stamped import ByStamp
+from tactile_nodes.sensing.judge.steady_force import SteadyForce
+from tactile_nodes.sensing.picture.quality import ContactDetector
 
 FORCE = types.ForceDistribution
 MOST_EARLIER = 16

@@ -30,11 +30,11 @@ from tactile_nodes.params import parameter
 from tactile_nodes.rest_images import RestImages
 from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.flow import DisplacementField, FlowMethod
-from tactile_nodes.sensing.freshness import Freshness
-from tactile_nodes.sensing.motion_overlay import overlay
-from tactile_nodes.sensing.quality import picture_faults
-from tactile_nodes.sensing.renewal import RenewalOptions
+from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
+from tactile_nodes.sensing.flow.overlay import overlay
+from tactile_nodes.sensing.judge.freshness import Freshness
+from tactile_nodes.sensing.picture.quality import picture_faults
+from tactile_nodes.sensing.rest.renewal import RenewalOptions
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 FORCE = types.ForceDistribution

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tactile_nodes.messages import types
-from tactile_nodes.sensing.model import OK_TIMES, ForceMap
+from tactile_nodes.sensing.explain.model import OK_TIMES, ForceMap
 
 FORCE = types.ForceDistribution
 

@@ -8,10 +8,11 @@ from typing import ClassVar
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import FlowMethod, make_flow
-from tactile_nodes.sensing.prepared_rest import Measuring
-from tactile_nodes.sensing.registration import Registration, RegistrationOptions
-from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.methods import FlowMethod
+from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
+from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.rest.prepared import Measuring
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,12 @@ from safetensors import SafetensorError
 from tactile_nodes.errors import ModelError
 from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.paths import is_file, share_directory, write_whole
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.texture_gains import TextureGains
+from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION, FIELD_VERSION = 2, 3, 5, 6

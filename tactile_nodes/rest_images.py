@@ -11,14 +11,14 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.force_status import ALTERED
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.sensing.coming import Coming
-from tactile_nodes.sensing.knocks import KNOCK_PX
-from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.prepared_rest import PreparedRest
-from tactile_nodes.sensing.quality import PictureLikeness, sharpness
-from tactile_nodes.sensing.quietness import EXPLAINED
-from tactile_nodes.sensing.registration import FEW_FOUND, Registration
-from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
-from tactile_nodes.sensing.stillness import steady
+from tactile_nodes.sensing.picture.knocks import KNOCK_PX
+from tactile_nodes.sensing.picture.motion import PictureMotion
+from tactile_nodes.sensing.picture.quality import PictureLikeness, sharpness
+from tactile_nodes.sensing.picture.quietness import EXPLAINED
+from tactile_nodes.sensing.picture.registration import FEW_FOUND, Registration
+from tactile_nodes.sensing.picture.stillness import steady
+from tactile_nodes.sensing.rest.prepared import PreparedRest
+from tactile_nodes.sensing.rest.renewal import Renewal, RenewalOptions, Rested
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 FORCE = types.ForceDistribution

@@ -8,9 +8,9 @@ import numpy as np
 from press_bags import Sensor
 
 from tactile_nodes.learning.config import Choice
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import KnownBody
-from tactile_nodes.learning.measuring import Measurer
+from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Shaping

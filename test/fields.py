@@ -6,8 +6,8 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
+from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, SurfaceField
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Acting, Contact, Region, SurfaceField
 
 CELLS = 36
 BINS = BinGrid(9, 9, 36.0, 36.0)  # cells of 1 mm, four a bin along each side

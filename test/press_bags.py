@@ -16,7 +16,7 @@ from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_ST
 from tactile_nodes.conversions import header, image_message
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.optics import Optics, Press, Shaping

@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_nodes'
 SOURCES = sorted(PACKAGE.rglob('*.py'))
 NODES = sorted(file for file in (PACKAGE / 'nodes').glob('*.py') if file.stem not in {'__init__', 'composed'})
+MOST_FILES = 20
+
 LIVE_PATH = ['nodes.camera', 'nodes.flow_features', 'nodes.force_estimator', 'nodes.composed', 'cli.main', 'cli.view']
 
 
@@ -36,6 +39,11 @@ def test_files_have_one_subject_and_a_docstring() -> None:
     texts = {_name(file): file.read_text(encoding='utf-8') for file in SOURCES}
     assert not [name for name, text in texts.items() if not ast.get_docstring(ast.parse(text))]
     assert not [name for name, text in texts.items() if len(text.splitlines()) > 400]
+
+
+def test_no_folder_has_more_files_than_a_stranger_reads_through() -> None:
+    files = Counter(_name(file.parent) for file in SOURCES if file.stem != '__init__')
+    assert {folder: count for folder, count in files.items() if count > MOST_FILES} == {}
 
 
 def test_no_topic_is_spelt_outside_the_table() -> None:

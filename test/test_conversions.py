@@ -10,8 +10,8 @@ import pytest
 from tactile_nodes import conversions, messages
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import types
+from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Contact
 
 HEAD = types.Header(stamp=types.Time(sec=5, nanosec=6), frame_id='camera')
 

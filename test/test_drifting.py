@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from tactile_nodes.drifting import Told, limits_of
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.drift import DriftMonitor, Limits
-from tactile_nodes.sensing.drift_alarm import Level
-from tactile_nodes.sensing.network import NetworkReadout
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.judge.drift_alarm import Level
 
 S = 1_000_000_000
 WELL = replace(DriftMonitor().verdict, level=Level.VALID)

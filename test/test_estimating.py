@@ -17,10 +17,10 @@ from tactile_nodes.force_status import Judged, judged
 from tactile_nodes.messages import types
 from tactile_nodes.methods import told
 from tactile_nodes.model_file import find_model, load_model, save_model
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.model import ForceMap
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import value_and_slopes
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.model import ForceMap
+from tactile_nodes.sensing.explain.splines import value_and_slopes
+from tactile_nodes.sensing.flow.choice import make_flow
 
 FORCE = types.ForceDistribution
 

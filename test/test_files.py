@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.collection.plan import read_points
-from tactile_nodes.drivers.camera_file import read_image
-from tactile_nodes.drivers.pictures import read_grey
+from tactile_nodes.collection.plan.plan import read_points
+from tactile_nodes.drivers.camera.file import read_image
+from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import TactileError
-from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.model_file import load_model
 from tactile_nodes.params import load_parameter_file
 

@@ -17,7 +17,7 @@ from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.force_status import judged
 from tactile_nodes.messages import types
 from tactile_nodes.methods import InverseCompositionalParams
-from tactile_nodes.sensing.model import ForceMap
+from tactile_nodes.sensing.explain.model import ForceMap
 
 sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
 from dots import DOTS, grow, picture, press, shift

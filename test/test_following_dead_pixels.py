@@ -12,9 +12,9 @@ import pytest
 from tactile_nodes import conversions
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
-from tactile_nodes.sensing.drift import DriftMonitor
-from tactile_nodes.sensing.drift_alarm import Level
-from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.judge.drift import DriftMonitor
+from tactile_nodes.sensing.judge.drift_alarm import Level
+from tactile_nodes.sensing.rest.reference import average
 
 sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
 from dots import SIDE, picture, press

@@ -18,18 +18,18 @@ from hypothesis import strategies as st
 
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
-from tactile_nodes.sensing.blurs import Blur, Blurs
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.blurs import Blur, Blurs
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.response import Response
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import SplineAxis
-from tactile_nodes.sensing.texture_gains import TextureGains
-from tactile_nodes.sensing.uncertainty import Calibration
-from tactile_nodes.sensing.witness import Witness
+from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},

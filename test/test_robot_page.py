@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tactile_nodes.collection.guarded import GuardSettings
+from tactile_nodes.collection.press.guarded import GuardSettings
 
 PAGE = (Path(__file__).parents[1] / 'docs/robots.md').read_text(encoding='utf-8')
 

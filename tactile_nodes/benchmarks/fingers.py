@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import CameraSettings
-from tactile_nodes.drivers.camera_opening import open_camera
+from tactile_nodes.drivers.camera.contract import CameraSettings
+from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
 from tactile_nodes.sensing.tracking import FeatureTracker
 

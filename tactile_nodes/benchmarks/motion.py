@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes.benchmarks.flow import by_region
-from tactile_nodes.benchmarks.flow_cases import Case, Sensor, known_shifts, pressed, rigid
-from tactile_nodes.benchmarks.front_contenders import WAYS, Way, one_thread
-from tactile_nodes.benchmarks.front_flows import SmallPixels
+from tactile_nodes.benchmarks.flow.cases import Case, Sensor, known_shifts, pressed, rigid
+from tactile_nodes.benchmarks.front.contenders import WAYS, Way, one_thread
+from tactile_nodes.benchmarks.front.flows import SmallPixels
 from tactile_nodes.benchmarks.report import keep, machine_and_commit, surroundings, table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress, TerminalProgress
-from tactile_nodes.sensing.flow import FlowMethod
+from tactile_nodes.sensing.flow.methods import FlowMethod
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,11 +21,11 @@ from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.simulation.other_gels import TESTED_SEED, other_gel
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.dataset import Dataset
+    from tactile_nodes.learning.datasets.simulated import Dataset
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
-    from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-    from tactile_nodes.sensing.outline import OutlineMap
+    from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+    from tactile_nodes.sensing.picture.outline import OutlineMap
     from tactile_nodes.simulation.gel import Gel
 
 WEIGHTS_N = 0.02 * 9.81, 0.05 * 9.81
@@ -103,9 +103,9 @@ def measure(
     Raises:
         ModelError: the model cannot be transferred.
     """
-    from tactile_nodes.learning.evaluate import config_of
-    from tactile_nodes.learning.transfer_checks import source_readout
-    from tactile_nodes.learning.transfer_source import axisymmetric_source
+    from tactile_nodes.learning.evaluation.evaluate import config_of
+    from tactile_nodes.learning.transfer.checks import source_readout
+    from tactile_nodes.learning.transfer.source import axisymmetric_source
 
     source, gel = axisymmetric_source(source_readout(loaded)), config_of(loaded).gel
     scores: list[Score] = []
@@ -121,9 +121,9 @@ def _pressed(
     loaded: LoadedModel, other: Gel, frames: int, runs: Sequence[tuple[str, int]], progress: Progress
 ) -> _Pressed:
     from tactile_nodes.learning.config import DataConfig
-    from tactile_nodes.learning.evaluate import config_of
-    from tactile_nodes.learning.pressed_gels import anywhere
-    from tactile_nodes.sensing.outline import outline_map
+    from tactile_nodes.learning.datasets.pressed_gels import anywhere
+    from tactile_nodes.learning.evaluation.evaluate import config_of
+    from tactile_nodes.sensing.picture.outline import outline_map
 
     crop = loaded.card['crop_px']
     presses = anywhere(replace(config_of(loaded), data=DataConfig(crop=crop), gel=other), progress, frames)
@@ -142,8 +142,8 @@ def _optics(gel: Gel):  # type: ignore[no-untyped-def]
 def _weighed(loaded: LoadedModel, gel: Gel, count: int) -> Dataset:
     """Weights on a gel, one after the other, and images of it untouched, as `Dataset` holds them."""
     from tactile_nodes.gel_tables import contact_table
-    from tactile_nodes.learning.dataset import Dataset
-    from tactile_nodes.learning.evaluate import config_of
+    from tactile_nodes.learning.datasets.simulated import Dataset
+    from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.sensing.geometry import centre_crop
     from tactile_nodes.simulation.optics import Press
 
@@ -190,9 +190,9 @@ def _on_gel(
 
 def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int) -> tuple[AxisymmetricReadout, str]:
     """The readout that one way leads to, and its form."""
-    from tactile_nodes.learning.transfer_fit import Transfer, transfer
-    from tactile_nodes.learning.transfer_partial import PartialTransfer, as_pens, transfer_outline, transfer_partial
-    from tactile_nodes.sensing.explain.readout import FieldReadout
+    from tactile_nodes.learning.transfer.fit import Transfer, transfer
+    from tactile_nodes.learning.transfer.partial import PartialTransfer, as_pens, transfer_outline, transfer_partial
+    from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
     few = pressed.presses.take(_first(pressed.presses, presses))
     if way == IMAGE:
@@ -209,7 +209,7 @@ def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int
 
 def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:
     """Some pens, then weights at places that are not told."""
-    from tactile_nodes.learning.transfer_partial import replace_presses
+    from tactile_nodes.learning.transfer.partial import replace_presses
 
     weights = pressed.weights.take(_first(pressed.weights, presses))
     told = weights.presses.copy()
@@ -220,7 +220,7 @@ def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:
 
 
 def _score(gel: int, way: str, presses: int, readout: AxisymmetricReadout, dataset: Dataset) -> Score:
-    from tactile_nodes.learning.transfer_fit import live_errors
+    from tactile_nodes.learning.transfer.fit import live_errors
 
     errors = live_errors(readout, dataset, np.flatnonzero(dataset.presses[:, 2] > 0)[-TESTED:])
     away = np.hypot(errors[:, 0], errors[:, 1])

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tactile_nodes.learning.calibrating.files import Made
     from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.learning.progress import Progress
-    from tactile_nodes.learning.transfer import Made
-    from tactile_nodes.learning.transfer_errors import Point
+    from tactile_nodes.learning.transfer.errors import Point
 
 DESCRIPTION = (
     'Transfer the model of one gel to another (other hardness, markers, thickness or camera) by a few presses on the '
@@ -124,8 +124,8 @@ def _require_used(arguments: argparse.Namespace) -> None:
 
 
 def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str) -> int:
-    from tactile_nodes.learning.hand_presses import calibrate_by_hand
-    from tactile_nodes.learning.transfer import Source
+    from tactile_nodes.learning.calibrating.files import Source
+    from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
 
     source = Source.find(arguments.model)
     model_id, made = calibrate_by_hand(
@@ -168,8 +168,8 @@ def _of_description(arguments: argparse.Namespace) -> int:
 
 
 def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
-    from tactile_nodes.learning.transfer import calibrate
-    from tactile_nodes.learning.transfer_layer import load_layer_config
+    from tactile_nodes.learning.calibrating.files import calibrate
+    from tactile_nodes.learning.transfer.layer import load_layer_config
     from tactile_nodes.model_file import find_model
 
     model, output = find_model(arguments.model), arguments.output
@@ -183,11 +183,11 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
 def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
     from contextlib import closing
 
-    from tactile_nodes.learning.building import gel_told
-    from tactile_nodes.learning.calibrating import BagPresses, Written, finish, take_presses
-    from tactile_nodes.learning.calibrator import Calibrator, StopRule
+    from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
+    from tactile_nodes.learning.calibrating.files import Source
+    from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, take_presses
     from tactile_nodes.learning.field.alone import presses_tell_tips
-    from tactile_nodes.learning.transfer import Source
+    from tactile_nodes.learning.recorded.building import gel_told
 
     source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
     # The fits of a curve are told in a line each; the one fit of all presses shows its own progress.

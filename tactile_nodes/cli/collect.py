@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tactile_nodes.cli.session import positive_float
 
 if TYPE_CHECKING:
-    from tactile_nodes.collection.plan import Plan, Point
+    from tactile_nodes.collection.plan.plan import Plan, Point
 
 DESCRIPTION = 'Say what a plan asks of a rig: its points, their order, box and duration. Nothing moves.'
 EPILOG = """\
@@ -42,11 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print, and draw if asked; 0."""
-    from tactile_nodes.collection.estimate import estimate
-    from tactile_nodes.collection.order import ordered
-    from tactile_nodes.collection.plan import load_plan_settings, make_plan, plan_path
+    from tactile_nodes.collection.plan.order import ordered
+    from tactile_nodes.collection.plan.plan import load_plan_settings, make_plan, plan_path
+    from tactile_nodes.collection.run.estimate import estimate
     from tactile_nodes.collection.settings import CollectionSettings
-    from tactile_nodes.drivers.cnc import CncSettings
+    from tactile_nodes.drivers.cnc.contract import CncSettings
 
     file = plan_path(arguments.plan)
     settings = load_plan_settings(file)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 from tactile_nodes.cli.session import Verbs
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.building import BuildOptions
     from tactile_nodes.learning.config import Choice
-    from tactile_nodes.learning.recordings import RecordedPresses
+    from tactile_nodes.learning.datasets.recordings import RecordedPresses
+    from tactile_nodes.learning.recorded.building import BuildOptions
 
 DESCRIPTION = 'Make a training set of the bags of a collection, and say what it holds.'
 EPILOG = """\
@@ -89,10 +89,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace) -> int:
-    from tactile_nodes.learning.building import build
-    from tactile_nodes.learning.dataset_file import save_dataset
-    from tactile_nodes.learning.dataset_report import report
+    from tactile_nodes.learning.datasets.file import save_dataset
+    from tactile_nodes.learning.datasets.report import report
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.recorded.building import build
     from tactile_nodes.paths import check_output
 
     check_output(arguments.output, *arguments.bags)
@@ -115,15 +115,15 @@ def _point_to_the_list(presses: RecordedPresses, file: Path) -> None:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from tactile_nodes.learning.dataset_file import load_dataset
-    from tactile_nodes.learning.dataset_report import left_out_table, report
+    from tactile_nodes.learning.datasets.file import load_dataset
+    from tactile_nodes.learning.datasets.report import left_out_table, report
 
     presses = load_dataset(arguments.file)
     print(report(presses))
     if arguments.left_out:
         print(left_out_table(presses.card['left_out'], presses.card['bag_names']))
     if arguments.picture:
-        from tactile_nodes.learning.dataset_picture import draw
+        from tactile_nodes.learning.datasets.picture import draw
 
         draw(presses, arguments.picture)
         print(f'drawn: {arguments.picture}')
@@ -137,9 +137,9 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
         ConfigurationError: one of them cannot be used.
     """
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.building import BuildOptions, gel_told
-    from tactile_nodes.learning.exclusions import Limits
-    from tactile_nodes.learning.labels import parse_bins
+    from tactile_nodes.learning.datasets.labels import parse_bins
+    from tactile_nodes.learning.recorded.building import BuildOptions, gel_told
+    from tactile_nodes.learning.recorded.exclusions import Limits
 
     if not 0 <= arguments.without_contact <= 0.5:
         raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')

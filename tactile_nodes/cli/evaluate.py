@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.evaluate import Evaluation
+    from tactile_nodes.learning.evaluation.evaluate import Evaluation
 
 DESCRIPTION = (
     'Score models at continuous random places and depths: the metrics of the paper, places and forces, light touches, '
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables of scores."""
-    from tactile_nodes.learning.evaluation_tables import report
+    from tactile_nodes.learning.evaluation.tables import report
 
     _check(arguments)
     evaluated = [_evaluated(name, arguments) for name in arguments.model]
@@ -84,7 +84,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
-    from tactile_nodes.learning.evaluate import evaluate, evaluate_put_aside, evaluate_recorded
+    from tactile_nodes.learning.evaluation.evaluate import evaluate, evaluate_put_aside, evaluate_recorded
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model
 
@@ -105,7 +105,7 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
 
 
 def _draw(evaluated: list[Evaluation], picture: Path) -> None:
-    from tactile_nodes.learning.evaluation_picture import draw
+    from tactile_nodes.learning.evaluation.picture import draw
 
     for each in evaluated:
         name = picture if len(evaluated) == 1 else picture.with_name(f'{picture.stem}_{each.name}{picture.suffix}')

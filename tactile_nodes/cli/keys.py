@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Make keys, or show them."""
-    from tactile_nodes.bus.keys import create_keys, keys_directory, read_public
+    from tactile_nodes.bus.bridge.keys import create_keys, keys_directory, read_public
     from tactile_nodes.errors import ConfigurationError
 
     if arguments.action == 'create':

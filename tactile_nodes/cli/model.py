@@ -56,7 +56,7 @@ def _info(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     """Write the file, say what is in it, and check it if asked."""
-    from tactile_nodes.learning.onnx_export import export_onnx
+    from tactile_nodes.learning.onnx_files.export import export_onnx
     from tactile_nodes.model_file import find_model, load_model
 
     found = find_model(arguments.model)
@@ -72,7 +72,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 def _check(loaded: LoadedModel, file: Path, count: int) -> None:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.onnx_check import compare, frames, real_samples
+    from tactile_nodes.learning.onnx_files.check import compare, frames, real_samples
     from tactile_nodes.learning.progress import TerminalProgress
 
     if count < 1:

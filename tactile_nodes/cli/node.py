@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.names import absolute
-from tactile_nodes.cli import completers
+from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined, positive_float
 from tactile_nodes.errors import BusError, ServiceError
 

@@ -7,12 +7,12 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.names import absolute
-from tactile_nodes.cli import completers
+from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined
 from tactile_nodes.errors import ConfigurationError, ServiceError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.parameter_client import ParameterClient
+    from tactile_nodes.bus.node.parameter_client import ParameterClient
     from tactile_nodes.messages import types
     from tactile_nodes.params import Located, Value
 
@@ -245,6 +245,6 @@ def _load_one(client: ParameterClient, name: str, written: Located) -> int:
 
 
 def _client(bus: Any, node: str) -> ParameterClient:
-    from tactile_nodes.bus.parameter_client import ParameterClient
+    from tactile_nodes.bus.node.parameter_client import ParameterClient
 
     return ParameterClient(bus, node)

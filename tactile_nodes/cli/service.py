@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from tactile_nodes.bus.names import absolute
-from tactile_nodes.cli import completers
+from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.session import (
     Verbs,
     completed,

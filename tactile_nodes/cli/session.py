@@ -53,7 +53,7 @@ def joined() -> Iterator[ProcessBus]:
     Raises:
         BusError, ConfigurationError: it cannot be joined.
     """
-    from tactile_nodes.bus.runtime import open_bus
+    from tactile_nodes.bus.node.runtime import open_bus
 
     bus = open_bus()
     try:

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         return compare(arguments)
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.train import train
+    from tactile_nodes.learning.training.train import train
 
     if arguments.picture:
         raise ConfigurationError('--picture draws the curves of runs; name them with --compare RUN RUN')
@@ -76,8 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compare(arguments: argparse.Namespace) -> int:
     """Print how runs differ and did, and draw their curves."""
-    from tactile_nodes.learning.runs import read_run
-    from tactile_nodes.learning.runs_comparison import draw, table
+    from tactile_nodes.learning.run.comparison import draw, table
+    from tactile_nodes.learning.run.folder import read_run
 
     told = [read_run(path) for path in arguments.compare]
     print(table(told))

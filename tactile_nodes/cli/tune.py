@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
-    from tactile_nodes.learning.tuning import RecordedSource, SimulatedSource
+    from tactile_nodes.learning.tuning.search import RecordedSource, SimulatedSource
 
 DESCRIPTION = (
     'Try flows, scales, grids and readouts on the same presses, and write the smallest one that meets a wish as a '
@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.benchmarks.report import table
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.tuned_profile import said_of, table_rows, write_profile
-    from tactile_nodes.learning.tuning import RecordedSource, Wish, candidates, tune
+    from tactile_nodes.learning.tuning.profile import said_of, table_rows, write_profile
+    from tactile_nodes.learning.tuning.search import RecordedSource, Wish, candidates, tune
     from tactile_nodes.paths import check_output
 
     wish = Wish(arguments.max_error, arguments.max_ms, arguments.metric)
@@ -88,8 +88,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.building import BuildOptions, gel_told
-    from tactile_nodes.learning.tuning import RecordedSource, SimulatedSource
+    from tactile_nodes.learning.recorded.building import BuildOptions, gel_told
+    from tactile_nodes.learning.tuning.search import RecordedSource, SimulatedSource
 
     if data_sets := [path for path in arguments.bags if path.suffix == '.npz']:
         raise ConfigurationError(

@@ -12,8 +12,8 @@ from typing import TypeVar
 
 from tactile_nodes.collection.readings import Frame
 from tactile_nodes.collection.wrench import Tare
-from tactile_nodes.drivers.cnc import Place, Switched
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.cnc.contract import Place, Switched
+from tactile_nodes.drivers.force_torque.contract import Sample
 
 
 @dataclass(frozen=True)

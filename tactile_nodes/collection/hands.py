@@ -17,8 +17,8 @@ from tactile_nodes.collection.actions import Action, Go, Look, Procedure, Seen, 
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.safety import MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
-from tactile_nodes.drivers.cnc import Cnc, CncStatus, Place, Switched
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus, Place, Switched
+from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 BREATH_S = 0.01

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import ImageError
 
 Picture = npt.NDArray[np.uint8]

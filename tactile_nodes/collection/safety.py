@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tactile_nodes.collection.settings import LimitSettings
-from tactile_nodes.drivers.force_torque import UNUSABLE, Flag, Sample, Wrench
-from tactile_nodes.drivers.force_torque_check import permitted_ms, too_old
-from tactile_nodes.drivers.force_torque_stream import told
+from tactile_nodes.drivers.force_torque.check import permitted_ms, too_old
+from tactile_nodes.drivers.force_torque.contract import UNUSABLE, Flag, Sample, Wrench
+from tactile_nodes.drivers.force_torque.stream import told
 from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'

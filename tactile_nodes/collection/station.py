@@ -14,12 +14,12 @@ from tactile_nodes.collection.hands import Guard, Hands
 from tactile_nodes.collection.readings import Picture, Readings, frame_of
 from tactile_nodes.collection.safety import Safety
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.drivers.cnc import SIMULATED, Cnc, CncSettings, CncStatus, Switched, Traffic
-from tactile_nodes.drivers.cnc_opening import open_cnc
-from tactile_nodes.drivers.force_torque import ForceTorqueSensor, ForceTorqueSettings, Sample
-from tactile_nodes.drivers.force_torque_opening import open_force_torque
-from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
-from tactile_nodes.emulators.mounting import UPRIGHT, UPSIDE_DOWN, Mounted
+from tactile_nodes.drivers.cnc.contract import SIMULATED, Cnc, CncSettings, CncStatus, Switched, Traffic
+from tactile_nodes.drivers.cnc.opening import open_cnc
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor, ForceTorqueSettings, Sample
+from tactile_nodes.drivers.force_torque.opening import open_force_torque
+from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
+from tactile_nodes.emulators.force_torque.mounting import UPRIGHT, UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import TactileError
 from tactile_nodes.simulation import worlds
@@ -91,7 +91,7 @@ class Station:
         """Close when the run has ended, and say whether it has in time.
 
         If not, its tip may be down, and nothing is closed: the run goes on its way up, guarded, and where its process
-        ends before, what watches over the machine (`tactile_nodes.drivers.cnc_dead_man`) brings the tip up.
+        ends before, what watches over the machine (`tactile_nodes.drivers.cnc.dead_man`) brings the tip up.
         """
         if run is not None:
             run.join(within_s)

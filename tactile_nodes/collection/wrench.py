@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_nodes.collection.settings import MountingSettings
-from tactile_nodes.drivers.force_torque import Sample, Wrench
+from tactile_nodes.drivers.force_torque.contract import Sample, Wrench
 from tactile_nodes.errors import DeviceTimeoutError
 
 Array = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.bridge_talk import fits
+from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Received
 from tactile_nodes.bus.tapping import Tap
 from tactile_nodes.dds.names import NodeEnds

@@ -1,1 +1,1 @@
-"""Our side of every device: a small protocol, the hardware, and the simulated twin, adjacent by name."""
+"""Our side of every device: a small protocol, the hardware, and the simulated twin, side by side."""

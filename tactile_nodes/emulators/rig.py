@@ -10,9 +10,9 @@ from typing import ClassVar
 from tactile_nodes import paths
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.camera_stream import CameraStream
-from tactile_nodes.emulators.grbl import Grbl
-from tactile_nodes.emulators.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.mounting import UPSIDE_DOWN, Mounted
+from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.rig_sensor import BoxOnTheNetwork, RigSensor, SensorFaults, SensorOnALine
 from tactile_nodes.emulators.rig_trace import RigTrace
 from tactile_nodes.emulators.serial_ports import PtyPort

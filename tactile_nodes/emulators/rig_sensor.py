@@ -9,12 +9,12 @@ from typing import Protocol
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.net_ft import NetFtServer
-from tactile_nodes.emulators.net_ft_box import NetFtBox
-from tactile_nodes.emulators.serial_ft import PtySensor
-from tactile_nodes.emulators.serial_ft_bota import BotaSensor
-from tactile_nodes.emulators.serial_ft_sensor import SampledSensor
-from tactile_nodes.emulators.serial_ft_text import AXES, TextLineSensor
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
+from tactile_nodes.emulators.force_torque.serial_ft_sensor import SampledSensor
+from tactile_nodes.emulators.force_torque.serial_ft_text import AXES, TextLineSensor
 from tactile_nodes.emulators.world import WrenchSource
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from tactile_nodes.bus.bridge_talk import fits
+from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.bus.tapping import Tap
 from tactile_nodes.errors import MessageError

@@ -11,7 +11,7 @@ from typing import Protocol
 from tactile_nodes.errors import LaunchFileError
 from tactile_nodes.launching.actions import Action, Argument, Group
 from tactile_nodes.launching.context import Context
-from tactile_nodes.launching.plan import ProcessPlan
+from tactile_nodes.launching.processes.plan import ProcessPlan
 from tactile_nodes.launching.reading import read_file
 from tactile_nodes.launching.template import Place, SubstitutionError
 

@@ -13,7 +13,7 @@ from tactile_nodes.launching import packages, values
 from tactile_nodes.launching.document import Entity
 from tactile_nodes.launching.names import check_namespace, check_node_name, joined_namespace
 from tactile_nodes.launching.node_parameters import NodeParameter, read_parameter
-from tactile_nodes.launching.plan import ProcessPlan
+from tactile_nodes.launching.processes.plan import ProcessPlan
 from tactile_nodes.launching.template import Call, SubstitutionError, Template
 
 if TYPE_CHECKING:

@@ -15,14 +15,14 @@ from pathlib import Path
 
 from tactile_nodes import paths
 from tactile_nodes.errors import TactileError
-from tactile_nodes.launching import orphans
 from tactile_nodes.launching.actions import Action
-from tactile_nodes.launching.agenda import Agenda, Appointment
 from tactile_nodes.launching.context import Context
 from tactile_nodes.launching.interpreter import Interpreter
-from tactile_nodes.launching.output import LaunchLog, Screen, make_log_folder, print_line
-from tactile_nodes.launching.plan import ProcessPlan
-from tactile_nodes.launching.supervisor import Supervisor
+from tactile_nodes.launching.processes import orphans
+from tactile_nodes.launching.processes.agenda import Agenda, Appointment
+from tactile_nodes.launching.processes.output import LaunchLog, Screen, make_log_folder, print_line
+from tactile_nodes.launching.processes.plan import ProcessPlan
+from tactile_nodes.launching.processes.supervisor import Supervisor
 
 _CTRL_C = 'user interrupted with ctrl-c (SIGINT)'
 

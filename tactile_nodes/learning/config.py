@@ -25,7 +25,8 @@ from typing import Any
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
-from tactile_nodes.sensing.flow import FlowMethod, make_flow
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.bridge import Bridge
-from tactile_nodes.bus.bridge_talk import Choice
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.keys import read_pair, read_public
-from tactile_nodes.bus.link import PLAIN_TCP, Address, Link, Security
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.bridge.bridge import Bridge
+from tactile_nodes.bus.bridge.keys import read_pair, read_public
+from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Link, Security
+from tactile_nodes.bus.bridge.talk import Choice
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.bus.runtime import run_node
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter

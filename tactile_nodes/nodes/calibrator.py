@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import BusError, TactileError
-from tactile_nodes.learning.calibrating import BagPresses
-from tactile_nodes.learning.calibration_session import CalibrationSession, CalibrationSettings
-from tactile_nodes.learning.live_model import LiveModel
-from tactile_nodes.learning.rig_presses import RigPresses
+from tactile_nodes.learning.calibrating.live_model import LiveModel
+from tactile_nodes.learning.calibrating.presses import BagPresses
+from tactile_nodes.learning.calibrating.session import CalibrationSession, CalibrationSettings
+from tactile_nodes.learning.recorded.rig_presses import RigPresses
 from tactile_nodes.messages import services, types
 
 LOOK_S = 0.25

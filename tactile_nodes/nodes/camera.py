@@ -14,21 +14,21 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera import CameraSettings, Frame, KnowsTruth
-from tactile_nodes.drivers.camera_light import CameraLight, LightSettings
-from tactile_nodes.drivers.camera_opening import open_camera
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, KnowsTruth
+from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.drivers.sync_input.camera_light import CameraLight, LightSettings
 from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
-from tactile_nodes.sensing.quality import require_picture
+from tactile_nodes.sensing.picture.quality import require_picture
 
 READ_TIMEOUT_S = 0.25
 HEALTH_PERIOD_S = 0.5

@@ -9,9 +9,9 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from tactile_nodes.bus.arguments import parse_arguments
-from tactile_nodes.bus.node import Node
-from tactile_nodes.bus.runtime import NodeFactory, run_nodes
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import NodeFactory, run_nodes
 from tactile_nodes.errors import ConfigurationError, TactileError
 
 KNOWN = (

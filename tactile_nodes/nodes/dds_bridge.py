@@ -9,13 +9,13 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.discovery import domain_from_environment
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.bus.zeromq.discovery import domain_from_environment
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.dds.inward import Inward, Wish
 from tactile_nodes.dds.opening import open_participant

@@ -14,19 +14,19 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level as Health
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level as Health
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.drift import DriftMonitor
 from tactile_nodes.sensing.geometry import Crop
-from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.reference import content_id
+from tactile_nodes.sensing.judge.drift import DriftMonitor
+from tactile_nodes.sensing.picture.motion import PictureMotion
+from tactile_nodes.sensing.rest.reference import content_id
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
-from tactile_nodes.drivers.pictures import read_grey, write_png
+from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import decode, encode, stamp_ns, types

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.guarded import Felt
-from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.press.guarded import Felt
+from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.station import NOT_UP_YET
 
 LEAVE_S = 3.0

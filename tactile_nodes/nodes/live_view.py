@@ -10,11 +10,11 @@ import sys
 from dataclasses import dataclass
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
 from tactile_nodes.viewing.feeds import Feeds

@@ -16,11 +16,11 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.playback import Playback
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments, parse_remap
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments, parse_remap
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, ConfigurationError, TactileError

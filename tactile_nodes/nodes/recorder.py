@@ -17,11 +17,11 @@ from tactile_nodes.bag.opening import Arrival, Opening
 from tactile_nodes.bag.recording import MB, Tally, TopicFilter, describe, folder_of, free_folder
 from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Endpoint, Qos, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, MessageError

@@ -15,15 +15,15 @@ from typing import ClassVar
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
-from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.priority import lacking
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.priority import lacking
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.session import RigSettings, Session
-from tactile_nodes.collection.voice import TOPICS
+from tactile_nodes.collection.run.session import RigSettings, Session
+from tactile_nodes.collection.run.voice import TOPICS
 from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.sensing.geometry import middle_square

@@ -13,15 +13,15 @@ from typing import ClassVar
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import NO_HARDWARE, Level
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import NO_HARDWARE, Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.bus.runtime import run_node
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
-from tactile_nodes.drivers.sync_input import Edge, SyncInputSettings, WatchedLine
-from tactile_nodes.drivers.sync_input_reconnecting import ReconnectingSyncInput, reconnecting_sync_input
+from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine
+from tactile_nodes.drivers.sync_input.reconnecting import ReconnectingSyncInput, reconnecting_sync_input
 from tactile_nodes.emulators.clocks import ForeignClock
 from tactile_nodes.emulators.sync_line import EmulatedControlLine, SharedLine
 from tactile_nodes.errors import DeviceTimeoutError, TactileError

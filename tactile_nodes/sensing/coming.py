@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.prepared_rest import PreparedRest
+from tactile_nodes.sensing.rest.prepared import PreparedRest
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 

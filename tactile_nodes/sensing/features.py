@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
-from tactile_nodes.sensing.flow import DisplacementField, checked_options
+from tactile_nodes.sensing.flow.methods import DisplacementField, checked_options
 
 LEAST_SURE = 1e-6
 """Where nothing is believed motion is told as none."""

@@ -6,22 +6,22 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.dead_pixels import DeadPixels
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
-from tactile_nodes.sensing.flow import DisplacementField, FlowMethod, require_like
-from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
-from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.prepared_rest import Measuring, PreparedRest
-from tactile_nodes.sensing.quality import require_rest_image
-from tactile_nodes.sensing.reference import content_id
-from tactile_nodes.sensing.registered import Registered
-from tactile_nodes.sensing.registration import Registration
-from tactile_nodes.sensing.rest_capture import RestCapture
-from tactile_nodes.sensing.rolling_bands import RollingBands
-from tactile_nodes.sensing.stillness import Stillness, StillnessCheck
-from tactile_nodes.sensing.texture_gains import TextureGains
-from tactile_nodes.sensing.texture_places import OtherTexture, other_texture
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
+from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod, require_like
+from tactile_nodes.sensing.picture.dead_pixels import DeadPixels
+from tactile_nodes.sensing.picture.motion import PictureMotion
+from tactile_nodes.sensing.picture.quality import require_rest_image
+from tactile_nodes.sensing.picture.registered import Registered
+from tactile_nodes.sensing.picture.registration import Registration
+from tactile_nodes.sensing.picture.rolling_bands import RollingBands
+from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck
+from tactile_nodes.sensing.rest.capture import RestCapture
+from tactile_nodes.sensing.rest.known_texture import KnownTexture, known_texture
+from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
+from tactile_nodes.sensing.rest.reference import content_id
+from tactile_nodes.sensing.rest.texture_gains import TextureGains
+from tactile_nodes.sensing.rest.texture_places import OtherTexture, other_texture
 
 LEAST_CONFIDENT = 0.93
 """Share of the rest image's confidence in itself below which a frame is looked at for bands: presses leave 0.96."""

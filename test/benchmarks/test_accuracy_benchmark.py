@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import accuracy, accuracy_page
+from tactile_nodes.benchmarks import accuracy
+from tactile_nodes.benchmarks.accuracy import page as accuracy_page
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import save_model
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 
 SHAPE = (10, 10, 2)
 

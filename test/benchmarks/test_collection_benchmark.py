@@ -18,14 +18,14 @@ import pytest
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.benchmarks.collection import told
-from tactile_nodes.benchmarks.collection_bag import CollectionBag
+from tactile_nodes.benchmarks.collection.bag import CollectionBag
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, SYNC_EDGE
 from tactile_nodes.clock import SteppedClock, monotonic_s
-from tactile_nodes.collection.audit import attempts_below, bags_below
-from tactile_nodes.collection.plan import PlanSettings, make_plan
-from tactile_nodes.collection.telling import sample_message
+from tactile_nodes.collection.plan.audit import attempts_below, bags_below
+from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
+from tactile_nodes.collection.run.telling import sample_message
 from tactile_nodes.conversions import image_array
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.messages import types
 from tactile_nodes.simulation.gel import Gel

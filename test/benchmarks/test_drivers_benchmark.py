@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.benchmarks import drivers
-from tactile_nodes.benchmarks.drivers_meter import Durations, Meter, Order
-from tactile_nodes.benchmarks.drivers_readers import Flicker, Traffic
+from tactile_nodes.benchmarks.drivers.meter import Durations, Meter, Order
+from tactile_nodes.benchmarks.drivers.readers import Flicker, Traffic
 from tactile_nodes.cli import bench
 from tactile_nodes.clock import SteppedClock
 

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from tactile_nodes.benchmarks import endurance
-from tactile_nodes.benchmarks.endurance_live import live
-from tactile_nodes.benchmarks.endurance_stepped import FPS, stepped
-from tactile_nodes.benchmarks.endurance_trend import Look, growth, slope_per_hour
+from tactile_nodes.benchmarks.endurance.live import live
+from tactile_nodes.benchmarks.endurance.stepped import FPS, stepped
+from tactile_nodes.benchmarks.endurance.trend import Look, growth, slope_per_hour
 from tactile_nodes.learning.progress import Progress
 
 PERIOD_S = 4

@@ -12,9 +12,9 @@ import pytest
 
 from tactile_nodes.benchmarks.collection import Collection, Session
 from tactile_nodes.benchmarks.faults import CASES, is_good, markdown
-from tactile_nodes.benchmarks.faults_audit import Ledger, Trace, ledger
+from tactile_nodes.benchmarks.faults.audit import Ledger, Trace, ledger
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.collection.plan import PlanSettings, make_plan
+from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.nodes.emulated_rig import EmulatedRigParams
 from tactile_nodes.params import from_mapping

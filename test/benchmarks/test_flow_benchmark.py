@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import flow, flow_cases
+from tactile_nodes.benchmarks import flow
+from tactile_nodes.benchmarks.flow import cases as flow_cases
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.flow.methods import DisplacementField
 
 
 def test_motion_apart_is_largest_at_its_reach() -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from tactile_nodes.benchmarks import front
-from tactile_nodes.benchmarks.front_contenders import WAYS, Measuring, Way, contenders
-from tactile_nodes.benchmarks.front_flows import SmallPixels
-from tactile_nodes.benchmarks.front_frames import Plan
-from tactile_nodes.benchmarks.front_page import page
+from tactile_nodes.benchmarks.front.contenders import WAYS, Measuring, Way, contenders
+from tactile_nodes.benchmarks.front.flows import SmallPixels
+from tactile_nodes.benchmarks.front.frames import Plan
+from tactile_nodes.benchmarks.front.page import page
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.fixed_reference_patches import moved_image
+from tactile_nodes.sensing.flow.patches import moved_image
 
 WHITE = np.random.default_rng(2).normal(0, 1, (440, 440))
 NOISE = sum(size * cv2.GaussianBlur(WHITE, (0, 0), size) for size in (1.0, 2.0, 4.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.benchmarks import motion
-from tactile_nodes.benchmarks.front_contenders import WAYS
+from tactile_nodes.benchmarks.front.contenders import WAYS
 from tactile_nodes.benchmarks.motion import Errors
 from tactile_nodes.learning.progress import Progress
 

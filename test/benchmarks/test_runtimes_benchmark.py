@@ -16,14 +16,14 @@ pytest.importorskip('onnx')
 pytest.importorskip('onnxruntime')
 
 from tactile_nodes.benchmarks import runtimes
-from tactile_nodes.benchmarks.runtimes_ends import BEGIN
-from tactile_nodes.benchmarks.runtimes_sizes import installed_size
+from tactile_nodes.benchmarks.runtimes.ends import BEGIN
+from tactile_nodes.benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.model_file import save_model
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 SHAPE = (10, 10, 2)
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as draw
 
 from tactile_nodes.benchmarks.report import surroundings
 from tactile_nodes.benchmarks.stability import follow, measure, read
-from tactile_nodes.benchmarks.stability_cases import CASES, Case, named
-from tactile_nodes.benchmarks.stability_floor import bound, floor_n, least_ratio
-from tactile_nodes.benchmarks.stability_page import page, picture_of
-from tactile_nodes.benchmarks.stability_plots import draw as draw_plots
-from tactile_nodes.benchmarks.stability_scores import FORCE, OK
-from tactile_nodes.benchmarks.stability_stream import DURING, HELD, REST, Change, Plan, World
+from tactile_nodes.benchmarks.stability.cases import CASES, Case, named
+from tactile_nodes.benchmarks.stability.floor import bound, floor_n, least_ratio
+from tactile_nodes.benchmarks.stability.page import page, picture_of
+from tactile_nodes.benchmarks.stability.plots import draw as draw_plots
+from tactile_nodes.benchmarks.stability.scores import FORCE, OK
+from tactile_nodes.benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from tactile_nodes.benchmarks import system_faults
-from tactile_nodes.benchmarks.system_faults_files import bag_cuts, model_bytes
-from tactile_nodes.benchmarks.system_faults_kills import blindness
-from tactile_nodes.benchmarks.system_faults_page import complaints, page
-from tactile_nodes.benchmarks.system_faults_sensor import Seen
+from tactile_nodes.benchmarks.system_faults.files import bag_cuts, model_bytes
+from tactile_nodes.benchmarks.system_faults.kills import blindness
+from tactile_nodes.benchmarks.system_faults.page import complaints, page
+from tactile_nodes.benchmarks.system_faults.sensor import Seen
 from tactile_nodes.learning.progress import Progress
 
 S = 1_000_000_000

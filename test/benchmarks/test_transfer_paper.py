@@ -16,14 +16,14 @@ from tiny_training import tiny_config, tiny_presses
 
 from tactile_nodes.benchmarks import transfer_paper
 from tactile_nodes.benchmarks.transfer_paper import Presses, answers, layer_settings, measure, metrics_of
-from tactile_nodes.benchmarks.transfer_paper_page import draw, page
-from tactile_nodes.benchmarks.transfer_paper_scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
-from tactile_nodes.benchmarks.transfer_paper_steps import FirstSteps, first_steps, variants
+from tactile_nodes.benchmarks.transfer_paper.page import draw, page
+from tactile_nodes.benchmarks.transfer_paper.scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
+from tactile_nodes.benchmarks.transfer_paper.steps import FirstSteps, first_steps, variants
 from tactile_nodes.cli.main import main
-from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.network_fit import fit_network
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.network.fit import fit_network
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.sensing.network import CalibrationLayer, NetworkReadout
+from tactile_nodes.sensing.explain.network import CalibrationLayer, NetworkReadout
 
 PLAIN = {'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.5]}, 'commit': 'abc'}
 CONFIG = tiny_config({'hidden': (20,)}, epochs=8, learning_rate=0.01, rest_repeats=0)

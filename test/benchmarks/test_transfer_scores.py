@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.benchmarks.transfer import _planned, _tested, measure
-from tactile_nodes.benchmarks.transfer_scores import (
+from tactile_nodes.benchmarks.transfer.scores import (
     ALONE,
     AS_IT_IS,
     CALIBRATED,
@@ -21,12 +21,12 @@ from tactile_nodes.benchmarks.transfer_scores import (
     placed_squares,
     ratio,
 )
-from tactile_nodes.learning import axisymmetric_fit
-from tactile_nodes.learning.evaluate import config_of
+from tactile_nodes.learning.axisymmetric import fit as axisymmetric_fit
+from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.sensing.explain.reading import Contact, spread_over_bins
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Contact, spread_over_bins
 from tactile_nodes.simulation.other_gels import other_gel
 
 BINS = BinGrid()

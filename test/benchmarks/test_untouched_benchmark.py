@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactile_nodes.benchmarks import untouched
-from tactile_nodes.benchmarks.untouched_page import page
+from tactile_nodes.benchmarks.untouched.page import page
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.sensing.stillness import StillnessOptions
+from tactile_nodes.sensing.picture.stillness import StillnessOptions
 
 
 def test_a_touch_within_the_limit_is_counted_as_missed() -> None:

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import psutil
 
-from tactile_nodes.bus.parameters import to_message
+from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.protocol import Publisher, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.messages import services, types
 
@@ -30,7 +30,7 @@ QUEUE = Qos('queue', 1000)
 DEADLINE_S = 8.0
 
 _CONTEXT = multiprocessing.get_context('forkserver')
-_CONTEXT.set_forkserver_preload(['agents', 'tactile_nodes.bus.zeromq'])
+_CONTEXT.set_forkserver_preload(['agents', 'tactile_nodes.bus.zeromq.host_bus'])
 
 
 def until(condition: Callable[[], Any], what: str = 'the condition', timeout_s: float = DEADLINE_S) -> Any:

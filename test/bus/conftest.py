@@ -11,7 +11,7 @@ import pytest
 from agents import Other
 
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 
 
 @pytest.fixture

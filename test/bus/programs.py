@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.runtime import run_nodes
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_nodes
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 from tactile_nodes.nodes.bridge import BridgeNode
 from tactile_nodes.params import parameter
 
 CONTEXT = multiprocessing.get_context('forkserver')
-CONTEXT.set_forkserver_preload(['agents', 'programs', 'tactile_nodes.bus.runtime'])
+CONTEXT.set_forkserver_preload(['agents', 'programs', 'tactile_nodes.bus.node.runtime'])
 
 
 __all__ = ['CONTEXT', 'BridgeNode', 'Program', 'Ready', 'run']

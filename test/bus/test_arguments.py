@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.bus.arguments import Names, parse_arguments, parse_remap
+from tactile_nodes.bus.node.arguments import Names, parse_arguments, parse_remap
 from tactile_nodes.errors import ConfigurationError
 
 

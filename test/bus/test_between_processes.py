@@ -14,7 +14,7 @@ from agents import IMAGE, NUMBER, Other, image, number_of, until
 
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.messages import types
 
 Start = Callable[..., Other]

@@ -15,8 +15,8 @@ import zmq
 from agents import IMAGE, NUMBER, Other, until
 from programs import Program
 
-from tactile_nodes.bus.keys import create_keys
-from tactile_nodes.bus.link import PLAIN_TCP, Address, Link, Security
+from tactile_nodes.bus.bridge.keys import create_keys
+from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Link, Security
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.errors import AddressInUseError, ConfigurationError
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from agents import Other, until
 
-from tactile_nodes.bus.keys import create_keys
+from tactile_nodes.bus.bridge.keys import create_keys
 
 ROBOT, LAB = '10.213.7.1', '10.213.7.2'
 

@@ -12,9 +12,9 @@ import psutil
 import pytest
 from agents import NUMBER, Other, until
 
-from tactile_nodes.bus.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.discovery import Meeting, domain_from_environment
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.messages import types
 

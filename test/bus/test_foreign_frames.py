@@ -15,13 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes import messages
-from tactile_nodes.bus import topics, wire
-from tactile_nodes.bus.discovery import Meeting
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Endpoint, Participant, Qos, Received
-from tactile_nodes.bus.records import Outlet, Record
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq import wire
+from tactile_nodes.bus.zeromq.discovery import Meeting
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.records import Outlet, Record
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import services, types
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.bus.bridge_talk import ClockOffset
-from tactile_nodes.bus.keys import create_keys, read_pair, read_public
+from tactile_nodes.bus.bridge.keys import create_keys, read_pair, read_public
+from tactile_nodes.bus.bridge.talk import ClockOffset
 from tactile_nodes.cli import keys as verb
 from tactile_nodes.errors import ConfigurationError
 

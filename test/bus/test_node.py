@@ -11,9 +11,9 @@ import pytest
 from agents import until
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
+from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.errors import ConfigurationError, DeviceLostError, ServiceError

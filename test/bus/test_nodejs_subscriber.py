@@ -15,7 +15,7 @@ import pytest
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.messages import types
 
 PROGRAM = Path(__file__).parents[2] / 'examples/nodejs/subscribe.mjs'

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.parameters import ParameterServer, from_message, to_message
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.parameters import ParameterServer, from_message, to_message
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.params import parameter

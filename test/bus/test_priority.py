@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tactile_nodes.bus import priority
+from tactile_nodes.bus.node import priority
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
 TOLD = """
 import os, threading
-from tactile_nodes.bus import priority
+from tactile_nodes.bus.node import priority
 priority.take_priority()
 given = []
 thread = threading.Thread(target=lambda: given.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node
-from tactile_nodes.bus.parameters import from_message
+from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.parameters import from_message
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, types
 

@@ -13,7 +13,7 @@ import pytest
 from agents import until
 from programs import Program, Ready
 
-from tactile_nodes.bus.runtime import _Ending, run_nodes, settle
+from tactile_nodes.bus.node.runtime import _Ending, run_nodes, settle
 
 SOON_S = 2.0
 Launch = Callable[..., Program]

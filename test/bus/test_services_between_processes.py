@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 from agents import Other, until
 
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import BusError, MessageError
 from tactile_nodes.messages import services, types
 

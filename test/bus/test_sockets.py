@@ -16,11 +16,12 @@ import zmq
 from agents import IMAGE, NUMBER, until
 
 import tactile_nodes
-from tactile_nodes.bus import topics, wire
-from tactile_nodes.bus.link import Address, Link, Security
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.bridge.link import Address, Link, Security
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.sockets import Longest, longest_message
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq import wire
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.sockets import Longest, longest_message
 from tactile_nodes.errors import BusError, ServiceError
 from tactile_nodes.messages import services, types
 

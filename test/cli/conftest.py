@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from running_system import DOMAIN, Ended, LampNode, Tactile
 
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.main import main
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.node import Node, NodeParams
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.clock import Clock, monotonic_s
 from tactile_nodes.params import parameter

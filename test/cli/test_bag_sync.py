@@ -14,8 +14,8 @@ from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import SYNC_EDGE
 from tactile_nodes.cli.main import main
 from tactile_nodes.conversions import header
-from tactile_nodes.learning.clocks import bag_clocks
-from tactile_nodes.learning.clocks_picture import residuals
+from tactile_nodes.learning.recorded.clocks import bag_clocks
+from tactile_nodes.learning.recorded.clocks_picture import residuals
 from tactile_nodes.messages import types
 
 START_NS = 1_700_000_000_000_000_000

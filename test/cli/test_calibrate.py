@@ -13,18 +13,18 @@ from press_bags import spread_collection
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import ResponseConfig
-from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.dataset_file import FORMAT, FORMAT_VERSION, save_dataset
+from tactile_nodes.learning.datasets.file import FORMAT, FORMAT_VERSION, save_dataset
+from tactile_nodes.learning.datasets.labels import force_labels
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import body_of_card
-from tactile_nodes.learning.labels import force_labels
+from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recordings import RecordedPresses
-from tactile_nodes.learning.response_fit import fit_response
 from tactile_nodes.model_file import load_model, save_model
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 FLOW = {'name': 'dis', 'options': {}}
 ENCODING = {'name': 'cartesian_mean', 'options': {'rows': 6, 'cols': 6}}

@@ -11,7 +11,7 @@ import pytest
 from running_system import LampNode, Tactile
 
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 
 ROOT = Path(__file__).parents[2]
 

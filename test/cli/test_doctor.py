@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tactile_nodes.cli import checks, doctor, view
-from tactile_nodes.cli.checks import Finding
+from tactile_nodes.cli import doctor, view
+from tactile_nodes.cli.doctor import checks
+from tactile_nodes.cli.doctor.checks import Finding
 from tactile_nodes.errors import ConfigurationError
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from running_system import LampNode, Tactile
 
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.param import parameter_file, typed
 from tactile_nodes.params import load_parameter_file, resolve_parameters
 

@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes import params
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.topics import TOPICS, Topic
 from tactile_nodes.cli import main as main_module
-from tactile_nodes.cli import reference, reference_commands
+from tactile_nodes.cli import reference
 from tactile_nodes.cli.main import main
-from tactile_nodes.cli.reference_nodes import NodeKind, ends_of, ends_of_every_node, node_kinds
-from tactile_nodes.cli.reference_pages import pages, renewed
+from tactile_nodes.cli.reference import commands as reference_commands
+from tactile_nodes.cli.reference.nodes import NodeKind, ends_of, ends_of_every_node, node_kinds
+from tactile_nodes.cli.reference.pages import pages, renewed
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import ParameterDescription

@@ -11,8 +11,8 @@ import pytest
 from running_system import Tactile, wait_until
 
 from tactile_nodes.bus.protocol import Qos, Received
-from tactile_nodes.bus.zeromq import ZmqBus
-from tactile_nodes.cli.topic_rate import Bandwidth, Delay, Rate
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.viewing.gaps import SequenceGaps

@@ -11,7 +11,7 @@ from test_calibrate import pressed, recorded
 from tactile_nodes.cli import train as verb
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.dataset_file import save_dataset
+from tactile_nodes.learning.datasets.file import save_dataset
 
 GRID = 'data: {plan: paper}\n'
 

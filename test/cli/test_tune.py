@@ -9,7 +9,7 @@ from press_bags import Sensor, spread_collection
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import load_train_config
-from tactile_nodes.learning.dataset_file import load_dataset
+from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.model_file import load_model
 
 

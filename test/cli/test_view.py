@@ -19,10 +19,10 @@ from seen import force, received
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli import view
-from tactile_nodes.cli.launch_view import Notes, is_worth_seeing
-from tactile_nodes.launching.output import Line
+from tactile_nodes.cli.launch.view import Notes, is_worth_seeing
+from tactile_nodes.launching.processes.output import Line
 from tactile_nodes.messages import time_from_ns, types
 
 Repeating = Callable[[Callable[[], None]], None]

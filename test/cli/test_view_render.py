@@ -12,7 +12,8 @@ from rich.console import Console
 from seen import MS, diagnostics, force, received
 
 from tactile_nodes import conversions
-from tactile_nodes.cli import view_map, view_render
+from tactile_nodes.cli.view import map as view_map
+from tactile_nodes.cli.view import render as view_render
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.state import ViewState

@@ -17,11 +17,11 @@ from rehearsing import SAFE_Z_MM, Dots, Run, changed
 from tactile_nodes import conversions, messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.collection.audit import audit
-from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.journal import Entry
-from tactile_nodes.collection.recall import recalled
-from tactile_nodes.collection.telling import press_message, suspect_message
+from tactile_nodes.collection.plan.audit import audit
+from tactile_nodes.collection.plan.journal import Entry
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.run.recall import recalled
+from tactile_nodes.collection.run.telling import press_message, suspect_message
 
 TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/Image'}
 

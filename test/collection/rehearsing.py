@@ -9,16 +9,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactile_nodes.collection.campaign import Campaign
-from tactile_nodes.collection.cycle import Record
-from tactile_nodes.collection.journal import MISSING, Entry, Journal
-from tactile_nodes.collection.order import ordered
-from tactile_nodes.collection.outlet import Outlet
-from tactile_nodes.collection.person import Person
-from tactile_nodes.collection.plan import Plan, PlanSettings, make_plan
-from tactile_nodes.collection.rehearsal import Rehearsal
+from tactile_nodes.collection.plan.journal import MISSING, Entry, Journal
+from tactile_nodes.collection.plan.order import ordered
+from tactile_nodes.collection.plan.plan import Plan, PlanSettings, make_plan
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.run.campaign import Campaign
+from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.run.person import Person
+from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
-from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rehearsing import Dots, Run, changed
 
-from tactile_nodes.collection.anchors import follows
-from tactile_nodes.collection.shift import imprint, shift_px
+from tactile_nodes.collection.run.anchors import follows
+from tactile_nodes.collection.run.shift import imprint, shift_px
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 from tactile_nodes.simulation.optics import Press
 

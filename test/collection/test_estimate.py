@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from rehearsing import PLAN, SAFE_Z_MM, SETTINGS, Dots, Run, changed
 
-from tactile_nodes.collection.estimate import Course, Estimate, estimate, leg_s, looks_s, patterns_s, pressed_points
-from tactile_nodes.collection.order import ordered
-from tactile_nodes.collection.plan import PlanSettings, Point, make_plan
+from tactile_nodes.collection.plan.order import ordered
+from tactile_nodes.collection.plan.plan import PlanSettings, Point, make_plan
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps
+from tactile_nodes.collection.run.estimate import Course, Estimate, estimate, leg_s, looks_s, patterns_s, pressed_points
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings
-from tactile_nodes.collection.sync_pattern import pattern_gaps
-from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.drivers.cnc.contract import CncSettings
 
 NS_PER_S = 1e9
 SURFACE_Z_MM = -30.0

@@ -16,21 +16,21 @@ import pytest
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import TrippedError
-from tactile_nodes.collection.rising import rising
+from tactile_nodes.collection.press.rising import rising
+from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
 from tactile_nodes.collection.safety import MACHINE, OVERLOAD, SENSOR, Trip
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.surface import HERTZ, Loading, Surface
 from tactile_nodes.collection.wrench import tare_of
-from tactile_nodes.drivers.cnc import CncSettings
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings, TextLineSettings
-from tactile_nodes.emulators.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
-from tactile_nodes.emulators.net_ft import NetFtServer
-from tactile_nodes.emulators.net_ft_box import NetFtBox
-from tactile_nodes.emulators.net_ft_config import NetFtConfig
-from tactile_nodes.emulators.serial_ft import PtySensor
-from tactile_nodes.emulators.serial_ft_bota import BotaSensor
-from tactile_nodes.emulators.serial_ft_text import TextLineSensor
+from tactile_nodes.drivers.cnc.contract import CncSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings, TextLineSettings
+from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
+from tactile_nodes.emulators.force_torque.serial_ft_text import TextLineSensor
 from tactile_nodes.emulators.world import NOTHING, World, WorldSettings, Wrench
 
 WORLD = WorldSettings(start_mm=(-3.0, -3.0, -1.5), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-2.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tactile_nodes.collection.actions import Seen
-from tactile_nodes.collection.cycle import check_free
+from tactile_nodes.collection.press.cycle import check_free
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import tare_of
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import DeviceFaultError
 
 S = 1_000_000_000

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from tactile_nodes.collection.guarded import Felt, Guarded, GuardSettings
+from tactile_nodes.collection.press.guarded import Felt, Guarded, GuardSettings
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import types
 

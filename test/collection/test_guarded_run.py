@@ -10,11 +10,11 @@ from itertools import count
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.guarded import Felt, GuardSettings
-from tactile_nodes.collection.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.press.guarded import Felt, GuardSettings
+from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
-from tactile_nodes.drivers.cnc import CncSettings, CncStatus
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 from tactile_nodes.messages import types

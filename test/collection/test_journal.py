@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.collection.journal import RECORDED, REJECTED, STARTED, VERIFIED, Journal
-from tactile_nodes.collection.plan import numbered
+from tactile_nodes.collection.plan.journal import RECORDED, REJECTED, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.plan import numbered
 from tactile_nodes.errors import ConfigurationError, TactileError
 
 PLAN = numbered([(float(x), 0.0, 1.0) for x in range(5)])

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tactile_nodes.collection.actions import Seen, SetTare
+from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.press.steady import Settling
+from tactile_nodes.collection.press.surface import Surface, loading_line, plane
 from tactile_nodes.collection.readings import change, frame_of
-from tactile_nodes.collection.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
-from tactile_nodes.collection.steady import Settling
-from tactile_nodes.collection.surface import Surface, loading_line, plane
 from tactile_nodes.collection.wrench import Tare, on_gel, pressing_n, slope, tare_of
-from tactile_nodes.drivers.force_torque import Sample
+from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import DeviceFaultError
 
 MS = 1_000_000

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tactile_nodes.collection.order import least_rest, ordered, travel_mm
-from tactile_nodes.collection.plan import PlanSettings, make_plan, numbered
+from tactile_nodes.collection.plan.order import least_rest, ordered, travel_mm
+from tactile_nodes.collection.plan.plan import PlanSettings, make_plan, numbered
 
 PAPER = PlanSettings()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes import paths
-from tactile_nodes.collection.plan import (
+from tactile_nodes.collection.plan.plan import (
     Plan,
     PlanSettings,
     Point,

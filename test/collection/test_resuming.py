@@ -15,11 +15,11 @@ from rehearsing import PLAN, TABLE
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.collection.audit import attempts_below, audit, bags_below, presses_in
-from tactile_nodes.collection.journal import Entry, Journal
-from tactile_nodes.collection.plan import make_plan
-from tactile_nodes.collection.recall import recalled
-from tactile_nodes.collection.telling import suspect_message
+from tactile_nodes.collection.plan.audit import attempts_below, audit, bags_below, presses_in
+from tactile_nodes.collection.plan.journal import Entry, Journal
+from tactile_nodes.collection.plan.plan import make_plan
+from tactile_nodes.collection.run.recall import recalled
+from tactile_nodes.collection.run.telling import suspect_message
 
 PROGRAM = Path(__file__).with_name('collecting.py')
 ONCE = dict.fromkeys(range(1, 13), 1)

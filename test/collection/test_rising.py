@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from rehearsing import SAFE_Z_MM, Run, changed
 
-from tactile_nodes.collection.rising import rising
-from tactile_nodes.collection.surface import HERTZ, Loading, Surface, softest
+from tactile_nodes.collection.press.rising import rising
+from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface, softest
 from tactile_nodes.collection.wrench import Tare
-from tactile_nodes.drivers.force_torque import Sample, Wrench
+from tactile_nodes.drivers.force_torque.contract import Sample, Wrench
 from tactile_nodes.emulators.world import World
 from tactile_nodes.errors import DeviceFaultError
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rehearsing import SAFE_Z_MM, TABLE, Run, changed
 
-from tactile_nodes.collection.journal import Journal
+from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
 

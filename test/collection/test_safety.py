@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR, Safety, Trip
 from tactile_nodes.collection.settings import LimitSettings
-from tactile_nodes.drivers.force_torque import Flag, Sample
+from tactile_nodes.drivers.force_torque.contract import Flag, Sample
 from tactile_nodes.drivers.health import Health, Level
 
 MS = 1_000_000

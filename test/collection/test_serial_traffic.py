@@ -11,13 +11,13 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SystemClock
+from tactile_nodes.collection.run.telling import traffic_message
+from tactile_nodes.collection.run.voice import TOPICS, Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.telling import traffic_message
-from tactile_nodes.collection.voice import TOPICS, Names, Voice
-from tactile_nodes.drivers.cnc import CncSettings, CncState, CncStatus
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings
-from tactile_nodes.emulators.grbl import Grbl
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, CncStatus
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tactile_nodes import params
-from tactile_nodes.collection.session import RigSettings, with_indenter
-from tactile_nodes.drivers.cnc import CncSettings
+from tactile_nodes.collection.run.session import RigSettings, with_indenter
+from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.paths import share_directory
 

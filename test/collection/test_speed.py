@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
+from tactile_nodes.collection.press.speed import check_speeds, greatest_feed, stopping_mm
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings, MotionSettings
-from tactile_nodes.collection.speed import check_speeds, greatest_feed, stopping_mm
 from tactile_nodes.errors import ConfigurationError
 
 SETTINGS = CollectionSettings()

@@ -11,8 +11,8 @@ from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.drivers.cnc import CncSettings
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings, Sample
+from tactile_nodes.drivers.cnc.contract import CncSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, Sample
 from tactile_nodes.drivers.health import Health
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceError

@@ -9,11 +9,11 @@ import pytest
 from rehearsing import Run, changed
 
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection import rehearsal
+from tactile_nodes.collection.run import rehearsal
 from tactile_nodes.collection.safety import FORCE
-from tactile_nodes.drivers.cnc import Cnc, CncSettings
-from tactile_nodes.drivers.cnc_grbl import GrblCnc
-from tactile_nodes.emulators.grbl import Grbl
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
+from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.serial_ports import DirectPort
 from tactile_nodes.emulators.world import World
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rehearsing import SETTINGS, Run, changed
 
-from tactile_nodes.collection.sync_pattern import pattern_gaps, pattern_s
-from tactile_nodes.sensing.sync import ClockFit, Reason, Refusal, fit_clocks
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps, pattern_s
+from tactile_nodes.sensing.sync.clocks import ClockFit, Reason, Refusal, fit_clocks
 
 NS_PER_S = 1_000_000_000
 

@@ -10,9 +10,9 @@ import pytest
 from collecting import in_a_process
 from rehearsing import SAFE_Z_MM, Run, changed
 
-from tactile_nodes.collection.up import bring_up
+from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.wrench import Tare
-from tactile_nodes.drivers.cnc import CncState, CncStatus
+from tactile_nodes.drivers.cnc.contract import CncState, CncStatus
 from tactile_nodes.emulators.world import Wrench
 from tactile_nodes.errors import DeviceFaultError
 

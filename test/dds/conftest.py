@@ -11,8 +11,8 @@ import pytest
 from dds_sides import Other
 from older_side import LIBRARY
 
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.nodes.dds_bridge import DdsBridgeNode
 
 

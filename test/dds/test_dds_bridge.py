@@ -17,7 +17,7 @@ from dds_sides import Other
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.messages import types

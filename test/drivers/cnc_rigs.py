@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.clock import Clock, SteppedClock, SystemClock
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, Place
-from tactile_nodes.drivers.cnc_grbl import GrblCnc
-from tactile_nodes.drivers.cnc_marlin import MarlinCnc
-from tactile_nodes.drivers.cnc_opening import open_cnc
-from tactile_nodes.drivers.cnc_simulated import SimulatedCnc
-from tactile_nodes.emulators.grbl import Grbl
-from tactile_nodes.emulators.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.marlin import Marlin, MarlinSettings
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
+from tactile_nodes.drivers.cnc.marlin import MarlinCnc
+from tactile_nodes.drivers.cnc.opening import open_cnc
+from tactile_nodes.drivers.cnc.simulated import SimulatedCnc
+from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.cnc.marlin import Marlin, MarlinSettings
 from tactile_nodes.emulators.serial_device import SerialDevice
 from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings

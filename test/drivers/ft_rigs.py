@@ -11,23 +11,23 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.force_torque import (
+from tactile_nodes.drivers.force_torque.contract import (
     ForceTorqueSensor,
     ForceTorqueSettings,
     NetFtSettings,
     Sample,
     TextLineSettings,
 )
-from tactile_nodes.drivers.force_torque_opening import open_force_torque
-from tactile_nodes.drivers.force_torque_simulated import SimulatedForceTorque
+from tactile_nodes.drivers.force_torque.opening import open_force_torque
+from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.net_ft import NetFtServer
-from tactile_nodes.emulators.net_ft_box import NetFtBox
-from tactile_nodes.emulators.net_ft_config import NetFtConfig
-from tactile_nodes.emulators.serial_ft import PtySensor
-from tactile_nodes.emulators.serial_ft_bota import BotaSensor
-from tactile_nodes.emulators.serial_ft_sensor import microsecond_clock
-from tactile_nodes.emulators.serial_ft_text import TextLineSensor
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
+from tactile_nodes.emulators.force_torque.serial_ft_sensor import microsecond_clock
+from tactile_nodes.emulators.force_torque.serial_ft_text import TextLineSensor
 from tactile_nodes.errors import TactileError
 
 LOAD = (0.5, -1.0, 2.0, 0.01, -0.02, 0.03)

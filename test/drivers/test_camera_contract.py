@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame
-from tactile_nodes.drivers.camera_opening import open_camera
-from tactile_nodes.drivers.camera_reconnecting import Reconnecting
-from tactile_nodes.drivers.camera_v4l2 import V4l2Camera
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
+from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.drivers.camera.reconnecting import Reconnecting
+from tactile_nodes.drivers.camera.v4l2 import V4l2Camera
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame
-from tactile_nodes.drivers.camera_file import natural_key
-from tactile_nodes.drivers.camera_opening import open_camera
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
+from tactile_nodes.drivers.camera.file import natural_key
+from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.errors import DeviceTimeoutError, ImageError
 
 SHARED = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mini_videos'

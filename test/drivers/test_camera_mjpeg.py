@@ -10,9 +10,9 @@ from collections.abc import Callable
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.camera import Camera, CameraSettings, Frame
-from tactile_nodes.drivers.camera_mjpeg import MjpegCamera
-from tactile_nodes.drivers.camera_opening import open_camera
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
+from tactile_nodes.drivers.camera.mjpeg import MjpegCamera
+from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
 

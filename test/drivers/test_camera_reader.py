@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from tactile_nodes.drivers.camera_reader import FrameReader, NewestFrame
+from tactile_nodes.drivers.camera.reader import FrameReader, NewestFrame
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 
 IMAGE = np.zeros((2, 2), np.uint8)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import CameraSettings, Frame
-from tactile_nodes.drivers.camera_reconnecting import Reconnecting
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame
+from tactile_nodes.drivers.camera.reconnecting import Reconnecting
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError, ImageError
 

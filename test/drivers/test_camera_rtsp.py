@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.camera import CameraSettings
-from tactile_nodes.drivers.camera_rtsp import RtspCamera
+from tactile_nodes.drivers.camera.contract import CameraSettings
+from tactile_nodes.drivers.camera.rtsp import RtspCamera
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError, ImageError
 
 SDP = (

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera import CameraSettings, KnowsTruth, SceneSettings
-from tactile_nodes.drivers.camera_opening import open_camera
-from tactile_nodes.drivers.camera_simulated import build_scene
+from tactile_nodes.drivers.camera.contract import CameraSettings, KnowsTruth, SceneSettings
+from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.drivers.camera.simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation import worlds

@@ -17,12 +17,12 @@ import cv2
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.camera import CameraSettings, Frame
-from tactile_nodes.drivers.camera_reconnecting import Reconnecting
-from tactile_nodes.drivers.camera_v4l2 import V4l2Camera, fourcc_text
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame
+from tactile_nodes.drivers.camera.reconnecting import Reconnecting
+from tactile_nodes.drivers.camera.v4l2 import V4l2Camera, fourcc_text
+from tactile_nodes.drivers.camera.v4l2_controls import KernelControls, apply
+from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.drivers.v4l2_controls import KernelControls, apply
-from tactile_nodes.drivers.v4l2_devices import check_device, device_path
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.params import from_mapping, load_parameter_file
 

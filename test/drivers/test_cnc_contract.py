@@ -11,8 +11,8 @@ import pytest
 from cnc_rigs import KINDS, Rig, direct_rig, pty_rig
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.cnc import CncSettings, CncState
-from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState
+from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
 from tactile_nodes.params import describe, from_mapping

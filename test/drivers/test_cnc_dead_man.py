@@ -21,7 +21,7 @@ from tactile_nodes.errors import DeviceBusyError
 
 HOLDER = """
 import os, signal, sys
-from tactile_nodes.drivers.cnc_dead_man import DeadMan
+from tactile_nodes.drivers.cnc.dead_man import DeadMan
 held = DeadMan(int(sys.argv[1]), [(0.0, b'up'), (0.05, b' and up')])
 if sys.argv[2] == 'farewell':
     held.dismiss()
@@ -33,7 +33,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from cnc_rigs import settings_of
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.cnc.opening import open_cnc
 cnc = open_cnc(settings_of(sys.argv[2], source=sys.argv[3]), SystemClock())
 cnc.home()
 cnc.move(z=float(sys.argv[4]), feed=2000.0)

@@ -14,9 +14,9 @@ from tactile_nodes.collection.hands import Hands
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.safety import Safety
 from tactile_nodes.collection.settings import LimitSettings, MotionSettings
-from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncStatus
-from tactile_nodes.drivers.cnc_grbl import GrblCnc
-from tactile_nodes.drivers.cnc_marlin import MarlinCnc
+from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncStatus
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
+from tactile_nodes.drivers.cnc.marlin import MarlinCnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.emulators.serial_faults import FaultyPort, LineFaults
 from tactile_nodes.emulators.serial_ports import DirectPort

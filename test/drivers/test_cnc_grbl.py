@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from cnc_rigs import START_NS, JumpingClock, Rig, direct_rig, pty_rig, settings_of
 
-from tactile_nodes.drivers.cnc import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState
-from tactile_nodes.drivers.cnc_grbl import GrblCnc
-from tactile_nodes.drivers.cnc_grbl_words import parse_report
-from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
+from tactile_nodes.drivers.cnc.grbl_words import parse_report
+from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import (
     ConfigurationError,

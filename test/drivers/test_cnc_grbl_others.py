@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from test_cnc_grbl import BANNER, CONNECT, HOME, IDENTITY, IDLE, PREAMBLE, SETTINGS, UNLOCK, Script, nothing, play
 
-from tactile_nodes.drivers.cnc import CncState
-from tactile_nodes.drivers.cnc_grbl import GrblCnc
+from tactile_nodes.drivers.cnc.contract import CncState
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import DeviceFaultError
 

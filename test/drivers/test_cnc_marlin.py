@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, direct_rig, settings_of
 
-from tactile_nodes.drivers.cnc import CncState
-from tactile_nodes.drivers.cnc_marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
+from tactile_nodes.drivers.cnc.contract import CncState
+from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 

@@ -7,9 +7,9 @@ import random
 
 import pytest
 
-from tactile_nodes.drivers.force_torque import AXES, Flag, Sample
-from tactile_nodes.drivers.force_torque_check import SampleCheck, permitted_ms, too_old
-from tactile_nodes.drivers.force_torque_queue import SampleQueue
+from tactile_nodes.drivers.force_torque.check import SampleCheck, permitted_ms, too_old
+from tactile_nodes.drivers.force_torque.contract import AXES, Flag, Sample
+from tactile_nodes.drivers.force_torque.queue import SampleQueue
 
 MS = 1_000_000
 WRENCH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)

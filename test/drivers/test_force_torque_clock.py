@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from tactile_nodes.drivers.force_torque import Flag
-from tactile_nodes.drivers.force_torque_clock import TickClock
+from tactile_nodes.drivers.force_torque.clock import TickClock
+from tactile_nodes.drivers.force_torque.contract import Flag
 
 START_NS = 1_795_000_000_000_000_000
 

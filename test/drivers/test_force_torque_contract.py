@@ -11,8 +11,8 @@ import pytest
 from ft_rigs import LOAD, RIGS, Rig, assert_counted, read, read_until, rig_of
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.force_torque import AXES, Flag, ForceTorqueSettings, Sample
-from tactile_nodes.drivers.force_torque_opening import open_force_torque
+from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings, Sample
+from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import (
     ConfigurationError,

@@ -10,10 +10,9 @@ import pytest
 from ft_rigs import Rig, assert_counted, read, read_until, rig_of
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers import force_torque_bota as bota
-from tactile_nodes.drivers import force_torque_text as text
-from tactile_nodes.drivers.force_torque import Flag, ForceTorqueSettings, TextLineSettings
-from tactile_nodes.drivers.force_torque_serial import Gaps
+from tactile_nodes.drivers.force_torque import bota, text
+from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, TextLineSettings
+from tactile_nodes.drivers.force_torque.serial_line import Gaps
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError
 
 # Status 0; 1, -2, 0.5 N; 0, 0.25, -0.125 N·m; 1 000 000 µs; 25 °C.

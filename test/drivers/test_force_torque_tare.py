@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from tactile_nodes.drivers.force_torque import Flag, Sample
-from tactile_nodes.drivers.force_torque_tare import tare
+from tactile_nodes.drivers.force_torque.contract import Flag, Sample
+from tactile_nodes.drivers.force_torque.tare import tare
 from tactile_nodes.errors import DeviceError
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.drivers import jpeg
+from tactile_nodes.drivers.camera import jpeg
 
 
 def test_a_whole_picture_is_decoded_also_with_padding_after_its_end(jpeg_of: Callable[..., bytes]) -> None:

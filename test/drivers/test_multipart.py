@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_nodes.drivers.multipart import MultipartParser
+from tactile_nodes.drivers.camera.multipart import MultipartParser
 
 BODIES = [b'\xff\xd8one\xff\xd9', b'\xff\xd8\r\n\r\ntwo--\xff\xd9', b'\xff\xd8three\xff\xd9']
 

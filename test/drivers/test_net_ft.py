@@ -14,11 +14,11 @@ import pytest
 from ft_rigs import LOAD, Rig, assert_counted, net_ft_rig, read, read_until
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers import net_ft_rdt as rdt
-from tactile_nodes.drivers.force_torque import Flag, ForceTorqueSettings, NetFtSettings, Sample
-from tactile_nodes.drivers.force_torque_opening import open_force_torque
+from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, NetFtSettings, Sample
+from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.emulators.net_ft_config import NetFtConfig, Threshold
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, Threshold
 from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeoutError
 
 Make = Callable[..., Rig]

@@ -16,8 +16,8 @@ import pytest
 from ft_rigs import assert_counted, read
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings
-from tactile_nodes.drivers.force_torque_opening import open_force_torque
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
+from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.health import Level
 
 RATE_HZ = 250.0

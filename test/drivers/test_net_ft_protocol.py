@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from tactile_nodes.drivers import net_ft_rdt as rdt
-from tactile_nodes.drivers.force_torque import Flag
-from tactile_nodes.drivers.net_ft_config import parse_config
-from tactile_nodes.drivers.net_ft_rdt import Record, StreamTracker
-from tactile_nodes.drivers.net_ft_status import BITS, flags_of, named
+from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque.contract import Flag
+from tactile_nodes.drivers.force_torque.net_ft_config import parse_config
+from tactile_nodes.drivers.force_torque.net_ft_rdt import Record, StreamTracker
+from tactile_nodes.drivers.force_torque.net_ft_status import BITS, flags_of, named
 from tactile_nodes.errors import DeviceError
 
 # As a box of firmware 2.2.59 with a Gamma answers, shortened.

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.emulators.net_ft import NetFtServer
-from tactile_nodes.emulators.net_ft_box import SET_BIAS, NetFtBox
-from tactile_nodes.emulators.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import SET_BIAS, NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
 
 pynetft = pytest.importorskip('pynetft')
 

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from tactile_nodes import clock
-from tactile_nodes.drivers.stamps import Cadence, KernelStamps, missing_between
+from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps, missing_between
 
 NOW = 5_000_000_000_000  # ns on CLOCK_MONOTONIC
 

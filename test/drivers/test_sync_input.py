@@ -14,7 +14,7 @@ import serial
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.drivers.sync_input import (
+from tactile_nodes.drivers.sync_input.control_line import (
     Edge,
     SerialControlLine,
     SyncInputSettings,
@@ -25,8 +25,8 @@ from tactile_nodes.emulators import world
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.sync_line import EmulatedControlLine, RecorderFaults, light_brightness, recorded
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
-from tactile_nodes.sensing.sync import ClockFit, SyncLimits, fit_clocks
-from tactile_nodes.sensing.sync_light import light_edges
+from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
+from tactile_nodes.sensing.sync.light import light_edges
 
 MS = 1_000_000
 

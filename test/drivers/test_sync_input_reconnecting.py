@@ -8,8 +8,8 @@ import pytest
 
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.drivers.sync_input import Edge, SyncInputSettings, WatchedLine
-from tactile_nodes.drivers.sync_input_reconnecting import ReconnectingSyncInput, reconnecting_sync_input
+from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine
+from tactile_nodes.drivers.sync_input.reconnecting import ReconnectingSyncInput, reconnecting_sync_input
 from tactile_nodes.emulators import world
 from tactile_nodes.emulators.sync_line import EmulatedControlLine
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError

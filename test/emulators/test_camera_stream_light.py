@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
-from tactile_nodes.drivers.camera_light import CameraLight, LightSettings
+from tactile_nodes.drivers.sync_input.camera_light import CameraLight, LightSettings
 from tactile_nodes.emulators.camera_stream import EXPOSURE_S, LIGHT, CameraStream
 from tactile_nodes.emulators.world import World
 from tactile_nodes.sensing.geometry import Crop

@@ -7,8 +7,8 @@ import re
 import pytest
 from cnc_dialogue import Dialogue
 
-from tactile_nodes.emulators.grbl import Grbl
-from tactile_nodes.emulators.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
 from tactile_nodes.emulators.world import WorldSettings
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"

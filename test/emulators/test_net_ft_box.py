@@ -8,9 +8,9 @@ import struct
 import pytest
 
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.mounting import UPSIDE_DOWN, Mounted
-from tactile_nodes.emulators.net_ft_box import NetFtBox
-from tactile_nodes.emulators.net_ft_config import NetFtConfig, Threshold, changed, divider_for, xml
+from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, Threshold, changed, divider_for, xml
 
 HERE, THERE = ('127.0.0.1', 5000), ('127.0.0.1', 6000)
 START, START_TWO, BUFFERED = (

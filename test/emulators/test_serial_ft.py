@@ -9,10 +9,10 @@ import pytest
 import serial
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.emulators.serial_ft import PtySensor
-from tactile_nodes.emulators.serial_ft_bota import BotaSensor, crc16_x25
-from tactile_nodes.emulators.serial_ft_sensor import microsecond_clock
-from tactile_nodes.emulators.serial_ft_text import TextLineSensor
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor, crc16_x25
+from tactile_nodes.emulators.force_torque.serial_ft_sensor import microsecond_clock
+from tactile_nodes.emulators.force_torque.serial_ft_text import TextLineSensor
 
 MS = 1_000_000
 LOAD = (1.0, -2.0, 0.5, 0.0, 0.25, -0.125)

@@ -16,7 +16,7 @@ from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
 from tactile_nodes.cli.main import main
 from tactile_nodes.messages import types
-from tactile_nodes.sensing.reading import nothing_read
+from tactile_nodes.sensing.explain.reading import nothing_read
 
 pq = pytest.importorskip('pyarrow.parquet')
 EARLIER = Path(__file__).parents[2] / 'examples/press_bag'

@@ -21,8 +21,8 @@ import pytest
 
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.errors import AddressInUseError, BusError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode

@@ -11,7 +11,7 @@ import pytest
 
 from tactile_nodes.launching.context import Context
 from tactile_nodes.launching.interpreter import Interpreter
-from tactile_nodes.launching.output import Line
+from tactile_nodes.launching.processes.output import Line
 
 
 @dataclass

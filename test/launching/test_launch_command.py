@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.launching import orphans
+from tactile_nodes.launching.processes import orphans
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """\

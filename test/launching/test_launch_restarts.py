@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.errors import NOT_AGAIN
-from tactile_nodes.launching import supervisor
-from tactile_nodes.launching.output import Line
+from tactile_nodes.launching.processes import supervisor
+from tactile_nodes.launching.processes.output import Line
 from tactile_nodes.launching.service import LaunchService
 
 KILLED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; kill -9 $$'

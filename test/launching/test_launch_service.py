@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes import paths
-from tactile_nodes.launching import orphans
+from tactile_nodes.launching.processes import orphans
 from tactile_nodes.launching.service import LaunchService
 
 

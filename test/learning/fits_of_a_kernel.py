@@ -13,12 +13,12 @@ import numpy as np
 import scipy.linalg  # brings an OpenBLAS of its own
 from responding_gel import AXISYMMETRIC, CONFIG, presses
 
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_fit import live_errors, transfer
-from tactile_nodes.learning.transfer_partial import replace_presses, transfer_partial
+from tactile_nodes.learning.transfer.fit import live_errors, transfer
+from tactile_nodes.learning.transfer.partial import replace_presses, transfer_partial
 from tactile_nodes.sensing.geometry import BinGrid
 
 NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 
 CONFIG = ResponseConfig(components=16, spacing_mm=2.0, levels=3, smoothing=(1e-3, 1e-1, 10.0, 1e5), most_contacts=1)
 AXISYMMETRIC = AxisymmetricConfig(

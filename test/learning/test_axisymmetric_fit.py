@@ -10,21 +10,21 @@ import pytest
 from responding_gel import AXISYMMETRIC, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_fit import STREAKS, fit_axisymmetric, weighted_choice
-from tactile_nodes.learning.axisymmetric_regions import (
+from tactile_nodes.learning.axisymmetric.fit import STREAKS, fit_axisymmetric, weighted_choice
+from tactile_nodes.learning.axisymmetric.regions import (
     FIRST_DOUBT,
     Expected,
     Presses,
     measured_doubt,
     views,
 )
-from tactile_nodes.learning.axisymmetric_steps import fit_regions
+from tactile_nodes.learning.axisymmetric.steps import fit_regions
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.train import train
+from tactile_nodes.learning.training.train import train
 from tactile_nodes.model_file import load_model
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.axisymmetric_streaks import Streak
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
 
 

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.axisymmetric_regions import Presses, levers
-from tactile_nodes.learning.axisymmetric_unsure import with_unsure
-from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
-from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM
+from tactile_nodes.learning.axisymmetric.regions import Presses, levers
+from tactile_nodes.learning.axisymmetric.unsure import with_unsure
+from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM
+from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 
 DOUBT = np.full(len(DOUBT_MM), 0.02)
 SIGMAS = np.array([0.05, 0.05, 0.1, 0.05, 0.05, 0.1, 0.3, 0.3])
@@ -78,7 +78,7 @@ def test_what_regions_are_unsure_by_is_not_counted_as_doubt_again(
     response: AxisymmetricResponse, precision: np.ndarray
 ) -> None:
     """Motion that is off by just what the regions' numbers may be off by leaves the least doubt that is stated."""
-    from tactile_nodes.learning.axisymmetric_regions import measured_doubt
+    from tactile_nodes.learning.axisymmetric.regions import measured_doubt
 
     unsure = with_unsure(response, pressed(response, ALL_OVER, certainty=1e-9), precision, DOUBT)
     random = np.random.default_rng(4)

@@ -18,20 +18,20 @@ from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS_IMAGE, REFERENCE_IMAGE, SYNC_EDGE, Topic
-from tactile_nodes.collection.sync_pattern import pattern_gaps
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.conversions import header
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.sync_line import RecorderFaults, recorded
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning import exclusions
-from tactile_nodes.learning.bags import CollectionBag
-from tactile_nodes.learning.building import BuildOptions, build
-from tactile_nodes.learning.clocks import Edges, bag_clocks, fitted
 from tactile_nodes.learning.config import Choice
-from tactile_nodes.learning.dataset_report import report
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.datasets.report import report
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recordings import RecordedPresses
+from tactile_nodes.learning.recorded import exclusions
+from tactile_nodes.learning.recorded.bags import CollectionBag
+from tactile_nodes.learning.recorded.building import BuildOptions, build
+from tactile_nodes.learning.recorded.clocks import Edges, bag_clocks, fitted
 from tactile_nodes.messages import types
 
 pytestmark = pytest.mark.usefixtures('own_cache')

@@ -14,17 +14,17 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import REFERENCE_IMAGE
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.learning import exclusions
-from tactile_nodes.learning.bags import CollectionBag
-from tactile_nodes.learning.building import BuildOptions, build
 from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.recordings import RETRIED, RecordedPresses
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recordings import RETRIED, RecordedPresses
+from tactile_nodes.learning.recorded import exclusions
+from tactile_nodes.learning.recorded.bags import CollectionBag
+from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import make_flow
+from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.rest.reference import average
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 

@@ -13,17 +13,17 @@ from responding_gel import CONFIG, NOISE_PX, presses
 
 from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.blurred_fit import with_blurs
-from tactile_nodes.learning.blurred_presses import BlurredPresses, simulate_blurred
 from tactile_nodes.learning.config import Choice, DataConfig, ResponseConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.datasets.blurred_presses import BlurredPresses, simulate_blurred
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.measured.blurred_fit import with_blurs
+from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.source import simulated_data
-from tactile_nodes.sensing.altered_reading import read_altered
+from tactile_nodes.learning.training.source import simulated_data
+from tactile_nodes.sensing.explain.measured.altered import read_altered
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.reading import Reading
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Reading
-from tactile_nodes.sensing.response_readout import ResponseReadout
 
 SHORT, FIRST = 0.05, 1200
 How = Callable[[ResponseReadout, np.ndarray, np.ndarray], Reading]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.blurred_pictures import PictureNoise, SoftwareBlur
+from tactile_nodes.learning.datasets.blurred_pictures import PictureNoise, SoftwareBlur
 
 READ, SHOT = 1.5, 0.05
 ROUNDING = 1 / 12

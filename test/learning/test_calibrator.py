@@ -13,10 +13,10 @@ import pytest
 from press_bags import OTHER, SECOND_NS, START_NS, Collection, Sensor
 
 from tactile_nodes.errors import DatasetError, ModelError
-from tactile_nodes.learning.bags import CollectionBag, Frame, RecordedPress
-from tactile_nodes.learning.calibrating import BagPresses, Written, finish, new_file, take_presses
-from tactile_nodes.learning.calibrator import Calibrator, Fitted, StopRule, expected_gain
-from tactile_nodes.learning.transfer import Source
+from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule, expected_gain
+from tactile_nodes.learning.calibrating.files import Source
+from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, new_file, take_presses
+from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import load_model, save_model
 

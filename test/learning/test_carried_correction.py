@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
 
-from tactile_nodes.learning.axisymmetric_carried import learned_carried
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.train import with_carried
-from tactile_nodes.learning.transfer_fit import OtherGel
-from tactile_nodes.sensing.axisymmetric_carried import Carried
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
+from tactile_nodes.learning.training.train import with_carried
+from tactile_nodes.learning.transfer.carried import learned_carried
+from tactile_nodes.learning.transfer.fit import OtherGel
+from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.geometry import BinGrid
 
 SOFTER = 1.25

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
-from tactile_nodes.learning.building import BuildOptions, build
 from tactile_nodes.learning.config import Choice, NetworkConfig, TrainConfig, TrainingConfig, load_train_config
-from tactile_nodes.learning.dataset_file import load_dataset, save_dataset
-from tactile_nodes.learning.dataset_picture import draw
-from tactile_nodes.learning.dataset_report import report
+from tactile_nodes.learning.datasets.file import load_dataset, save_dataset
+from tactile_nodes.learning.datasets.picture import draw
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.datasets.report import report
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recordings import RecordedPresses
-from tactile_nodes.learning.source import with_file
+from tactile_nodes.learning.recorded.building import BuildOptions, build
+from tactile_nodes.learning.training.source import with_file
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reference import content_id
+from tactile_nodes.sensing.rest.reference import content_id
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
@@ -176,7 +176,7 @@ def test_a_run_that_asks_for_other_features_is_refused(presses: RecordedPresses,
 
 def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
     """Three of twelve presses are put aside (a fifth, rounded up); of the nine left seven train."""
-    from tactile_nodes.learning.source import training_data
+    from tactile_nodes.learning.training.source import training_data
 
     data = training_data(run_config(tmp_path, file), Progress())
     touched = data.dataset.presses[:, 2] > 0
@@ -186,9 +186,9 @@ def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize('split', ['sample', 'position'])
 def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path, tmp_path: Path, split: str) -> None:
     pytest.importorskip('torch')
-    from tactile_nodes.learning.evaluate import evaluate_recorded
-    from tactile_nodes.learning.evaluation_tables import report
-    from tactile_nodes.learning.train import train
+    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
+    from tactile_nodes.learning.evaluation.tables import report
+    from tactile_nodes.learning.training.train import train
     from tactile_nodes.model_file import load_model
 
     model = train(run_config(tmp_path, file, split), forced=True)
@@ -205,8 +205,8 @@ def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path,
 
 def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_path: Path) -> None:
     pytest.importorskip('torch')
-    from tactile_nodes.learning.evaluate import evaluate_recorded
-    from tactile_nodes.learning.train import train
+    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
+    from tactile_nodes.learning.training.train import train
 
     model = train(run_config(tmp_path, file), forced=True)
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
@@ -215,7 +215,7 @@ def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_pat
 
 
 def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> None:
-    from tactile_nodes.learning.evaluate import evaluate_recorded
+    from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
     from tactile_nodes.model_file import find_model
 
     with pytest.raises(ModelError, match='was trained with flow'):

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning import evaluation_disturbed as disturbed
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.evaluate import Evaluation, evaluate, evaluate_put_aside
-from tactile_nodes.learning.evaluation_picture import cell_medians, draw
-from tactile_nodes.learning.evaluation_tables import comparison, report
+from tactile_nodes.learning.evaluation import disturbed
+from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
+from tactile_nodes.learning.evaluation.picture import cell_medians, draw
+from tactile_nodes.learning.evaluation.tables import comparison, report
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.source import simulated_data
+from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import save_model
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.simulation.gel import Gel
 
 pytestmark = pytest.mark.usefixtures('own_cache')
@@ -111,7 +111,7 @@ def test_a_gel_that_is_simulated_otherwise_now_is_told(tmp_path: Path) -> None:
 
     loaded = load_model(file)
     save_model(file, loaded.model, {**card, 'gel': gel, 'data': loaded.card['data']})
-    from tactile_nodes.learning.evaluate import evaluation_config, simulated_words
+    from tactile_nodes.learning.evaluation.evaluate import evaluation_config, simulated_words
 
     changed = load_model(file)
     assert 'NOT the gel of the training, ofanearlier' in simulated_words(changed, evaluation_config(changed, 8, 1001))

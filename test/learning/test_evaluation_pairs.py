@@ -9,10 +9,10 @@ import pytest
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import DataConfig
-from tactile_nodes.learning.evaluation_pairs import PairScores, judged, planned_pairs
-from tactile_nodes.learning.evaluation_tables import pairs_table
-from tactile_nodes.sensing.model import ForceMap
-from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.learning.evaluation.pairs import PairScores, judged, planned_pairs
+from tactile_nodes.learning.evaluation.tables import pairs_table
+from tactile_nodes.sensing.explain.model import ForceMap
+from tactile_nodes.sensing.explain.reading import Contact
 
 TIPS = np.array([[-4.0, 0.0, 1.0, 0.5], [4.0, 3.0, 0.5, 0.2]])
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from tactile_nodes.learning import evaluation_scores as scores
-from tactile_nodes.learning.evaluation_predictions import Predictions
-from tactile_nodes.learning.evaluation_uncertainty import force_uncertainty, position_uncertainty
-from tactile_nodes.learning.evaluation_unlike import score_unlike
+from tactile_nodes.learning.evaluation import scores
+from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.learning.evaluation.uncertainty import force_uncertainty, position_uncertainty
+from tactile_nodes.learning.evaluation.unlike import score_unlike
 from tactile_nodes.sensing.geometry import BinGrid
 
 BINS = BinGrid()

@@ -9,13 +9,13 @@ import pytest
 from body_presses import STIFFER, BodySensor
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.calibration import Pressed
-from tactile_nodes.learning.transfer_fit import Transfer
+from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
 BODIES = {'punch:3': (2.0, 9.0), 'square': (2.0, 9.5), 'ring': (2.0, 9.0)}
 """How hard each is pressed (N), and how far from the middle (mm)."""

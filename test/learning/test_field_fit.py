@@ -9,11 +9,11 @@ import pytest
 from pressures import hertz
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.fit import described, fit_field
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import CameraDescription, Sensor
 
 SIDE, NOISE_PX = 8, 0.004

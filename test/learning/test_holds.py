@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from responding_gel import AXISYMMETRIC, NOISE_PX, motion, presses
 
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.axisymmetric_regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
-from tactile_nodes.learning.building import BuildOptions, build
-from tactile_nodes.learning.calibrating import BagPresses, take_presses
-from tactile_nodes.learning.calibrator import Calibrator
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric.regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
+from tactile_nodes.learning.calibrating.calibrator import Calibrator
+from tactile_nodes.learning.calibrating.presses import BagPresses, take_presses
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset, simulate
-from tactile_nodes.learning.held_presses import simulate_held
-from tactile_nodes.learning.holds import holds_of, still, still_holds
-from tactile_nodes.learning.pressed_gels import first_presses
+from tactile_nodes.learning.datasets.held_presses import simulate_held
+from tactile_nodes.learning.datasets.holds import holds_of, still, still_holds
+from tactile_nodes.learning.datasets.pressed_gels import first_presses
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recordings import RecordedPresses
-from tactile_nodes.learning.transfer_fit import OtherGel, transfer
+from tactile_nodes.learning.recorded.building import BuildOptions, build
+from tactile_nodes.learning.transfer.fit import OtherGel, transfer
 from tactile_nodes.model_file import load_model
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.network import InputScaling
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 

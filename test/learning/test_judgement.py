@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.judgement import objection, of_the_mean, poor, require_worth, share_of
-from tactile_nodes.learning.transfer_errors import Errors
+from tactile_nodes.learning.transfer.errors import Errors
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth, share_of
 
 NOTHING = Errors(math.nan, math.nan, math.nan)
 

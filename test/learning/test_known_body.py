@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.learning.calibration_session import CalibrationSession, CalibrationSettings
+from tactile_nodes.learning.calibrating.session import CalibrationSession, CalibrationSettings
 from tactile_nodes.learning.field.body import KnownBody, body_of_card
 
 LINE = np.arange(-40, 41) * 0.1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.labels import bin_indices, describe, force_labels, outside, parse_bins
+from tactile_nodes.learning.datasets.labels import bin_indices, describe, force_labels, outside, parse_bins
 from tactile_nodes.sensing.geometry import BinGrid
 
 WHOLE = BinGrid(9, 9, 32.0, 32.0)

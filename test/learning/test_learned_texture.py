@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import Choice, DataConfig, ResponseConfig, TrainConfig
-from tactile_nodes.learning.learned_texture import LEAST_PRESSES, RecordedTexture, simulated_texture
+from tactile_nodes.learning.datasets.learned_texture import LEAST_PRESSES, RecordedTexture, simulated_texture
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.simulation.optics import Optics, Press, place_markers

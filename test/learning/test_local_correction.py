@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from responding_gel import AXISYMMETRIC, presses
 
-from tactile_nodes.learning.axisymmetric_calibration import Judged
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.axisymmetric_local import ALIKE_MM, NODES, OF_A_PICTURE, OWN, interpolated, with_local
-from tactile_nodes.learning.axisymmetric_regions import Presses
+from tactile_nodes.learning.axisymmetric.calibration import Judged
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric.local import ALIKE_MM, NODES, OF_A_PICTURE, OWN, interpolated, with_local
+from tactile_nodes.learning.axisymmetric.regions import Presses
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_fit import OtherGel
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.learning.transfer.fit import OtherGel
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
 
 CENTRE = NODES // 2

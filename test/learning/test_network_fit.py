@@ -15,14 +15,15 @@ torch = pytest.importorskip('torch')
 from tiny_training import tiny_config, tiny_held_out, tiny_presses  # noqa: E402
 
 from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
-from tactile_nodes.learning import network_attempt, network_fit  # noqa: E402
 from tactile_nodes.learning.config import TrainConfig  # noqa: E402
-from tactile_nodes.learning.network_fit import fit_network  # noqa: E402
-from tactile_nodes.learning.network_scores import Validation  # noqa: E402
+from tactile_nodes.learning.network import attempt as network_attempt  # noqa: E402
+from tactile_nodes.learning.network import fit as network_fit  # noqa: E402
+from tactile_nodes.learning.network.fit import fit_network  # noqa: E402
+from tactile_nodes.learning.network.scores import Validation  # noqa: E402
 from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.runs import Run, RunFolder  # noqa: E402
+from tactile_nodes.learning.run.folder import Run, RunFolder  # noqa: E402
+from tactile_nodes.sensing.explain.network import NetworkReadout  # noqa: E402
 from tactile_nodes.sensing.geometry import BinGrid  # noqa: E402
-from tactile_nodes.sensing.network import NetworkReadout  # noqa: E402
 
 DULL = {'initial_weights': 'glorot', 'output_unit': 'newton', 'input_scaling': 'none'}
 

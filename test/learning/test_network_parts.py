@@ -11,15 +11,15 @@ from tiny_training import tiny_config, tiny_held_out, tiny_presses  # noqa: E402
 
 from tactile_nodes.errors import ConfigurationError  # noqa: E402
 from tactile_nodes.learning.config import NetworkConfig, TrainConfig  # noqa: E402
-from tactile_nodes.learning.network_calibration import fit_likeness, fit_spread, principal_directions  # noqa: E402
-from tactile_nodes.learning.network_inputs import (  # noqa: E402
+from tactile_nodes.learning.network.calibration import fit_likeness, fit_spread, principal_directions  # noqa: E402
+from tactile_nodes.learning.network.inputs import (  # noqa: E402
     fit_scaling,
     judging_samples,
     output_scale_n,
     prepare,
     shown_samples,
 )
-from tactile_nodes.learning.network_layers import as_mlp, build_network  # noqa: E402
+from tactile_nodes.learning.network.layers import as_mlp, build_network  # noqa: E402
 
 EVERY = np.arange(120)
 

@@ -21,21 +21,21 @@ from onnx.reference import ReferenceEvaluator
 from tactile_nodes import model_file
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning.onnx_check import compare
-from tactile_nodes.learning.onnx_export import export_onnx, onnx_bytes
-from tactile_nodes.learning.onnx_session import OnnxSession
+from tactile_nodes.learning.onnx_files.check import compare
+from tactile_nodes.learning.onnx_files.export import export_onnx, onnx_bytes
+from tactile_nodes.learning.onnx_files.session import OnnxSession
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
+from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
+from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS
-from tactile_nodes.sensing.response import Response
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
-from tactile_nodes.sensing.uncertainty import Calibration
-from tactile_nodes.sensing.witness import Witness
 
 LAYOUT = FeatureLayout('cartesian_mean', 4, 5, 2)
 SHAPE = (4, 5, 2)

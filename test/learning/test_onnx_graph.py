@@ -12,7 +12,7 @@ pytest.importorskip('onnxruntime')
 
 import onnxruntime
 
-from tactile_nodes.learning.onnx_graph import Value, Writer
+from tactile_nodes.learning.onnx_files.graph import Value, Writer
 
 
 def computed(writer: Writer, result: Value, **inputs: Any) -> np.ndarray:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tactile_nodes.learning.config import DataConfig
-from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.plans import grid_plan, planned_presses, press_count, press_numbers
-from tactile_nodes.learning.source import simulated_split
+from tactile_nodes.learning.datasets.plans import grid_plan, planned_presses, press_count, press_numbers
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.training.source import simulated_split
 from tactile_nodes.sensing.geometry import BinGrid
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.press_tables import read_table
+from tactile_nodes.learning.datasets.press_tables import read_table
 
 
 def written(folder: Path, text: str) -> Path:

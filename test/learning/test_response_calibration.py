@@ -9,9 +9,8 @@ import pytest
 from responding_gel import CONFIG, presses
 
 from tactile_nodes.learning.coverage import to_coverage
-from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_calibration import (
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.calibration import (
     LEAST_JUDGES,
     MOST_PRESSES,
     _factors,
@@ -21,11 +20,12 @@ from tactile_nodes.learning.response_calibration import (
     rescaled,
     spread_of,
 )
-from tactile_nodes.learning.response_fit import fit_response
+from tactile_nodes.learning.measured.fit import fit_response
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.uncertainty import factor_at
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.uncertainty import factor_at
 
 LIKENESS = Likeness(np.zeros(4, np.float32), np.eye(2, 4, dtype=np.float32), 1.0, 1.0)
 

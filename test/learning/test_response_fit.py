@@ -12,13 +12,13 @@ from responding_gel import CONFIG, NOISE_PX, presses
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import ResponseConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import fit_response, noise_scaling, sparse_cubes
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_fit import fit_response, noise_scaling, sparse_cubes
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.reading import Reading
+from tactile_nodes.sensing.explain.splines import SplineAxis, cubes
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Reading
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import SplineAxis, cubes
 
 BINS = BinGrid()
 

@@ -14,8 +14,8 @@ from press_bags import SECOND_NS, START_NS
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
 from tactile_nodes.conversions import header
-from tactile_nodes.learning.bags import CollectionBag
-from tactile_nodes.learning.rig_presses import ABSENT_NS, IDLE_NS, SETTLED_NS, RigPresses
+from tactile_nodes.learning.recorded.bags import CollectionBag
+from tactile_nodes.learning.recorded.rig_presses import ABSENT_NS, IDLE_NS, SETTLED_NS, RigPresses
 from tactile_nodes.messages import types
 
 TOPICS = (PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE)

@@ -9,8 +9,8 @@ from tiny_training import tiny_config
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import load_train_config
-from tactile_nodes.learning.runs import RunFolder, read_run, run_id
-from tactile_nodes.learning.runs_comparison import draw, table
+from tactile_nodes.learning.run.comparison import draw, table
+from tactile_nodes.learning.run.folder import RunFolder, read_run, run_id
 
 SCORES = {'armse_n': 0.02, 'rmse_mc_n': 0.1, 'd_loc_mm': 0.5, 'total_rmse_n': 0.05, 'right_bin': 0.9}
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.split import Split, apportioned, by_position, by_sample, depth_strata, position_ids
+from tactile_nodes.learning.datasets.split import Split, apportioned, by_position, by_sample, depth_strata, position_ids
 
 AXIS_MM = np.arange(-18, 19) * 0.75
 DEPTHS_MM = np.arange(1, 9) * 0.25

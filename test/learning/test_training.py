@@ -10,17 +10,17 @@ import pytest
 torch = pytest.importorskip('torch')
 
 from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
-from tactile_nodes.learning import dataset as datasets  # noqa: E402
-from tactile_nodes.learning import network_layers  # noqa: E402
-from tactile_nodes.learning import train as training  # noqa: E402
 from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig  # noqa: E402
-from tactile_nodes.learning.dataset import Dataset, simulate  # noqa: E402
-from tactile_nodes.learning.evaluate import evaluate  # noqa: E402
-from tactile_nodes.learning.evaluation_predictions import predict  # noqa: E402
-from tactile_nodes.learning.evaluation_tables import report  # noqa: E402
+from tactile_nodes.learning.datasets import simulated as datasets  # noqa: E402
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate  # noqa: E402
+from tactile_nodes.learning.evaluation.evaluate import evaluate  # noqa: E402
+from tactile_nodes.learning.evaluation.predictions import predict  # noqa: E402
+from tactile_nodes.learning.evaluation.tables import report  # noqa: E402
+from tactile_nodes.learning.network import layers as network_layers  # noqa: E402
 from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.runs import read_run  # noqa: E402
-from tactile_nodes.learning.source import simulated_test, training_data  # noqa: E402
+from tactile_nodes.learning.run.folder import read_run  # noqa: E402
+from tactile_nodes.learning.training import train as training  # noqa: E402
+from tactile_nodes.learning.training.source import simulated_test, training_data  # noqa: E402
 from tactile_nodes.model_file import load_model  # noqa: E402
 from tactile_nodes.simulation.gel import Gel  # noqa: E402
 

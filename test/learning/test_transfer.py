@@ -10,18 +10,18 @@ import pytest
 from responding_gel import AXISYMMETRIC, CONFIG, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_calibration import Judged
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.axisymmetric.calibration import Judged
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.response_fit import fit_response
-from tactile_nodes.learning.transfer_calibration import beyond_noise, cautious, nearer_by, nearer_errors
-from tactile_nodes.learning.transfer_checks import require_tared
-from tactile_nodes.learning.transfer_fit import FORMS, OtherGel, Transfer, folds_of, transfer
-from tactile_nodes.learning.transfer_whole import RIM_SCATTER, Typical, changed, fit_whole
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.learning.transfer.calibration import beyond_noise, cautious, nearer_by, nearer_errors
+from tactile_nodes.learning.transfer.checks import require_tared
+from tactile_nodes.learning.transfer.fit import FORMS, OtherGel, Transfer, folds_of, transfer
+from tactile_nodes.learning.transfer.whole import RIM_SCATTER, Typical, changed, fit_whole
+from tactile_nodes.sensing.explain.arrays import AnyReadout, readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.readout_arrays import AnyReadout, readout_arrays, readout_from
 
 SOFTER = 1.25
 AWAY_MM = np.array([0.8, -0.5])

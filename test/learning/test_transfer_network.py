@@ -13,21 +13,21 @@ torch = pytest.importorskip('torch')
 from tiny_training import tiny_config, tiny_presses  # noqa: E402
 
 from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError  # noqa: E402
-from tactile_nodes.learning.dataset import Dataset  # noqa: E402
-from tactile_nodes.learning.network_fit import fit_network  # noqa: E402
+from tactile_nodes.learning.datasets.simulated import Dataset  # noqa: E402
+from tactile_nodes.learning.network.fit import fit_network  # noqa: E402
 from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.transfer_layer import (  # noqa: E402
+from tactile_nodes.learning.transfer.layer import (  # noqa: E402
     FittedLayer,
     LayerConfig,
     LayerTraining,
     fit_layer,
     load_layer_config,
 )
-from tactile_nodes.learning.transfer_network import NetworkTransfer, shuffled_parts, transfer_network  # noqa: E402
+from tactile_nodes.learning.transfer.network import NetworkTransfer, shuffled_parts, transfer_network  # noqa: E402
 from tactile_nodes.model_file import LoadedModel, load_model, save_model  # noqa: E402
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel  # noqa: E402
-from tactile_nodes.sensing.network import NetworkReadout  # noqa: E402
-from tactile_nodes.sensing.reading import Readout  # noqa: E402
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel  # noqa: E402
+from tactile_nodes.sensing.explain.network import NetworkReadout  # noqa: E402
+from tactile_nodes.sensing.explain.reading import Readout  # noqa: E402
 
 CARD = {
     'flow': {'name': 'dis', 'options': {}}, 'encoding': {'name': 'polar_mean', 'options': {}},

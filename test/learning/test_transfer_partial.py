@@ -11,13 +11,12 @@ import pytest
 from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric_fit import fit_axisymmetric
-from tactile_nodes.learning.axisymmetric_regions import Presses
-from tactile_nodes.learning.dataset import Dataset
-from tactile_nodes.learning.partial_presses import at, located
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.axisymmetric.regions import Presses
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_fit import OtherGel, live_errors
-from tactile_nodes.learning.transfer_partial import (
+from tactile_nodes.learning.transfer.fit import OtherGel, live_errors
+from tactile_nodes.learning.transfer.partial import (
     ASIDE,
     HARDNESS_HELD,
     PLACES_HELD,
@@ -29,10 +28,11 @@ from tactile_nodes.learning.transfer_partial import (
     transfer_outline,
     transfer_partial,
 )
-from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
+from tactile_nodes.learning.transfer.partial_presses import at, located
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.outline import OutlineMap
+from tactile_nodes.sensing.picture.outline import OutlineMap
 
 SOFTER = 1.25
 AWAY_MM = np.array([0.8, -0.5])

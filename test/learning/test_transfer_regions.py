@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.axisymmetric_steps import Equations
-from tactile_nodes.learning.transfer_regions import Smooth
+from tactile_nodes.learning.axisymmetric.steps import Equations
+from tactile_nodes.learning.transfer.regions import Smooth
 
 REGIONS, NUMBERS, TERMS = 5, 3, 2
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.learning.transfer_scatter import LEAST_SCATTER, Scatter, outwards
-from tactile_nodes.sensing.axisymmetric import AxisymmetricResponse
+from tactile_nodes.learning.transfer.scatter import LEAST_SCATTER, Scatter, outwards
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 
 LATERAL, COLUMNS = 1, 3
 NUMBERS = 2 * COLUMNS + 2

@@ -15,12 +15,12 @@ from responding_gel import CONFIG, presses
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.source import TrainingData
-from tactile_nodes.learning.tuned_profile import said_of, table_rows
-from tactile_nodes.learning.tuning import Candidate, SimulatedSource, Wish, candidates, chosen_place, tune
-from tactile_nodes.learning.tuning_times import cpu_times_ms
+from tactile_nodes.learning.training.source import TrainingData
+from tactile_nodes.learning.tuning.profile import said_of, table_rows
+from tactile_nodes.learning.tuning.search import Candidate, SimulatedSource, Wish, candidates, chosen_place, tune
+from tactile_nodes.learning.tuning.times import cpu_times_ms
 from tactile_nodes.sensing.metrics import pareto_front
 
 numbers = st.lists(st.tuples(st.floats(0.1, 10), st.floats(0.1, 10)), min_size=1, max_size=20)
@@ -116,7 +116,7 @@ class Measured:
 
 def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: pytest.MonkeyPatch) -> None:
     # Times that are told, because those of a busy machine say little of two configurations.
-    monkeypatch.setattr('tactile_nodes.learning.tuning.cpu_times_ms', lambda *_: [1.0, 10.0])
+    monkeypatch.setattr('tactile_nodes.learning.tuning.search.cpu_times_ms', lambda *_: [1.0, 10.0])
     patches = {'rows': 6, 'cols': 6}
     slow = Choice('dis', {'preset': 'medium', 'finest_scale': 0, 'gradient_descent_iterations': 200})
     among = [

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from responding_gel import CONFIG, motion, presses
 
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.network.witness_fit import config_for, with_witness
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.witness_fit import config_for, with_witness
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 
 BINS = BinGrid()
 SHAPE = (6, 6, 2)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_nodes.learning.config import Choice, NetworkConfig, TrainConfig, TrainingConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 
 PRESSES = 120
 
@@ -48,9 +48,9 @@ def main(runs: Path) -> None:
     """Train in the folder `runs` and say so after every epoch: for a test that kills this process."""
     from contextlib import nullcontext
 
-    from tactile_nodes.learning.network_fit import fit_network
+    from tactile_nodes.learning.network.fit import fit_network
     from tactile_nodes.learning.progress import Progress
-    from tactile_nodes.learning.runs import RunFolder
+    from tactile_nodes.learning.run.folder import RunFolder
 
     class Bar:
         def advance(self, steps: int = 1, text: str = '') -> None:

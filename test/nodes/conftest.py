@@ -15,9 +15,9 @@ from tactile_nodes.bus.protocol import Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceModel
-from tactile_nodes.sensing.network import InputScaling, Mlp, NetworkReadout
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import conversions
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.node import Node
 
 START_NS = 1_000_000_000_000
 RNG = np.random.default_rng(5)

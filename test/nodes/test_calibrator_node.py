@@ -15,8 +15,8 @@ from press_bags import OTHER, Sensor
 from tactile_nodes import conversions
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher, Qos, Reply
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock

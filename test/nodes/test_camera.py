@@ -14,9 +14,9 @@ from stream_server import plugged_in
 
 from tactile_nodes import touch_tables
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
-from tactile_nodes.bus.diagnostics import Level
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic

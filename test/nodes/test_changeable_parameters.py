@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tactile_nodes import params
-from tactile_nodes.cli.reference_nodes import NodeKind, node_kinds
+from tactile_nodes.cli.reference.nodes import NodeKind, node_kinds
 
 ANY_TIME = {
     'camera': set(),

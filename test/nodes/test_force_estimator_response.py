@@ -10,8 +10,8 @@ from feeding import START_NS, run
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -19,8 +19,8 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import value_and_slopes
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.splines import value_and_slopes
 
 FORCE = types.ForceDistribution
 Ask = Callable[[np.ndarray, float], types.ForceDistribution]

@@ -10,8 +10,8 @@ from feeding import run
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.guarded_approach import GuardedApproachNode

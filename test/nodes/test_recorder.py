@@ -16,12 +16,13 @@ from feeding import START_NS, run
 
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus import topics, wire
-from tactile_nodes.bus.arguments import NodeArguments
-from tactile_nodes.bus.diagnostics import Level
+from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.zeromq import ZmqBus
+from tactile_nodes.bus.zeromq import wire
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import services, types
@@ -288,8 +289,8 @@ ON_A_SLOW_DISK = """
 import os, signal, sys, threading, time
 from tactile_nodes.bag import growing_file
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.zeromq import ZmqBus
-from tactile_nodes.bus.runtime import open_bus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.node.runtime import open_bus
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.recorder import main
 

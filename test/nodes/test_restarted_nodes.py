@@ -13,10 +13,10 @@ from feeding import PATTERN, image, run
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.keeping import VARIABLE
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.keeping import VARIABLE
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import types

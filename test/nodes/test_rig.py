@@ -11,16 +11,16 @@ import pytest
 
 from tactile_nodes import conversions, messages, params
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.keeping import VARIABLE
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.keeping import VARIABLE
+from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.runtime import run_until
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
-from tactile_nodes.collection.journal import BEGUN, STARTED, VERIFIED, Journal
-from tactile_nodes.collection.plan import PlanSettings, make_plan
+from tactile_nodes.collection.plan.journal import BEGUN, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode

@@ -9,8 +9,8 @@ import pytest
 
 from tactile_nodes import params
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import NS_PER_S, SystemClock, monotonic_s
 from tactile_nodes.collection.station import WORLD

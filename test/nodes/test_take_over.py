@@ -15,9 +15,9 @@ from feeding import START_NS, run
 
 from tactile_nodes import conversions, model_file
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.parameters import to_message
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.protocol import Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -25,8 +25,8 @@ from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.methods import told
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.network import NetworkReadout
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.flow.choice import make_flow
 
 PERIOD_NS = 16_666_667
 

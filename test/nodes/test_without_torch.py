@@ -18,7 +18,7 @@ for each in pkgutil.iter_modules(nodes.__path__):
 import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import load_model

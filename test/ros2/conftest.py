@@ -66,7 +66,7 @@ def _no_short_cut_within_a_process() -> None:
 @pytest.fixture
 def join(emulated: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Any]]:
     """Join the ROS 2 graph of the test from this process; several times makes several participants."""
-    ros2 = importlib.import_module('tactile_nodes.bus.ros2')
+    ros2 = importlib.import_module('tactile_nodes.bus.ros2.graph_bus')
     if not HAS_ROS:  # what the emulator knows, it knows at once
         monkeypatch.setattr(ros2, 'LONGEST_S', 0.0)
         monkeypatch.setattr(ros2, '_LOOK_AGAIN_S', 0.0)

@@ -148,7 +148,7 @@ def test_clock_that_was_set_after_the_boot_is_warned_of(
     join: Join, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     join().close()
-    monkeypatch.setattr('tactile_nodes.bus.ros2.wall_ns', lambda: SystemClock().now_ns() - 3_000_000_000)
+    monkeypatch.setattr('tactile_nodes.bus.ros2.graph_bus.wall_ns', lambda: SystemClock().now_ns() - 3_000_000_000)
     join()
     assert 'stamps of this package are +3.000 s from the wall clock' in capfd.readouterr().err
 
@@ -412,7 +412,7 @@ class Growing:
 
 
 def test_a_graph_that_still_grows_is_waited_for(emulated: None) -> None:
-    graph = importlib.import_module('tactile_nodes.bus.ros2_graph')
+    graph = importlib.import_module('tactile_nodes.bus.ros2.graph')
     looker = Growing()
     graph.wait_until_settled(looker, time.monotonic(), graph.LONGEST_S)
     assert len(looker.get_node_names_and_namespaces()) == 4

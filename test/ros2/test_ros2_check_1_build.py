@@ -39,5 +39,5 @@ def test_definition_of_a_message_is_shown(installed: dict[str, str], name: str) 
 
 
 def test_generated_classes_and_our_modules_are_one_package(installed: dict[str, str]) -> None:
-    code = 'import tactile_nodes.msg as m, tactile_nodes.bus.ros2; print(m.ForceDistribution().total)'
+    code = 'import tactile_nodes.msg as m, tactile_nodes.bus.ros2.graph_bus; print(m.ForceDistribution().total)'
     assert run(['python3', '-c', code], installed).strip() == '0.0'

@@ -11,8 +11,8 @@ import pytest
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
-from tactile_nodes.bus.node import Node
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.cli.main import main
 from tactile_nodes.messages import types

@@ -13,7 +13,7 @@ import pytest
 from ros2_here import ROOT, needs_ros, run
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.nodes.camera import CameraNode
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode

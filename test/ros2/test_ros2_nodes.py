@@ -14,12 +14,12 @@ import pytest
 from ros2_here import environment
 
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import parse_arguments
-from tactile_nodes.bus.node import Node, NodeParams
-from tactile_nodes.bus.parameter_client import ParameterClient
-from tactile_nodes.bus.parameters import to_message
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.parameter_client import ParameterClient
+from tactile_nodes.bus.node.parameters import to_message
+from tactile_nodes.bus.node.runtime import open_bus
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.bus.runtime import open_bus
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.params import parameter
@@ -225,8 +225,8 @@ def test_without_rclpy_a_node_says_what_to_source() -> None:
 
 _READY = """
 import sys
-from tactile_nodes.bus.node import Node
-from tactile_nodes.bus.runtime import run_node
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import run_node
 
 class Ready(Node):
     def __init__(self, *arguments):

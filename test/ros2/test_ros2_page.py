@@ -59,5 +59,5 @@ def test_quality_of_service_in_the_table_is_that_of_the_topics() -> None:
         for name in re.findall(r'`([^`]+)`', names):
             qos = TOPICS[name].qos
             assert qos.depth == int(depth), name
-            latched = qos.latched or name == ROSOUT.name  # bus/ros2_qos.py
+            latched = qos.latched or name == ROSOUT.name  # bus/ros2/qos.py
             assert durability.startswith('transient local' if latched else 'volatile'), name

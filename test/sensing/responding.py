@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
+from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.response import Response
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.splines import SplineAxis, value_and_slopes
-from tactile_nodes.sensing.uncertainty import Calibration
 
 BINS = BinGrid()
 GRID = 6

@@ -15,14 +15,14 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
 
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.collection.settings import SyncSettings
-from tactile_nodes.collection.sync_pattern import pattern_gaps
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.sync_line import RecorderFaults, recorded
 from tactile_nodes.emulators.world import Edge
-from tactile_nodes.learning.clocks import Edges, fitted
-from tactile_nodes.sensing.sync import ClockFit, Refusal
-from tactile_nodes.sensing.sync_light import light_edges
+from tactile_nodes.learning.recorded.clocks import Edges, fitted
+from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal
+from tactile_nodes.sensing.sync.light import light_edges
 
 START_NS = 1_795_000_000_000_000_000
 SECOND_NS = 1_000_000_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from responding import BINS, COMPONENTS, GRID, components, features, readout
 
-from tactile_nodes.sensing.altered_reading import (
+from tactile_nodes.sensing.explain.measured.altered import (
     ALTERED_SHARE,
     BADLY_FOUND,
     DOUBT,
@@ -18,8 +18,8 @@ from tactile_nodes.sensing.altered_reading import (
     read_altered,
     spread_of,
 )
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
 
 READER = readout(most_contacts=1, scale=20_000.0)  # of which noise is next to nothing
 TRUSTING = replace(READER, scaling=replace(READER.scaling, confidence_floor=0.1))

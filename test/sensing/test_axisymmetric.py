@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
-from tactile_nodes.sensing.axisymmetric_readout import DOUBT_MM, AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM, AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.network import InputScaling
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.splines import SplineAxis
-from tactile_nodes.sensing.uncertainty import Calibration
 
 HARDEST_N = 1.0
 NOISE_PX = 0.003

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_axisymmetric import readout
 
-from tactile_nodes.sensing.axisymmetric_carried import Carried
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
 
 TERMS = np.stack([np.full((20, 3), 3.0), np.full((20, 3), 1.0)])
 CARRIED = Carried((10, 40), TERMS)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from test_axisymmetric import readout
 
-from tactile_nodes.sensing.axisymmetric_local import between
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout, Correction
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.local import between
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 
 TABLE = np.array([[[0.0], [1.0]], [[2.0], [3.0]]])
 """1 for each half of the way to the right, 2 for each down."""

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
-from tactile_nodes.sensing.axisymmetric_streaks import NEAR_MM, STREAK_MM, WIDE_MM, Streak
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
+from tactile_nodes.sensing.explain.axisymmetric.streaks import NEAR_MM, STREAK_MM, WIDE_MM, Streak
 
 AT_THE_RIM = np.array([STREAK_MM, 0.0])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_axisymmetric import SURE, readout, response, seen
 
-from tactile_nodes.sensing.readout_arrays import readout_arrays, readout_from
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 
 CONTACT = np.array([[3.0, -2.0, 0.5]])
 REGIONS = 64

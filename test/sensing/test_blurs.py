@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from responding import BINS, COMPONENTS, GRID, components, features, readout
 
-from tactile_nodes.sensing.blurs import Blur, Blurs
+from tactile_nodes.sensing.explain.measured.blurs import Blur, Blurs
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.response import Response
-from tactile_nodes.sensing.response_readout import ResponseReadout
-from tactile_nodes.sensing.uncertainty import Calibration
 
 SHARP, SOFT, SOFTER = 0.52, 0.48, 0.42
 SHORT = {SOFT: 0.02, SOFTER: 0.06}

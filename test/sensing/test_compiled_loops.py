@@ -16,16 +16,17 @@ import pytest
 from responding import COMPONENTS, components, features, readout
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.axisymmetric import DISTANCES, AxisymmetricResponse
-from tactile_nodes.sensing.axisymmetric_streaks import Streak
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_of_compiling, use_compiled
-from tactile_nodes.sensing.explain.cone import least_squares
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
-from tactile_nodes.sensing.flow import DisplacementField, make_flow
-from tactile_nodes.sensing.picture_motion import MotionFit
-from tactile_nodes.sensing.quality import PictureFaults, picture_faults, sharpness
-from tactile_nodes.sensing.reading import Reading
-from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
+from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
+from tactile_nodes.sensing.explain.field.cone import least_squares
+from tactile_nodes.sensing.explain.reading import Reading
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
+from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.sensing.picture.motion import MotionFit
+from tactile_nodes.sensing.picture.quality import PictureFaults, picture_faults, sharpness
+from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
 
 pytestmark = pytest.mark.timeout(400)  # the first use compiles
 needs_numba = pytest.mark.skipif(importlib.util.find_spec('numba') is None, reason='numba is not installed')

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from responding import COMPONENTS, GRID, components, features, readout, response
 
-from tactile_nodes.sensing.contact_shape import USUAL_MM2, Shape, shape_of, with_usual_width
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS
-from tactile_nodes.sensing.response import Fit, Response, locate
+from tactile_nodes.sensing.explain.measured.contact_shape import USUAL_MM2, Shape, shape_of, with_usual_width
+from tactile_nodes.sensing.explain.measured.response import Fit, Response, locate
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
 
 GEL = response()
 READER = readout()

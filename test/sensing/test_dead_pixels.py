@@ -9,9 +9,9 @@ from dots import SIDE, grow, picture, press, shift
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.dead_pixels import ALIVE_GREY, CHECK_EVERY, SEEN, DeadPixels, Filling, covariance
-from tactile_nodes.sensing.reference import average
-from tactile_nodes.sensing.stillness import StillnessCheck, steady
+from tactile_nodes.sensing.picture.dead_pixels import ALIVE_GREY, CHECK_EVERY, SEEN, DeadPixels, Filling, covariance
+from tactile_nodes.sensing.picture.stillness import StillnessCheck, steady
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.camera import through_jpeg
 
 REST = average([picture(number=number) for number in range(8)])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.dented_rest import LEAST_FRAMES, PROVEN_FRAMES, DentedRest
-from tactile_nodes.sensing.quietness import PATCHES
+from tactile_nodes.sensing.picture.dented_rest import LEAST_FRAMES, PROVEN_FRAMES, DentedRest
+from tactile_nodes.sensing.picture.quietness import PATCHES
 
 FOUND = np.ones(PATCHES**2, bool)
 NOISE_PX = 0.003

@@ -11,12 +11,12 @@ import pytest
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table
-from tactile_nodes.sensing.drift import DriftMonitor, Limits
-from tactile_nodes.sensing.drift_alarm import Level
-from tactile_nodes.sensing.drift_verdict import Reason
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.picture_change import PictureChange
-from tactile_nodes.sensing.reference import average
+from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.judge.drift_alarm import Level
+from tactile_nodes.sensing.judge.drift_verdict import Reason
+from tactile_nodes.sensing.picture.change import PictureChange
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from tactile_nodes.sensing.drift_alarm import Alarm, Level
+from tactile_nodes.sensing.judge.drift_alarm import Alarm, Level
 
 S = 1_000_000_000
 

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.features import Features, block_means, make_encoding
-from tactile_nodes.sensing.flow import DisplacementField
+from tactile_nodes.sensing.flow.methods import DisplacementField
 
 
 def uniform(dx: float, dy: float, side: int = 440) -> DisplacementField:

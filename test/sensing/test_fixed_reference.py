@@ -8,8 +8,9 @@ import pytest
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow
-from tactile_nodes.sensing.flow import FlowMethod, make_flow
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
+from tactile_nodes.sensing.flow.methods import FlowMethod
 
 NAME = 'inverse_compositional'
 SMALL: dict[str, object] = {'rows': 20, 'cols': 20, 'finest_scale': 1}

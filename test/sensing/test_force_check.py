@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.force_check import (
+from tactile_nodes.sensing.judge.force_check import (
     ContactFrames,
     ContactSplitter,
     ForceComparison,

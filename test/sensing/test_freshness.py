@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.freshness import Freshness
+from tactile_nodes.sensing.judge.freshness import Freshness
 
 S = 1_000_000_000
 

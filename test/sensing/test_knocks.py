@@ -7,10 +7,10 @@ import pytest
 from dots import picture, shift
 
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.knocks import NOISE_SIGMAS, Common, judge, noise_allowance_px
-from tactile_nodes.sensing.picture_motion import MotionFit
-from tactile_nodes.sensing.registration import Registration
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.picture.knocks import NOISE_SIGMAS, Common, judge, noise_allowance_px
+from tactile_nodes.sensing.picture.motion import MotionFit
+from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 S = 1_000_000_000

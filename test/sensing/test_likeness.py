@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.likeness import Likeness, known
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS, Contact
+from tactile_nodes.sensing.explain.likeness import Likeness, known
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
 
 MEAN = np.array([1, 1, 1, 1], np.float32)
 AXES = Likeness(MEAN, np.eye(2, 4, dtype=np.float32), floor=0.5, share=0.1)

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import (
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.network import (
     InputScaling,
     Mlp,
     NetworkReadout,
@@ -20,6 +18,8 @@ from tactile_nodes.sensing.network import (
     contact_position_mm,
     logistic,
 )
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
 
 
 def scaling(rows: int = 2, cols: int = 2, channels: int = 1) -> InputScaling:
@@ -146,7 +146,7 @@ def test_a_network_that_does_not_fit_its_bins_is_refused():
 
 PROGRAM = """
 import numpy as np, hashlib
-from tactile_nodes.sensing.network import Mlp
+from tactile_nodes.sensing.explain.network import Mlp
 random = np.random.default_rng(0)
 sizes = (3200, 800, 400, 400, 81)
 weights = tuple(random.normal(0, 0.03, pair).astype(np.float32) for pair in zip(sizes[1:], sizes[:-1]))

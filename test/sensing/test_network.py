@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.network import (
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.network import (
     CalibrationLayer,
     InputScaling,
     Mlp,
@@ -19,6 +18,7 @@ from tactile_nodes.sensing.network import (
     TotalSpread,
     rectified,
 )
+from tactile_nodes.sensing.geometry import BinGrid
 
 BINS = BinGrid(1, 2, 20.0, 10.0)
 SCALING = InputScaling(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.outline import outline_map
+from tactile_nodes.sensing.picture.outline import outline_map
 
 SIDE = 240
 HALF_PX = 85.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.picture_change import PictureComparison, common_motion
+from tactile_nodes.sensing.picture.change import PictureComparison, common_motion
 
 
 def warped(picture: np.ndarray, turn_deg: float, scale: float) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.picture_motion import MotionFit, PictureMotion, Shift, Straightening
+from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion, Shift, Straightening
 
 SHAPE = (440, 440)
 FIT = MotionFit(SHAPE, 10, 10)

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 from responding import COMPONENTS, GRID, components, features, readout
 
-from tactile_nodes.sensing.altered_reading import read_altered
-from tactile_nodes.sensing.picture_noise import FEWEST, LIMIT_SIGMAS, left_over, noise_between, usual_noise
+from tactile_nodes.sensing.explain.measured.altered import read_altered
+from tactile_nodes.sensing.explain.measured.picture_noise import (
+    FEWEST,
+    LIMIT_SIGMAS,
+    left_over,
+    noise_between,
+    usual_noise,
+)
 
 FREE = 2 * GRID**2 - COMPONENTS
 SURE = np.ones((GRID, GRID), np.float32)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.quality import ContactDetector, require_picture, require_rest_image
+from tactile_nodes.sensing.picture.quality import ContactDetector, require_picture, require_rest_image
 
 
 def test_a_black_image_is_refused():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.quietness import PATCHES, PLACES, loosely_quiet, quiet
+from tactile_nodes.sensing.picture.quietness import PATCHES, PLACES, loosely_quiet, quiet
 
 FOUND = np.ones(100, bool)
 NOISE = np.random.default_rng(2).normal(0, 0.003, (100, 2))

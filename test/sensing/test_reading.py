@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tactile_nodes.sensing.explain.reading import Contact, spread_over_bins
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Contact, spread_over_bins
 
 BINS = BinGrid(4, 2, 16.0, 32.0)  # 8 mm wide and 8 mm high each
 anywhere = st.floats(-40, 40)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.reference import RestAccumulator, average, content_id
+from tactile_nodes.sensing.rest.reference import RestAccumulator, average, content_id
 
 
 def test_frames_are_averaged_and_rounded():

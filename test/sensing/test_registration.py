@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.registered import Registered
-from tactile_nodes.sensing.registration import Registration, RegistrationOptions
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.picture.registered import Registered
+from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 REST = picture()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.sensing.renewal import Renewal, RenewalOptions, Rested
+from tactile_nodes.sensing.rest.renewal import Renewal, RenewalOptions, Rested
 
 S = 1_000_000_000
 IMAGE = np.full((4, 4), 90, np.uint8)

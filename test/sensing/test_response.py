@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from responding import BINS, COMPONENTS, GRID, components, features, readout, response
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing import response as response_module
+from tactile_nodes.sensing.explain.measured import response as response_module
+from tactile_nodes.sensing.explain.measured.readout import project
+from tactile_nodes.sensing.explain.measured.response import gained, locate
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
+from tactile_nodes.sensing.explain.uncertainty import Calibration, factor_at
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.reading import BEYOND_UNLIKENESS
-from tactile_nodes.sensing.response import gained, locate
-from tactile_nodes.sensing.response_readout import project
-from tactile_nodes.sensing.uncertainty import Calibration, factor_at
 
 GEL = response()
 READER = readout()

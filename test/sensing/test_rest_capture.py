@@ -7,7 +7,7 @@ import pytest
 
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.rest_capture import RestCapture
+from tactile_nodes.sensing.rest.capture import RestCapture
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 

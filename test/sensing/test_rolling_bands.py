@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
-from tactile_nodes.sensing.registration import Registration
-from tactile_nodes.sensing.rolling_bands import RollingBands
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
+from tactile_nodes.sensing.picture.registration import Registration
+from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 REST = np.rint(np.mean([picture(number=number) for number in range(8)], axis=0)).astype(np.uint8) + 20

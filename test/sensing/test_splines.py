@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.splines import SplineAxis, cubes, laplacian, value_and_slopes
+from tactile_nodes.sensing.explain.splines import SplineAxis, cubes, laplacian, value_and_slopes
 
 AXES = SplineAxis(-3.0, 5.0, 4), SplineAxis(-1.0, 1.0, 5), SplineAxis(0.0, 2.0, 3)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactile_nodes.sensing.stamped import ByStamp
+from tactile_nodes.sensing.judge.stamped import ByStamp
 
 
 def test_a_value_holds_from_its_stamp_on_and_not_before() -> None:

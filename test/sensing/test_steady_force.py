@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tactile_nodes.sensing.explain.model import ForceMap
+from tactile_nodes.sensing.explain.reading import Contact, spread_over_bins
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import ForceMap
-from tactile_nodes.sensing.reading import Contact, spread_over_bins
-from tactile_nodes.sensing.steady_force import (
+from tactile_nodes.sensing.judge.steady_force import (
     INTERVAL,
     LONGEST_NS,
     MOST_FRAMES,

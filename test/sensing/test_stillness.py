@@ -10,10 +10,10 @@ import pytest
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.gel_tables import contact_table
-from tactile_nodes.sensing.fixed_reference_patches import moved_image
+from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.reference import average
-from tactile_nodes.sensing.stillness import Stillness, StillnessCheck, StillnessOptions, steady
+from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions, steady
+from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 

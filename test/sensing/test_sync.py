@@ -9,10 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tactile_nodes.sensing.sync import ClockFit, Reason, Refusal, SyncLimits, fit_clocks
-from tactile_nodes.sensing.sync_envelope import lower_line
-from tactile_nodes.sensing.sync_match import nearest, without_bounces
-from tactile_nodes.sensing.sync_robust import bend, overlooked, robust_line
+from tactile_nodes.sensing.sync.clocks import ClockFit, Reason, Refusal, SyncLimits, fit_clocks
+from tactile_nodes.sensing.sync.envelope import lower_line
+from tactile_nodes.sensing.sync.matching import nearest, without_bounces
+from tactile_nodes.sensing.sync.robust import bend, overlooked, robust_line
 
 HOST_ZERO_NS = 1_795_000_000_000_000_000
 SOME = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))

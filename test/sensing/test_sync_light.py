@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.sync_light import light_edges, region_brightness
+from tactile_nodes.sensing.sync.light import light_edges, region_brightness
 
 MS = 1_000_000
 

@@ -7,8 +7,8 @@ import pytest
 
 from tactile_nodes.emulators.sync_line import light_brightness
 from tactile_nodes.emulators.world import Edge
-from tactile_nodes.sensing.sync import ClockFit, SyncLimits, fit_clocks
-from tactile_nodes.sensing.sync_light import LightWatch, light_edges
+from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
+from tactile_nodes.sensing.sync.light import LightWatch, light_edges
 
 PERIOD_NS = 16_666_667
 EXPOSURE_S = 0.008

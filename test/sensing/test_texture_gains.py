@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
-from tactile_nodes.sensing.known_texture import KnownTexture, known_texture
-from tactile_nodes.sensing.texture_gains import GainsMeasurement, TextureGains
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
+from tactile_nodes.sensing.rest.known_texture import KnownTexture, known_texture
+from tactile_nodes.sensing.rest.texture_gains import GainsMeasurement, TextureGains
 
 SIDE, SPOTS, GAIN = 132, 700, 0.25
 RANDOM = np.random.default_rng(5)

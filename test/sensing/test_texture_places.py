@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.fixed_reference import InverseCompositionalFlow, InverseCompositionalOptions
-from tactile_nodes.sensing.picture_motion import PictureMotion
-from tactile_nodes.sensing.prepared_rest import Measuring
-from tactile_nodes.sensing.registration import Registration
-from tactile_nodes.sensing.texture_places import LEAST_PX, OtherTexture, other_texture, sloping
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
+from tactile_nodes.sensing.picture.motion import PictureMotion
+from tactile_nodes.sensing.picture.registration import Registration
+from tactile_nodes.sensing.rest.prepared import Measuring
+from tactile_nodes.sensing.rest.texture_places import LEAST_PX, OtherTexture, other_texture, sloping
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 PATCHES = 10

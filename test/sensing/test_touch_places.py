@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.touch_places import TOUCH_BLOCKS, TouchPlaces
+from tactile_nodes.sensing.picture.touch_places import TOUCH_BLOCKS, TouchPlaces
 
 EVEN = np.ones((100, 2))
 

@@ -7,9 +7,9 @@ import pytest
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow import make_flow
-from tactile_nodes.sensing.motion_overlay import overlay
-from tactile_nodes.sensing.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.overlay import overlay
+from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
 from tactile_nodes.sensing.tracking import FeatureTracker
 
 RNG = np.random.default_rng(5)

@@ -9,11 +9,11 @@ import pytest
 from responding import BINS, components, features, readout
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.network import Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features, as_motion
-from tactile_nodes.sensing.likeness import Likeness
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.witness import Witness
 
 WITNESS = Witness(readout(1), 'cartesian_mean')
 SURE = np.ones((6, 6), np.float32)

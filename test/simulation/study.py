@@ -18,11 +18,11 @@ import time
 import numpy as np
 
 from tactile_nodes.benchmarks.collection import CNC, SAFE_Z_MM, named
-from tactile_nodes.collection.rehearsal import Rehearsal
-from tactile_nodes.collection.rest import go_to_gel
-from tactile_nodes.collection.surface import find_surface
-from tactile_nodes.drivers.camera import SceneSettings
-from tactile_nodes.drivers.camera_simulated import build_scene
+from tactile_nodes.collection.press.rest import go_to_gel
+from tactile_nodes.collection.press.surface import find_surface
+from tactile_nodes.collection.run.rehearsal import Rehearsal
+from tactile_nodes.drivers.camera.contract import SceneSettings
+from tactile_nodes.drivers.camera.simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table, solution_of

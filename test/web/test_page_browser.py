@@ -20,16 +20,16 @@ from matplotlib import colormaps
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.arguments import NodeArguments, Remap
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node import Node
-from tactile_nodes.bus.runtime import run_until
+from tactile_nodes.bus.node.arguments import NodeArguments, Remap
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.live_view import LiveViewNode
 from tactile_nodes.nodes.recorder import RecorderNode
 from tactile_nodes.params import Located, NodeParameters
+from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.reading import Contact
 from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.web import accounts
 

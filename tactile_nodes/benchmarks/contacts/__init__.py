@@ -132,8 +132,8 @@ def _read(
 
     from tactile_nodes.benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
     from tactile_nodes.benchmarks.contacts.scores import score
-    from tactile_nodes.benchmarks.stability_chain import Chain
-    from tactile_nodes.sensing.flow import make_flow
+    from tactile_nodes.benchmarks.stability.chain import Chain
+    from tactile_nodes.sensing.flow.choice import make_flow
 
     chains = {name: Chain(model) for name, model in models.items()}
     found: dict[str, list[Score]] = {name: [] for name in models}

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from tactile_nodes.benchmarks.contacts.cases import Case
-from tactile_nodes.benchmarks.stability_chain import REST_FRAMES
+from tactile_nodes.benchmarks.stability.chain import REST_FRAMES
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import Crop

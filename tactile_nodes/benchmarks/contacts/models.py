@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.dataset import Dataset, simulate
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.field.calibration import sensor_of, with_field
 from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_checks import source_readout
-from tactile_nodes.learning.transfer_fit import transfer
+from tactile_nodes.learning.transfer.checks import source_readout
+from tactile_nodes.learning.transfer.fit import transfer
 from tactile_nodes.model_file import LoadedModel, save_model
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.simulation.gel import Gel
 
 DEEPEST_MM, SHALLOWEST_MM = 1.15, 0.25

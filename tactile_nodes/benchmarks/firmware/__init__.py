@@ -24,7 +24,7 @@ from tactile_nodes.benchmarks.firmware.press import PORT, Machine, press
 from tactile_nodes.benchmarks.report import keep, surroundings
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.collection.hands import TrippedError
-from tactile_nodes.drivers.cnc import RISKS, CncSettings
+from tactile_nodes.drivers.cnc.contract import RISKS, CncSettings
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.learning.progress import TerminalProgress
 

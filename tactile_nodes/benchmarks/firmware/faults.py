@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tactile_nodes.benchmarks.firmware.line import Line
-from tactile_nodes.emulators.liars import Values, frozen, zeros
+from tactile_nodes.emulators.force_torque.liars import Values, frozen, zeros
 
 THRESHOLD = 0x8001_0000
 LATE_S, FALTER = 1.5, 0.8

@@ -20,9 +20,9 @@ from typing import Protocol
 import serial
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.cnc import Place
-from tactile_nodes.drivers.cnc_grbl_words import parse_report
-from tactile_nodes.drivers.cnc_marlin import marlin_place
+from tactile_nodes.drivers.cnc.contract import Place
+from tactile_nodes.drivers.cnc.grbl_words import parse_report
+from tactile_nodes.drivers.cnc.marlin import marlin_place
 from tactile_nodes.drivers.serial_port import SerialPort, open_port
 from tactile_nodes.emulators.serial_faults import LineFaults
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError

@@ -8,9 +8,9 @@ from pathlib import Path
 from tactile_nodes.benchmarks.firmware.faults import FAULTS
 from tactile_nodes.benchmarks.firmware.press import ABOVE_MM, TRAVEL_MM_MIN, Bench, Machine
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.cnc import Cnc, CncStatus
-from tactile_nodes.drivers.cnc_envelope import told
-from tactile_nodes.drivers.cnc_opening import open_cnc
+from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus
+from tactile_nodes.drivers.cnc.envelope import told
+from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import TactileError
 

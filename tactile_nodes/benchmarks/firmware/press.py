@@ -12,22 +12,22 @@ from tactile_nodes.benchmarks.firmware.line import Heard, Line, Wire, open_wire
 from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import Hands, TrippedError
-from tactile_nodes.collection.rising import rising
+from tactile_nodes.collection.press.rising import rising
+from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.surface import HERTZ, Loading, Surface
-from tactile_nodes.collection.up import bring_up
 from tactile_nodes.collection.wrench import Tare, tare_of
-from tactile_nodes.drivers.cnc import Cnc, CncSettings, Place
-from tactile_nodes.drivers.force_torque import ForceTorqueSettings, NetFtSettings
-from tactile_nodes.drivers.net_ft_config import read_config
-from tactile_nodes.emulators.liars import BotaLiar, Changed, Lie, UdpProxy, Values
-from tactile_nodes.emulators.net_ft import NetFtServer
-from tactile_nodes.emulators.net_ft_box import NetFtBox
-from tactile_nodes.emulators.net_ft_config import NetFtConfig
-from tactile_nodes.emulators.serial_ft import PtySensor
-from tactile_nodes.emulators.serial_ft_bota import BotaSensor
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
+from tactile_nodes.drivers.force_torque.net_ft_config import read_config
+from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, UdpProxy, Values
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import NOTHING, WorldSettings, Wrench
 from tactile_nodes.errors import TactileError

@@ -12,23 +12,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import Pressed, known_presses
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.presses import BodyPresses, Pressures
-from tactile_nodes.learning.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_checks import (
+from tactile_nodes.learning.transfer.checks import (
     require_presses,
     require_tared,
     source_readout,
 )
-from tactile_nodes.learning.transfer_errors import Errors
-from tactile_nodes.learning.transfer_fit import OtherGel, Transfer
-from tactile_nodes.learning.transfer_source import axisymmetric_source
+from tactile_nodes.learning.transfer.errors import Errors
+from tactile_nodes.learning.transfer.fit import OtherGel, Transfer
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.source import axisymmetric_source
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.sensing.explain.readout import FieldReadout
-from tactile_nodes.sensing.reading import Contact
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.reading import Contact
 
 BENT = 0.1
 """Share of the median force by which presses seem to begin aside of nothing because the layer is not quite linear: of

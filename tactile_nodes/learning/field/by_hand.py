@@ -11,16 +11,16 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.calibration import Pressed, fit_beside_tips
-from tactile_nodes.learning.judgement import told as told_errors
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_checks import require_presses
-from tactile_nodes.learning.transfer_partial import PartialTransfer
+from tactile_nodes.learning.transfer.checks import require_presses
+from tactile_nodes.learning.transfer.judgement import told as told_errors
+from tactile_nodes.learning.transfer.partial import PartialTransfer
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
 
 def with_field_by_hand(

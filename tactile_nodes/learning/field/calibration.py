@@ -12,18 +12,18 @@ import numpy as np
 from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, KnownBody, body_of_card
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
-from tactile_nodes.learning.judgement import told as told_errors
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_fit import OtherGel, Transfer, folds_of
+from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
+from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping, to_values
-from tactile_nodes.sensing.axisymmetric_readout import AxisymmetricReadout
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.readout_arrays import AnyReadout
 from tactile_nodes.sensors import Sensor, load_sensor
 
 SENSOR = 'sensor'

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.presses import (
     DOUBT,
@@ -28,13 +28,13 @@ from tactile_nodes.learning.field.presses import (
     presses_of,
 )
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer_errors import UNKNOWN, Errors, Point
-from tactile_nodes.learning.transfer_fit import WORTH
+from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
+from tactile_nodes.learning.transfer.fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.field import Field
-from tactile_nodes.sensing.explain.readout import FieldReadout
-from tactile_nodes.sensing.explain.spread import FieldSpread
-from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
 FORMS = 'description', 'gain', 'regions'

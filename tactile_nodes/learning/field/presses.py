@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.dataset import Dataset
+from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.sensing.elasticity.indentation import Indentation, Indenter
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
-from tactile_nodes.sensing.explain.weights import region_weights
-from tactile_nodes.sensing.network import InputScaling
+from tactile_nodes.sensing.explain.field.weights import region_weights
+from tactile_nodes.sensing.explain.network import InputScaling
 
 DEEPEST = 0.18
 """Share of the gel's thickness up to which a press serves: 0.5 N of the paper's tip, 1.1 mm deep."""

@@ -1,1 +1,1 @@
-"""Which forces on the surface explain the motion that is seen: any contact, a few tips, or nothing."""
+"""Which forces explain a motion: every readout, and what they share."""

@@ -61,7 +61,7 @@ def _columns(value, outward, by_force, toward, core, distance, numbers, columns,
 
 @compiled()
 def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
-    """Where a region's streak shows a press, and its slopes; as `axisymmetric_streaks.Streak`."""
+    """Where a region's streak shows a press, and its slopes; as `axisymmetric.streaks.Streak`."""
     square, along = x * x + y * y, x * aslant_x + y * aslant_y
     near, wide = 1 / (1 + square / numbers[8] ** 2), 1 / (1 + square / numbers[9] ** 2)
     shift, squeeze = numbers[10] * near, numbers[11] * wide

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.explain.cone import RELAXED, TINY
+from tactile_nodes.sensing.explain.field.cone import RELAXED, TINY
 from tactile_nodes.sensing.loops.common import compiled
 
 

@@ -1,4 +1,4 @@
-"""Patches of a rest image found in a frame, compiled: see `fixed_reference_patches` and `fixed_reference`."""
+"""Patches of a rest image found in a frame, compiled: see `flow.patches` and `flow.inverse_compositional`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _blurred(known, weights):
 
 @compiled()
 def _fill(motion, explained, known, weights, numbers, field, confidence):
-    """As `fixed_reference.filled`, of all patches: fills in field (rows, cols, 2) and confidence (rows, cols)."""
+    """As `flow.inverse_compositional.filled`, of all patches: fills in field (…, 2) and confidence (rows, cols)."""
     rows, cols = confidence.shape
     own, least, by = np.float32(numbers[0]), np.float32(numbers[1]), np.float32(numbers[2])
     measured = np.empty((rows, cols, 3), np.float32)

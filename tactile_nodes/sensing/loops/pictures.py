@@ -1,4 +1,4 @@
-"""Looks at whole pictures, compiled: see `picture_motion.MotionFit` and `quality`."""
+"""Looks at whole pictures, compiled: see `picture.motion.MotionFit` and `quality`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_nodes.sensing.loops.common import compiled, factorise, substitute
-from tactile_nodes.sensing.picture_motion import TERMS
+from tactile_nodes.sensing.picture.motion import TERMS
 
 _PICTURE = "Array(u1, 2, 'C', True)"
 
@@ -47,7 +47,7 @@ def common(motion, weight, along_x, along_y, rounds, least, scale, terms):
 
 @compiled(f'void({_PICTURE}, u1[:, ::1])')
 def halved(image, small):
-    """As `fixed_reference_patches.shrunk`, once: fills in a picture of half the size."""
+    """As `flow.patches.shrunk`, once: fills in a picture of half the size."""
     two = np.uint16(2)
     for row in range(small.shape[0]):
         one, other, means = image[2 * row], image[2 * row + 1], small[row]

@@ -1,6 +1,6 @@
 """A frame's features to contacts and forces by a measured response, in one compiled call.
 
-The arithmetic of `response_readout.ResponseReadout.read` and of what it uses, which says why; here is how, in loops.
+The arithmetic of `measured.readout.ResponseReadout.read` and of what it uses, which says why; here is how, in loops.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"

@@ -1,4 +1,4 @@
-"""A frame's features to scores along principal directions, some regions missing: see `response_readout.project`."""
+"""A frame's features to scores along principal directions, some regions missing: see `measured.readout.project`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _inputs(values, confidence, scaling, floor, inputs, missing):
 
 @compiled()
 def _fill_missing(directions, missing, sure, scores):
-    """Least squares scores, in place, from those of inputs in which some are missing: as in `response_readout.project`.
+    """Least squares scores, in place, from those of inputs in which some are missing: as in `measured.readout.project`.
 
     They solve (1 + sure) I - L L', where L are the directions' columns of the missing inputs.
     """

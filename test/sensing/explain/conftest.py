@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.field import FieldSolver
-from tactile_nodes.sensing.explain.weights import camera_ways
+from tactile_nodes.sensing.explain.field.solver import FieldSolver
+from tactile_nodes.sensing.explain.field.weights import camera_ways
 from tactile_nodes.sensors import Sensor
 
 SIDE, NOISE_PX = 20, 0.004

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.cone import in_cone, inverse_root, least_squares
+from tactile_nodes.sensing.explain.field.cone import in_cone, inverse_root, least_squares
 
 
 def test_forces_come_to_the_nearest_that_can_be() -> None:

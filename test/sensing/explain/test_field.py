@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.contacts import contacts_of, slip_share
-from tactile_nodes.sensing.explain.field import FieldSolver
-from tactile_nodes.sensing.explain.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.contacts import contacts_of, slip_share
+from tactile_nodes.sensing.explain.field.solver import FieldSolver
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
 
 NOISE_PX = 0.004
 

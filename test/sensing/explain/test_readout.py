@@ -9,11 +9,11 @@ import pytest
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import find_model, load_model, save_model
-from tactile_nodes.sensing.explain.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
+from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.model import FeatureLayout, ForceEstimator, ForceModel
-from tactile_nodes.sensing.network import InputScaling
 
 SIDE, NOISE_PX = 20, 0.004
 CARD = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.weights import (
+from tactile_nodes.sensing.explain.field.weights import (
     CAMERA_PX,
     Weights,
     camera_ways,

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.where_now import moved_along
+from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import load_sensor
 

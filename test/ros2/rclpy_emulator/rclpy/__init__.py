@@ -1,4 +1,4 @@
-"""An emulator of the part of rclpy that `tactile_nodes.bus.ros2` uses, in one process and without DDS.
+"""An emulator of the part of rclpy that `tactile_nodes.bus.ros2.graph_bus` uses, in one process and without DDS.
 
 Written from the behaviour of rclpy 7.1 (Jazzy), so that the bus can be tested where ROS 2 cannot be installed: names
 and signatures, what publishers and subscriptions of which quality of service hear each other, keep last and transient

@@ -1,0 +1,60 @@
+"""The frames of the front: presses and rest images that all contenders measure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+SIDE = 440
+STILL_SHARE = 0.1
+ACROSS_REST_IMAGES = 100
+"""Frames that are measured against one rest image."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Frames to learn from and to be scored by, and whether slow ways, networks and compiled loops take part."""
+
+    train: int = 1500
+    test: int = 400
+    slow: bool = True
+    networks: bool = False
+    compiled: bool = True
+
+
+@dataclass(frozen=True)
+class Frame:
+    """An image, the rest image it is measured against, where and how deep the tip was, and with which force."""
+
+    image: np.ndarray
+    rest: np.ndarray
+    press: tuple[float, float, float, float]
+
+
+def frames(plan: Plan, seed: int = 11) -> Iterator[Frame]:
+    """Presses anywhere within 27x27 mm and to 2 mm, and frames at rest; rest images of training serve no test."""
+    gel = Gel()
+    table = contact_table(gel)
+    optics, random = Optics(gel, table), np.random.default_rng(seed)
+    for phase, count in enumerate((plan.train, plan.test)):
+        for number in range(count):
+            noise = 1_000_000 * (phase + 1) + 100 * number
+            if number % ACROSS_REST_IMAGES == 0:
+                rest = average([_crop(optics.render((), noise + 1 + i)) for i in range(16)])
+            x_mm, y_mm, depth_mm = random.uniform((-13.5, -13.5, 0.05 if phase == 0 else 0.25), (13.5, 13.5, 2.0))
+            if random.random() < STILL_SHARE:
+                depth_mm = -1.0
+            image = _crop(optics.render((Press(float(x_mm), float(y_mm), float(depth_mm)),), noise))
+            yield Frame(image, rest, (x_mm, y_mm, depth_mm, table.force_at(float(depth_mm))))
+
+
+def _crop(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(centre_crop(image, SIDE, SIDE))

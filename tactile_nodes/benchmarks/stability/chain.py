@@ -1,0 +1,108 @@
+"""The whole chain as the live nodes run it, without their bus: a picture and its stamp in, a force message out.
+
+Nothing here decides anything: what follows the images, the model and the drift monitor are those of the live launch,
+with its parameters (config/live.yaml), called in the order in which messages would come.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drifting import Calibrated, Told, usable
+from tactile_nodes.estimating import Estimating
+from tactile_nodes.following import Following, FollowingParams
+from tactile_nodes.force_status import calibration_reasons
+from tactile_nodes.messages import types
+from tactile_nodes.sensing.judge.drift import DriftMonitor
+from tactile_nodes.sensing.picture.motion import PictureMotion
+
+REST_FRAMES, LEAST_CONFIDENCE, CHECK_S = 16, 0.85, 0.5
+"""What config/live.yaml and the drift monitor's parameters say."""
+
+Values = Callable[[np.ndarray], np.ndarray]
+
+
+class Watching:
+    """The drift monitor, as its node runs it, beside a simulated sensor."""
+
+    def __init__(self, model: str, provenance: types.Provenance) -> None:
+        self._calibrated = Calibrated(model, simulated=True)
+        self._calibrated.use_model(provenance)
+        self._calibrated.use_picture(
+            conversions.image_message(np.zeros((0, 0), np.uint8), conversions.header(0, provenance.model_id))
+        )
+        self._monitor = DriftMonitor(self._calibrated.limits)
+        self._monitor.use_calibration(self._calibrated.picture())
+        self._looked_ns: int | None = None
+        self._stamps = Told()
+
+    def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
+        """Take a new rest image; from which stamp on forces carry which reasons."""
+        self._monitor.rest(picture)
+        self._looked_ns = 0
+        return self._told(stamp_ns, of_rest=True)
+
+    def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
+        """The same of a frame, if it is time to look at one again."""
+        if self._looked_ns is None or 0 <= stamp_ns - self._looked_ns < CHECK_S * NS_PER_S:
+            return None
+        self._looked_ns = stamp_ns
+        self._monitor.frame(stamp_ns, picture, taken_out)
+        return self._told(stamp_ns)
+
+    def feel(self, stamp_ns: int, force: types.ForceDistribution) -> None:
+        """Take a force as it was published."""
+        self._monitor.force(stamp_ns, force.total, force.unlikeness, in_contact=force.in_contact, usable=usable(force))
+
+    def _told(self, stamp_ns: int, *, of_rest: bool = False) -> tuple[int, int]:
+        verdict = self._monitor.verdict
+        state = types.CalibrationState(level=int(verdict.level), reasons=int(verdict.reasons))
+        return self._stamps.holds_from_ns(verdict, stamp_ns, of_rest=of_rest), calibration_reasons(state)
+
+
+@cache
+def _fresh(model: str) -> tuple[Estimating, Watching]:
+    """Both before their first frame: reading a model and rendering its gel takes as long as many frames."""
+    estimating = Estimating(model)
+    return estimating, Watching(model, estimating.now.provenance)
+
+
+class Chain:
+    """One profile, from its first picture on."""
+
+    def __init__(self, model: str, *, average_noise: bool = True) -> None:
+        self._average_noise = average_noise
+        self._following = Following(FollowingParams(model=model, reference_frames=REST_FRAMES))
+        self._following.begin_capture()
+        self._estimating, self._watching = copy.deepcopy(_fresh(model))
+
+    def read(
+        self, stamp_ns: int, image: np.ndarray, age_s: float = 0.0, values: Values | None = None
+    ) -> types.ForceDistribution:
+        """The force message of a picture that is so old. `values` alters features on their way to the model."""
+        head = conversions.header(stamp_ns, '')
+        features = self._following.answer(image, head, acquire_s=0.0, waited_s=age_s)
+        if (rest := self._following.announced()) is not None:
+            self._estimating.calibration.add(*self._watching.rest(stamp_ns, np.array(conversions.image_array(rest))))
+        if (state := self._watching.look(stamp_ns, image, conversions.picture_motion(features))) is not None:
+            self._estimating.calibration.add(*state)
+        if values is not None:
+            features = replace(features, values=values(features.values), untouched=False)  # type: ignore[type-var]
+        force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0, average_noise=self._average_noise)
+        self._watching.feel(stamp_ns, force)
+        return force
+
+    def field(self, force: types.ForceDistribution) -> types.ForceField | None:
+        """The fine maps beside the force that was read last, of a model that knows them."""
+        return self._estimating.field(force)
+
+    def nominal_n(self, total_n: float) -> float:
+        """The error of such a total that is usual of the model."""
+        return self._estimating.now.loaded.model.readout.nominal_n(total_n)

@@ -1,0 +1,1 @@
+"""Between machines: one TCP port, with keys."""

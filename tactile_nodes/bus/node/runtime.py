@@ -1,0 +1,196 @@
+"""Programs made of nodes: from a command line to a process that ends cleanly, and soon."""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from queue import SimpleQueue
+from types import FrameType
+
+from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.priority import take_priority
+from tactile_nodes.bus.protocol import Bus, ProcessBus
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import AskedToEndError, ConfigurationError, TactileError
+
+NodeFactory = Callable[[Bus, NodeArguments], Node]
+
+_FINISH_WITHIN_S = 1.0  # for the callback that runs
+_END_WITHIN_S = 1.8  # for everything, closing devices included
+_ONE_SIGNAL_S = 0.2  # a terminal and a launcher may both send the one that a person meant
+
+
+def open_bus() -> ProcessBus:
+    """The bus of this process, in the domain that ``ROS_DOMAIN_ID`` names.
+
+    ``TACTILE_BUS`` chooses: ``zeromq`` (the default), ``ros2``, or ``auto``, which is ROS 2 where rclpy is found.
+
+    Raises:
+        BusError, ConfigurationError: it cannot be joined.
+    """
+    chosen = os.environ.get('TACTILE_BUS') or 'zeromq'
+    if chosen == 'auto':
+        chosen = 'ros2' if importlib.util.find_spec('rclpy') else 'zeromq'
+    if chosen not in {'zeromq', 'ros2'}:
+        raise ConfigurationError(f'TACTILE_BUS is {chosen!r}; set it to zeromq, ros2 or auto')
+    return ZmqBus() if chosen == 'zeromq' else _ros2_bus()
+
+
+def _ros2_bus() -> ProcessBus:
+    try:
+        from tactile_nodes.bus.ros2.graph_bus import Ros2Bus
+    except ImportError as error:
+        raise ConfigurationError(
+            f'TACTILE_BUS=ros2 needs rclpy, which this Python does not find ({error}); source ROS 2 first '
+            '(source /opt/ros/jazzy/setup.bash), or set TACTILE_BUS=zeromq'
+        ) from error
+    return Ros2Bus()
+
+
+def run_node(node: NodeFactory, argv: Sequence[str] | None = None) -> int:
+    """The body of a node's program: run it until SIGINT or SIGTERM. Returns the exit status."""
+    return run_nodes([node], sys.argv[1:] if argv is None else argv)
+
+
+def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
+    """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
+
+    The first SIGINT or SIGTERM ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
+    still busy then is given up: 1. A second signal ends the process at once.
+    """
+    try:
+        arguments = parse_arguments(argv)
+        if arguments.rest and len(factories) == 1:
+            raise ConfigurationError(f'{arguments.rest[0]!r} is not understood; parameters follow --ros-args -p')
+        return _run(factories, arguments)
+    except AskedToEndError:
+        return 0
+    except TactileError as error:
+        sys.stderr.write(f'{error}\n')
+        return 1
+
+
+def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
+    ending = _Ending(max(getattr(factory, 'END_WITHIN_S', _END_WITHIN_S) for factory in factories))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, ending.on_signal)
+    arguments = replace(arguments, ending=ending.done)
+    nodes: list[Node] = []
+    take_priority()
+    with ExitStack() as opened:
+        opened.callback(ending.over, nodes)
+        bus = open_bus()
+        opened.callback(bus.close)
+        for factory in factories:
+            nodes.append(_made(factory, bus, arguments))
+            opened.callback(_close, nodes[-1])
+        opened.callback(ending.begin)
+        settle()
+        return run_until(nodes, ending.done)
+
+
+def settle() -> None:
+    """Take all that is there by now out of garbage collection, once nodes are made and before frames come.
+
+    Libraries leave some hundred thousand objects, and looking through them all holds up every thread for 0.1 s. What
+    is made from now on is looked through as ever.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
+    """Spin `nodes` until `done` is set or one of them fails, and close them.
+
+    Returns the exit status: 0, 1 after a bug or when a node would not end, else the FAILURE_STATUS of one that failed.
+    """
+    failed: list[Node] = []
+
+    def spin(node: Node) -> None:
+        try:
+            node.spin()
+        except Exception:  # noqa: BLE001 - a bug: say all we know, end the process, let the launcher decide
+            failed.append(node)
+            node.log.fatal(f'a bug in a callback ends this node:\n{traceback.format_exc()}')
+        finally:
+            done.set()
+
+    threads = {node: threading.Thread(target=spin, args=(node,), name=node.full_name, daemon=True) for node in nodes}
+    for thread in threads.values():
+        thread.start()
+    done.wait()
+    for node in nodes:
+        node.stop()
+    deadline_s = monotonic_s() + _FINISH_WITHIN_S
+    for node, thread in threads.items():
+        thread.join(timeout=max(0.0, deadline_s - monotonic_s()))
+        if thread.is_alive():
+            node.log.error('a callback is still busy and is not waited for')
+            failed.append(node)
+    for node in nodes:
+        _close(node)
+    return 1 if failed else max((node.FAILURE_STATUS for node in nodes if node.failure), default=0)
+
+
+def _close(node: Node) -> None:
+    if not node.spinning:  # else its callback still uses what would be closed
+        node.close()
+
+
+class _Ending:
+    """The end of the process: asked for once, forced the second time or when it takes too long.
+
+    A signal interrupts whatever the main thread does, also where that holds a lock. So to ask takes none; a thread
+    waits for it.
+    """
+
+    def __init__(self, within_s: float) -> None:
+        self.done = threading.Event()
+        self._asked: SimpleQueue[None] = SimpleQueue()
+        self._over = threading.Event()
+        self._since_s = 0.0
+        self._within_s = within_s
+        threading.Thread(target=self._end, name='ending', daemon=True).start()
+
+    def on_signal(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        if not self._since_s:
+            self.begin()
+        elif monotonic_s() - self._since_s > _ONE_SIGNAL_S:
+            os._exit(128 + number)
+
+    def begin(self) -> None:
+        """From now on it must not take long."""
+        self._since_s = self._since_s or monotonic_s()
+        self._asked.put(None)
+
+    def over(self, nodes: Sequence[Node]) -> None:
+        """All is closed, in time; only a callback that does not return can still keep the process from ending."""
+        if not any(node.spinning for node in nodes):
+            self._over.set()
+            self._asked.put(None)
+
+    def _end(self) -> None:
+        self._asked.get()
+        self.done.set()
+        if not self._over.wait(self._within_s):
+            sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
+            sys.stderr.flush()
+            os._exit(1)
+
+
+def _made(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:
+    try:
+        return factory(bus, arguments)
+    except TactileError as error:
+        raise type(error)(f'{getattr(factory, "NAME", "node")}: {error}') from error

@@ -1,0 +1,1 @@
+"""The bus of a ROS 2 graph."""

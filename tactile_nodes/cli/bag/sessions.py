@@ -1,0 +1,180 @@
+"""Recording and playing from a terminal: until Ctrl-C, with a line that says how it goes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import signal
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from queue import SimpleQueue
+
+from tactile_nodes.bag.recording import describe
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import open_bus, run_until
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.errors import BagError
+from tactile_nodes.nodes.player import PlayerNode
+from tactile_nodes.nodes.recorder import RecorderNode
+from tactile_nodes.params import Located, NodeParameters, Value
+
+_LOOK_EVERY_S = 0.2
+_MEGABYTE = 1_000_000
+
+
+def record(arguments: argparse.Namespace) -> int:
+    """Record until Ctrl-C, or for ``--duration``; 1 when not everything could be written, or not be awaited."""
+    parameters: dict[str, Value] = {
+        'bag': arguments.output,
+        'topics': arguments.topics,
+        'all': arguments.all,
+        'regex': arguments.regex,
+        'exclude': arguments.exclude,
+        'compression': arguments.compression,
+        'queue_mb': max(1, arguments.max_cache_size // _MEGABYTE),
+        'max_file_bytes': arguments.max_bag_size,
+        'max_file_s': arguments.max_bag_duration,
+    }
+    with _bus_and_end() as (bus, done):
+        node = RecorderNode(bus, _node_arguments(parameters))
+        end_s = monotonic_s() + arguments.duration if arguments.duration > 0 else float('inf')
+
+        def is_over() -> bool:
+            return node.failure is not None or monotonic_s() >= end_s
+
+        with _watched(done, lambda: _recording_line(node), is_over):
+            return run_until([node], done)  # the node has said why
+
+
+def play(arguments: argparse.Namespace) -> int:
+    """Play to the end or until Ctrl-C; 1 when the bag could not be read to its end."""
+    parameters: dict[str, Value] = {
+        'bag': arguments.bag,
+        'rate': arguments.rate,
+        'loop': arguments.loop,
+        'paused': arguments.start_paused,
+        'delay': arguments.delay,
+        'start_offset': arguments.start_offset,
+        'clock_hz': arguments.clock,
+        'topics': arguments.topics,
+        'remap': arguments.remap,
+    }
+    with _bus_and_end() as (bus, done):
+        node = PlayerNode(bus, _node_arguments(parameters))
+        with _keys(node, done), _watched(done, lambda: _playing_line(node)):
+            return run_until([node], done)  # the node has said why
+
+
+def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
+    located = {name: Located(value, 'command line') for name, value in parameters.items()}
+    return NodeArguments(parameters=(NodeParameters('/**', located),))
+
+
+@contextmanager
+def _bus_and_end() -> Iterator[tuple[Bus, threading.Event]]:
+    done = threading.Event()
+    asked: SimpleQueue[None] = SimpleQueue()  # a signal may come while this thread holds the lock of `done`
+
+    def end() -> None:
+        asked.get()
+        done.set()
+
+    threading.Thread(target=end, name='ending', daemon=True).start()
+    before = {number: signal.signal(number, lambda *_: asked.put(None)) for number in (signal.SIGINT, signal.SIGTERM)}
+    bus = open_bus()
+    try:
+        yield bus, done
+    finally:
+        bus.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _recording_line(node: RecorderNode) -> str:
+    writer = node.writer  # the node's own thread may let go of it meanwhile
+    if writer is None:
+        return ''
+    totals = writer.totals
+    lost = totals.dropped + node.tally.missed + node.tally.unfit
+    return f'{writer.folder}: {describe(totals)}' + (f', {lost} lost' if lost else '')
+
+
+def _playing_line(node: PlayerNode) -> str:
+    line, extent = node.playback.timeline, node.reader.extent
+    at_ns = min(max(line.bag_ns(node.clock.now_ns()) - extent.start_ns, 0), extent.duration_ns)
+    state = 'paused' if line.paused else f'{line.rate:g}x'
+    return f'{node.reader.path}: {at_ns / NS_PER_S:.1f} of {extent.duration_ns / NS_PER_S:.1f} s, {state}'
+
+
+@contextmanager
+def _watched(
+    done: threading.Event, line: Callable[[], str], is_over: Callable[[], bool] = lambda: False
+) -> Iterator[None]:
+    """Meanwhile, write `line` over and over on a terminal, and set `done` when `is_over`."""
+
+    def watch() -> None:
+        while not done.wait(_LOOK_EVERY_S):
+            if sys.stderr.isatty():
+                sys.stderr.write(f'\r\x1b[K{line()}\r')
+                sys.stderr.flush()
+            if is_over():
+                done.set()
+
+    thread = threading.Thread(target=watch, name='status', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+        if sys.stderr.isatty():
+            sys.stderr.write('\r\x1b[K')
+
+
+@contextmanager
+def _keys(node: PlayerNode, done: threading.Event) -> Iterator[None]:
+    """Meanwhile, let the terminal's keys steer `node`; not in the background, where reading would stop the process."""
+    if not sys.stdin.isatty() or os.tcgetpgrp(sys.stdin.fileno()) != os.getpgrp():
+        yield
+        return
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    thread = threading.Thread(target=_follow_keys, args=(terminal, node, done), name='keys', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+
+def _follow_keys(terminal: int, node: PlayerNode, done: threading.Event) -> None:
+    playback = node.playback
+    actions: dict[bytes, Callable[[], object]] = {
+        b' ': node.toggle_paused,
+        b'\x1b[C': node.play_next,
+        b'\x1b[A': lambda: playback.set_rate(playback.timeline.rate * 1.1),
+        b'\x1b[B': lambda: playback.set_rate(playback.timeline.rate / 1.1),
+    }
+    while not done.is_set():
+        if select.select([terminal], [], [], _LOOK_EVERY_S)[0]:
+            action = actions.get(os.read(terminal, 8))
+            if action is not None:
+                node.post(partial(_do, node, action))
+
+
+def _do(node: Node, action: Callable[[], object]) -> None:
+    try:
+        action()
+    except BagError as error:
+        node.log.info(str(error))

@@ -1,0 +1,71 @@
+"""`tactile bag sync`: the clocks of a bag's recorders against each other, by the edges that all of them saw."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.recorded.clocks import Clocks
+
+DESCRIPTION = (
+    'Fit the clock of each recorder in a bag to that of the machine, by the edges of the digital line. The exit status '
+    'is 1 when a clock cannot be fitted, or nobody but the machine saw the line.'
+)
+_COLUMNS = ('edges', 'matched', 'offset [s]', 'drift [ppm]', 'median [ms]', 'largest [ms]', 'known to [ms]')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('bag', type=Path, help='a folder, a .mcap file or a .db3 file')
+    parser.add_argument('--reference', metavar='RECORDER', help='fit to the clock of this one (default: the machine)')
+    parser.add_argument('--namespace', help='of the sensor, if the bag holds several')
+    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw what the fits leave')
+    parser.set_defaults(bag_run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the fits; the result is the exit status."""
+    from tactile_nodes.bag.reader import BagReader
+    from tactile_nodes.learning.recorded.clocks import bag_clocks
+
+    with BagReader(arguments.bag) as reader:
+        clocks = bag_clocks(reader, arguments.namespace, arguments.reference)
+    print('\n'.join(lines(clocks)))
+    if arguments.picture:
+        from tactile_nodes.learning.recorded.clocks_picture import draw
+
+        draw(clocks, arguments.picture)
+        print(f'drawn: {arguments.picture}')
+    return 0 if clocks.others and not clocks.warnings else 1
+
+
+def lines(clocks: Clocks) -> list[str]:
+    """A table of the clocks that were fitted, and a sentence for each that was not."""
+    told = clocks.as_list()
+    if not told:
+        return [f'{clocks.reference} alone saw {len(clocks.shared)} edges of the line: there is nothing to compare']
+    fitted = [clock for clock in told if 'refused' not in clock]
+    wide = max(len('recorder'), *(len(clock['recorder']) for clock in told))
+    head = (
+        f'fitted to {clocks.reference}, {len(clocks.shared)} edges; offset: what stamps lack in the middle of the run'
+    )
+    rows = [_row(clock['recorder'], _numbers(clock), wide) for clock in fitted]
+    refused = [
+        f'{clock["recorder"]}: {clock["edges"]} edges, {clock["refused"]}: {clock["why"]}'
+        for clock in told
+        if 'refused' in clock
+    ]
+    return [head, *([_row('recorder', _COLUMNS, wide), *rows] if rows else []), *refused]
+
+
+def _numbers(clock: dict[str, Any]) -> list[str]:
+    milliseconds = (f'{clock[name] * 1e3:.3f}' for name in ('residual_median_s', 'residual_max_s', 'bound_s'))
+    offset, drift = f'{clock["offset_s"]:+.6f}', f'{clock["drift_ppm"]:+.2f}'
+    return [str(clock['edges']), str(clock['matched']), offset, drift, *milliseconds]
+
+
+def _row(name: str, values: Sequence[str], wide: int) -> str:
+    return name.ljust(wide) + ''.join(f'{value:>15}' for value in values)

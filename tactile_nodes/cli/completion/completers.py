@@ -1,0 +1,77 @@
+"""What the shell offers when Tab is pressed: names of what runs now; quickly, and silently if it fails."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from tactile_nodes.bus.names import absolute
+from tactile_nodes.cli import session
+from tactile_nodes.errors import TactileError
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Graph, ProcessBus
+
+CALL_TIMEOUT_S = 0.3
+
+Completer = Callable[..., list[str]]
+
+
+def _live(names: Callable[[ProcessBus, argparse.Namespace], Iterable[str]]) -> Completer:
+    """A completer from what is on the bus; a person who pressed Tab has no use for an error."""
+
+    def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
+        try:
+            with session.joined() as bus:
+                return _as_typed(sorted(set(names(bus, parsed_args))), prefix)
+        except (TactileError, OSError):
+            return []
+
+    return complete
+
+
+def _as_typed(names: list[str], prefix: str) -> list[str]:
+    """Those that continue `prefix`, with a leading slash only if it was typed or nothing was."""
+    return [name for name in names if name.startswith(prefix)] or [
+        name[1:] for name in names if name.startswith(f'/{prefix}')
+    ]
+
+
+def _visible(names: Iterable[str]) -> list[str]:
+    return [name for name in names if not session.is_hidden(name)]
+
+
+topics = _live(lambda bus, _: _visible(bus.graph().topics()))
+nodes = _live(lambda bus, _: _visible(bus.graph().nodes()))
+services = _live(lambda bus, _: [end.name for end in bus.graph().services()])
+
+
+def _topic_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
+    found = _of(bus.graph(), getattr(arguments, 'topic', None))
+    if found:
+        return found
+    from tactile_nodes.messages.store import store
+
+    return [name for name in store().fielddefs if '/msg/' in name]
+
+
+def _of(graph: Graph, topic: str | None) -> list[str]:
+    return graph.topics().get(absolute(topic), []) if topic else []
+
+
+def _service_types(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
+    wanted = absolute(arguments.service) if getattr(arguments, 'service', None) else None
+    return [end.type_name for end in bus.graph().services(wanted)]
+
+
+def _parameters(bus: ProcessBus, arguments: argparse.Namespace) -> list[str]:
+    from tactile_nodes.bus.node.parameter_client import ParameterClient
+
+    return ParameterClient(bus, absolute(arguments.node), CALL_TIMEOUT_S).names()
+
+
+topic_types = _live(_topic_types)
+service_types = _live(_service_types)
+parameters = _live(_parameters)
+namespaces = _live(lambda bus, _: {name.rpartition('/')[0] or '/' for name in _visible(bus.graph().nodes())})

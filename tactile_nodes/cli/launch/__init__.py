@@ -1,0 +1,157 @@
+"""`tactile launch`: run a launch file, with the words and flags of ``ros2 launch``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.launching import description, files, packages
+from tactile_nodes.launching.document import suggestion
+from tactile_nodes.launching.processes.output import Screen, print_line
+from tactile_nodes.launching.service import LaunchService
+
+DESCRIPTION = 'Run a launch file: start its nodes, watch them, and end them all together.'
+EPILOG = """\
+examples:
+  tactile launch live                                 the live view of the simulated sensor
+  tactile launch live --view                          the same, seen in this terminal; output goes to the log
+  tactile launch live --show-args                     the arguments it takes
+  tactile launch live source:=/dev/video0             the same with a camera
+  tactile launch tactile_nodes live.launch.yaml       the words of ros2 launch
+  tactile launch ./my.launch.yaml rate:=60            a file of yours
+
+The exit status is 1 if the file is wrong, a required process (on_exit: shutdown) failed, or one could not be started.
+"""
+# Launch configurations that the launcher itself reads, so no file declares them.
+_BUILT_IN = {
+    'emulate_tty',
+    'launch-prefix',
+    'launch-prefix-filter',
+    'ros_namespace',
+    'sigkill_timeout',
+    'sigterm_timeout',
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `tactile launch`."""
+    parser.usage = '%(prog)s [-h] [-s | -p] [-d] [-n] [-a] [--allow-commands] [PKG] FILE [name:=value ...]'
+    words = parser.add_argument(
+        'words',
+        nargs='+',
+        metavar='FILE',
+        help='a launch file by path, by package and name, or by its bare name; then its arguments',
+    )
+    words.completer = complete  # type: ignore[attr-defined]
+    show = parser.add_mutually_exclusive_group()
+    show.add_argument('-s', '--show-args', '--show-arguments', action='store_true', help='show its arguments')
+    show.add_argument('-p', '--print', '--print-description', action='store_true', help='print it, run nothing')
+    parser.add_argument('--view', action='store_true', help='watch force, latency and the nodes in this terminal')
+    parser.add_argument('-d', '--debug', action='store_true', help='log each command in full')
+    parser.add_argument('-n', '--noninteractive', action='store_true', help='nobody sits at a terminal')
+    parser.add_argument(
+        '-a',
+        '--show-all-subprocesses-output',
+        action='store_true',
+        help='show all output of all processes, whatever the file says',
+    )
+    parser.add_argument('--allow-commands', action='store_true', help='let $(command …) in launch files run commands')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; the result is the exit status."""
+    file, words = files.resolve(arguments.words, os.environ)
+    if arguments.show_args:
+        print(description.arguments_text(file))
+        return 0
+    if arguments.print:
+        print(description.file_text(file))
+        return 0
+    given = files.parse_arguments(words)
+    if arguments.view:
+        return _run_with_view(arguments, file, given)
+    service = make_service(arguments, file, given)
+    with signals_to(service):
+        return service.run()
+
+
+def _run_with_view(arguments: argparse.Namespace, file: Path, given: dict[str, str]) -> int:
+    from tactile_nodes.cli.launch import view as launch_view
+
+    notes = launch_view.Notes()
+    service = make_service(arguments, file, given, screen=notes)
+    with signals_to(service):
+        return launch_view.run(service, notes, given.get('namespace', ''))
+
+
+def make_service(
+    arguments: argparse.Namespace, file: Path, given: dict[str, str], screen: Screen = print_line
+) -> LaunchService:
+    """The service for the flags of the command line."""
+    refuse_unknown(file, given)
+    return LaunchService(
+        file,
+        given,
+        screen=screen,
+        output='both' if arguments.show_all_subprocesses_output or arguments.view else None,
+        interactive=sys.stdin.isatty() and not arguments.noninteractive,
+        debug=arguments.debug,
+        allow_commands=arguments.allow_commands,
+    )
+
+
+def refuse_unknown(file: Path, given: dict[str, str]) -> None:
+    """An argument that nothing declares is a slip of the keys: ROS 2 ignores it without a word.
+
+    Raises:
+        ConfigurationError: with the nearest name.
+    """
+    declared = {each.argument.name for each in description.declared_arguments(file)}
+    if unknown := sorted(given.keys() - declared - _BUILT_IN):
+        name = unknown[0]
+        raise ConfigurationError(
+            f"{file.name} has no argument '{name}'{suggestion(name, declared)} (--show-args lists all)"
+        )
+
+
+@contextmanager
+def signals_to(service: LaunchService) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and the end of the terminal end the launch, and with it all its processes."""
+
+    def interrupt(_: int, __: FrameType | None) -> None:
+        service.interrupt()
+
+    def terminate(number: int, _: FrameType | None) -> None:
+        service.shutdown(f'{signal.Signals(number).name} received')
+
+    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: terminate, signal.SIGHUP: terminate}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
+    """Names of launch files and packages; after the file, its arguments."""
+    words = parsed_args.words or []
+    try:
+        if not words:
+            return [*files.own_names(), *packages.package_names(os.environ), *_launch_files(prefix)]
+        file, _words = files.resolve(words, os.environ)
+        return [f'{each.argument.name}:=' for each in description.declared_arguments(file)]
+    except TactileError:
+        return []
+
+
+def _launch_files(prefix: str) -> list[str]:
+    folder = Path(prefix).parent if prefix else Path()
+    return [str(file) for file in folder.glob('*.launch.y*ml')] if folder.is_dir() else []

@@ -1,0 +1,84 @@
+"""``tactile launch --view``: the launch in the background, the view in front, and one end for both."""
+
+from __future__ import annotations
+
+import re
+import sys
+import threading
+from collections import deque
+from typing import TYPE_CHECKING
+
+from tactile_nodes.bus.names import absolute_namespace
+from tactile_nodes.cli import view
+from tactile_nodes.cli.session import joined
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tactile_nodes.launching.processes.output import Line
+    from tactile_nodes.launching.service import LaunchService
+
+_LOG_LINE = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[')
+
+
+class Notes:
+    """What the launcher and its processes say that a person must see, for as long as there is no screen to say it on.
+
+    Log lines of nodes are left out: the view has the important ones from /rosout.
+    """
+
+    def __init__(self) -> None:
+        self.lines: deque[str] = deque(maxlen=20)
+        self.tell: Callable[[str], None] | None = None
+
+    def __call__(self, line: Line) -> None:
+        """Takes a line, from any thread."""
+        if not is_worth_seeing(line):
+            return
+        text = str(line)
+        self.lines.append(text)
+        if self.tell is not None:
+            self.tell(text)
+
+
+def is_worth_seeing(line: Line) -> bool:
+    """Warnings and errors of the launcher, and what a process says on its error stream besides its log."""
+    if line.level:
+        return line.level in {'WARNING', 'ERROR'}
+    return line.stream == 'stderr' and line.text.strip() != '' and not _LOG_LINE.match(line.text)
+
+
+def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
+    """Run `service`, whose screen is `notes`, with the view in front. The result is the launch's exit status.
+
+    Raises:
+        LaunchFileError: the file is wrong; nothing was started.
+    """
+    service.load()
+    stop = threading.Event()
+    statuses: list[int] = []
+
+    def launch() -> None:
+        try:
+            statuses.append(service.run())
+        finally:
+            stop.set()
+
+    thread = threading.Thread(target=launch, name='launch')
+    with joined() as bus:
+        state = view.new_state(bus, absolute_namespace(namespace))
+        state.advice = 'its nodes are starting'
+        notes.tell = state.add_note
+        thread.start()
+        try:
+            view.run_view(bus, state, plain=not view.can_draw(sys.stdout), stop=stop)
+        finally:
+            service.shutdown('the view has ended')
+            thread.join()
+        status = statuses[0] if statuses else 1
+        if status == 0 or state.frames:
+            view.print_summary(state, bus.clock.now_ns())
+    if status != 0:
+        print('\n'.join(notes.lines), file=sys.stderr)
+    print(f'logs: {service.log_folder}')
+    return status

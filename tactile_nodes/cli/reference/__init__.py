@@ -1,0 +1,71 @@
+"""``tactile reference``: renew those parts of the documentation that are made from the code."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tactile_nodes.cli.reference import commands as reference_commands
+from tactile_nodes.cli.reference import parameters as reference_parameters
+from tactile_nodes.cli.reference import rooms
+from tactile_nodes.cli.reference import topics as reference_topics
+from tactile_nodes.cli.reference.pages import Make, pages, renewed
+from tactile_nodes.paths import share_directory
+
+DESCRIPTION = """\
+Renew those parts of the documentation that are made from the code: topics, parameters, launch arguments, commands.
+In a page each stands between two comments: one that begins it, as the pages have it, and "end of NAME".
+"""
+EPILOG = """\
+examples:
+  tactile reference                     renew the pages in docs/
+  tactile reference --check             change nothing; the exit status is 1 if a page is not current
+  tactile reference --print parameters  print a part
+"""
+PARTS: dict[str, Make] = {
+    'topics': reference_topics.topics,
+    'ends': reference_topics.ends,
+    'services': reference_topics.services,
+    'messages': reference_topics.messages,
+    'nodes': reference_parameters.nodes,
+    'parameters': reference_parameters.parameters,
+    'launch-arguments': reference_parameters.launch_arguments,
+    'verbs': reference_commands.verbs,
+    'flags': reference_commands.flags,
+    'rooms': rooms.rooms,
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='DIR', help='folder of the pages (default: docs/ of this source tree)'
+    )
+    parser.add_argument('--check', action='store_true', help='only say which pages are not current')
+    parser.add_argument('--print', choices=sorted(PARTS), dest='part', help='print one part instead')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Renew, check or print; 1 if a page that was checked is not current."""
+    if arguments.part:
+        print(PARTS[arguments.part]())
+        return 0
+    stale = stale_pages(arguments.output or share_directory() / 'docs')
+    for page, text in stale.items():
+        if not arguments.check:
+            page.write_text(text, encoding='utf-8')
+        print(f'{page} is not current; renew it with: tactile reference' if arguments.check else f'renewed {page}')
+    if not stale:
+        print('all pages are current')
+    return int(arguments.check and bool(stale))
+
+
+def stale_pages(folder: Path) -> dict[Path, str]:
+    """The pages of `folder` that the code has outgrown, with the text that they should have.
+
+    Raises:
+        ConfigurationError: no pages there, or a part in them that cannot be made.
+    """
+    texts = {page: page.read_text(encoding='utf-8') for page in pages(folder)}
+    made = {page: renewed(text, PARTS, page.name) for page, text in texts.items()}
+    return {page: text for page, text in made.items() if text != texts[page]}

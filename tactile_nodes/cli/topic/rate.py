@@ -1,0 +1,184 @@
+"""``tactile topic hz``, ``bw`` and ``delay``: how often, how much, and how late."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from tactile_nodes.bus.names import absolute
+from tactile_nodes.cli.completion import completers
+from tactile_nodes.cli.session import Verbs, completed, joined, own_name, positive_int, type_of_topic
+from tactile_nodes.errors import MessageError
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.protocol import Received
+    from tactile_nodes.clock import Clock
+
+NS_PER_S = 1_000_000_000
+REPORT_EVERY_S = 1.0
+
+
+class Meter(Protocol):
+    """Takes messages in, and says once in a while what it found."""
+
+    def add(self, received: Received) -> None: ...
+
+    def report(self, now_ns: int, /) -> str | None:
+        """What to print; None when there is nothing to say yet."""
+        ...
+
+
+def add(verbs: Verbs) -> None:
+    """The three commands and their arguments."""
+    _add(verbs, 'hz', 10000, Rate, 'print how many messages a second come in', '  tactile topic hz /image_raw\n')
+    _add(verbs, 'bw', 100, Bandwidth, 'print how many bytes a second come in', '  tactile topic bw /image_raw\n')
+    _add(
+        verbs,
+        'delay',
+        10000,
+        Delay,
+        "print the time from a message's stamp to its arrival",
+        '  tactile topic delay /force_distribution       capture of the image to here\n',
+    )
+
+
+def _add(verbs: Verbs, name: str, window: int, meter: Callable[[int], Meter], line: str, examples: str) -> None:
+    made = verbs.add(name, lambda arguments: measure(arguments, meter(arguments.window)), line, examples)
+    completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
+    window_help = f'messages to average over (default: {window})'
+    made.add_argument('-w', '--window', type=positive_int, default=window, metavar='N', help=window_help)
+
+
+def measure(arguments: argparse.Namespace, meter: Meter) -> int:
+    """Feed `meter` and print what it says once a second, until interrupted."""
+    from tactile_nodes.cli.topic.echo import queue_of
+
+    topic = absolute(arguments.topic)
+    with joined() as bus:
+        type_name = type_of_topic(bus.graph(), topic)
+        subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
+        print(f'Subscribed to [{topic}]', flush=True)
+        _report_forever(meter, subscription.get, bus.clock)
+    return 0
+
+
+def _report_forever(meter: Meter, get: Callable[[float], Received | None], clock: Clock) -> None:
+    next_ns = clock.now_ns() + round(REPORT_EVERY_S * NS_PER_S)
+    while True:
+        received = get(max(0.0, (next_ns - clock.now_ns()) / NS_PER_S))
+        if received is not None:
+            meter.add(received)
+        if (now_ns := clock.now_ns()) >= next_ns:
+            next_ns = now_ns + round(REPORT_EVERY_S * NS_PER_S)
+            text = meter.report(now_ns)
+            if text:
+                print(text, flush=True)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean, extremes and standard deviation of some seconds."""
+
+    mean: float
+    least: float
+    most: float
+    deviation: float
+    number: int
+
+    @classmethod
+    def of(cls, seconds: Iterable[float]) -> Spread:
+        """Of at least one value; the deviation is that of the values themselves (divided by n)."""
+        values = list(seconds)
+        mean = sum(values) / len(values)
+        deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
+        return cls(mean, min(values), max(values), deviation, len(values))
+
+    def text(self, digits: int = 3) -> str:
+        """The second line of what ros2 prints."""
+        least, most = f'{self.least:.{digits}f}', f'{self.most:.{digits}f}'
+        return f'\tmin: {least}s max: {most}s std dev: {self.deviation:.5f}s window: {self.number}'
+
+
+class Rate:
+    """Messages a second, from the times at which they came in."""
+
+    def __init__(self, window: int) -> None:
+        self._intervals_s: deque[float] = deque(maxlen=window)
+        self._last_ns: int | None = None
+        self._told_ns: int | None = None
+
+    def add(self, received: Received) -> None:
+        if self._last_ns is not None:
+            self._intervals_s.append((received.received_ns - self._last_ns) / NS_PER_S)
+        self._last_ns = received.received_ns
+
+    def report(self, _: int) -> str | None:
+        if not self._intervals_s:
+            return None
+        if self._told_ns == self._last_ns:
+            return 'no new messages'
+        self._told_ns = self._last_ns
+        spread = Spread.of(self._intervals_s)
+        return f'average rate: {1 / spread.mean if spread.mean > 0 else 0:.3f}\n{spread.text()}'
+
+
+class Delay:
+    """Seconds from the stamp in a message's header to its arrival."""
+
+    def __init__(self, window: int) -> None:
+        self._delays_s: deque[float] = deque(maxlen=window)
+        self._new = False
+
+    def add(self, received: Received) -> None:
+        from tactile_nodes.messages import stamp_ns
+
+        header = getattr(received.message, 'header', None)
+        if header is None:
+            raise MessageError(f'{received.type_name} has no header, so there is no stamp to measure the delay from')
+        self._delays_s.append((received.received_ns - stamp_ns(header.stamp)) / NS_PER_S)
+        self._new = True
+
+    def report(self, _: int) -> str | None:
+        if not self._delays_s:
+            return None
+        if not self._new:
+            return 'no new messages'
+        self._new = False
+        spread = Spread.of(self._delays_s)
+        # ros2 rounds to milliseconds, which hides most delays on one host
+        return f'average delay: {spread.mean:.6f}\n{spread.text(6)}'
+
+
+class Bandwidth:
+    """Bytes a second, from the first message of the window to now."""
+
+    def __init__(self, window: int) -> None:
+        self._arrivals: deque[tuple[int, int]] = deque(maxlen=window)
+
+    def add(self, received: Received) -> None:
+        self._arrivals.append((received.received_ns, len(received.data)))
+
+    def report(self, now_ns: int) -> str | None:
+        if len(self._arrivals) < 2:
+            return None
+        sizes = [size for _, size in self._arrivals]
+        rate = sum(sizes) / max((now_ns - self._arrivals[0][0]) / NS_PER_S, 1e-9)
+        show = _in_unit(rate)
+        mean = show(sum(sizes) / len(sizes))
+        return (
+            f'{show(rate)}/s from {len(sizes)} messages\n'
+            f'\tMessage size mean: {mean} min: {show(min(sizes))} max: {show(max(sizes))}'
+        )
+
+
+def _in_unit(rate: float) -> Callable[[float], str]:
+    """How to write bytes in the unit that suits `rate`, so that all numbers of a report have one unit."""
+    if rate < 1000:
+        return lambda size: f'{size:.0f} B'
+    if rate < 1_000_000:
+        return lambda size: f'{size / 1000:.2f} KB'
+    return lambda size: f'{size / 1_000_000:.2f} MB'

@@ -1,0 +1,173 @@
+"""``tactile view``: force, its latency and the state of the nodes, in place in a terminal or as lines."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, TextIO
+
+from tactile_nodes.bus.names import absolute_namespace
+from tactile_nodes.cli.completion import completers
+from tactile_nodes.cli.session import completed, joined, own_name, positive_float
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tactile_nodes.bus.protocol import Bus
+    from tactile_nodes.viewing.state import Snapshot, ViewState
+
+DESCRIPTION = 'Watch force, latency and the state of the nodes. Ctrl-C ends it with a summary.'
+EPILOG = """\
+examples:
+  tactile view                          in this terminal, updating in place
+  tactile view --plain --duration 10    one line a second for ten seconds, then the summary
+  tactile view --namespace /left        the sensor whose topics begin with /left
+  tactile view --scale 0.2              colours for light touches: brightest at 0.2 N a bin
+"""
+FULL_SCALE_N = 1.0  # of the brightest colour, whatever is shown: a scale that moves hides how hard one presses
+REDRAW_EVERY_S = 0.1
+LINE_EVERY_S = 1.0
+_LOOK_EVERY_S = 1.0
+
+Show = Callable[['Snapshot'], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('--plain', action='store_true', help='one line a second; the default where it cannot draw')
+    parser.add_argument('--duration', type=positive_float, metavar='S', help='end after S seconds')
+    namespace = parser.add_argument('--namespace', default='/', metavar='/NAME', help='of the sensor (default: /)')
+    completed(namespace, completers.namespaces)
+    parser.add_argument(
+        '--scale', type=positive_float, default=FULL_SCALE_N, metavar='N', help='newtons of the brightest colour (1)'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Show until interrupted or the time is over; then say how it went."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    plain = arguments.plain or not can_draw(sys.stdout)
+    with joined() as bus:
+        state = new_state(bus, absolute_namespace(arguments.namespace))
+        with suppress(KeyboardInterrupt):  # how one leaves it
+            run_view(
+                bus,
+                state,
+                plain=plain,
+                stop=threading.Event(),
+                duration_s=arguments.duration,
+                full_scale_n=arguments.scale,
+            )
+        print_summary(state, bus.clock.now_ns())
+    return 0
+
+
+def can_draw(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether `stream` is a terminal that can write lines anew; with TERM=dumb, or without TERM, it is not."""
+    return stream.isatty() and environment.get('TERM', 'dumb') not in {'', 'dumb', 'unknown'}
+
+
+def print_summary(state: ViewState, now_ns: int) -> None:
+    """How it went."""
+    from tactile_nodes.cli.view.render import summary
+
+    print(summary(state.summary(now_ns)), flush=True)
+
+
+def new_state(bus: Bus, namespace: str = '/') -> ViewState:
+    """A state that begins now."""
+    from tactile_nodes.viewing.state import ViewState
+
+    return ViewState(namespace, bus.clock.now_ns())
+
+
+def run_view(
+    bus: Bus,
+    state: ViewState,
+    *,
+    plain: bool,
+    stop: threading.Event,
+    duration_s: float | None = None,
+    full_scale_n: float = FULL_SCALE_N,
+    console: Console | None = None,
+) -> None:
+    """Feed `state` from `bus` and show it, until `stop` is set or `duration_s` is over.
+
+    It takes no signals; the caller prints the summary of `state`.
+    """
+    clock = bus.clock
+    end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else math.inf
+    period_s = LINE_EVERY_S if plain else REDRAW_EVERY_S
+    with ExitStack() as stack:
+        watch = Watch(bus, state)
+        stack.callback(watch.close)
+        show = _printing() if plain else stack.enter_context(_drawing(full_scale_n, console))
+        while (now_ns := clock.now_ns()) < end_ns and not stop.wait(min(period_s, (end_ns - now_ns) / 1e9)):
+            now_ns = clock.now_ns()
+            watch.drain(now_ns)
+            show(state.snapshot(now_ns))
+        watch.drain(clock.now_ns())
+
+
+def _printing() -> Show:
+    """Prints each snapshot as a line, and below it what nodes warned of since the one before."""
+    from tactile_nodes.cli.view.render import line
+
+    before: tuple[str, ...] = ()
+
+    def show(shot: Snapshot) -> None:
+        nonlocal before
+        print(line(shot), *(text for text in shot.logs if text not in before), sep='\n', flush=True)
+        before = shot.logs
+
+    return show
+
+
+@contextmanager
+def _drawing(full_scale_n: float, console: Console | None) -> Iterator[Show]:
+    from rich.live import Live
+
+    from tactile_nodes.cli.view.render import picture
+
+    # Without a thread of its own, Live draws just what we say and when; it also puts the cursor back at the end.
+    with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
+        yield lambda shot: live.update(picture(shot, full_scale_n), refresh=True)
+
+
+class Watch:
+    """The subscriptions of the view, and who is there; what came in goes to the state when `drain` is called."""
+
+    def __init__(self, bus: Bus, state: ViewState) -> None:
+        from tactile_nodes.bus import topics
+        from tactile_nodes.viewing.feeds import Feeds
+
+        self._bus = bus
+        self._state = state
+        self._next_look_ns = 0
+        self._force_topic = self._full(topics.FORCE_DISTRIBUTION.name)
+        self._feeds = Feeds(bus, own_name(), self._full)
+        self._feeds.add(topics.FORCE_DISTRIBUTION, state.add_force)
+        self._feeds.add(topics.TRUE_FORCE, state.add_truth)
+        self._feeds.add(topics.DIAGNOSTICS, state.add_diagnostics)
+        self._feeds.add(topics.ROSOUT, state.add_log)
+
+    def drain(self, now_ns: int) -> None:
+        """Hand over all that has come in, and look who is there."""
+        self._feeds.drain()
+        self._state.malformed = self._feeds.malformed
+        if now_ns >= self._next_look_ns:
+            self._next_look_ns = now_ns + round(_LOOK_EVERY_S * 1e9)
+            found = self._bus.graph().publishers(self._force_topic)
+            self._state.estimators = tuple(sorted({end.node for end in found}))
+
+    def close(self) -> None:
+        self._feeds.close()
+
+    def _full(self, name: str) -> str:
+        return name if name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{name}'

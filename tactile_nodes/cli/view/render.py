@@ -1,0 +1,240 @@
+"""Snapshots as pictures: for a terminal in colour, as one line, and as the summary at the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import zip_longest
+from typing import Any
+
+from rich.style import Style
+from rich.text import Text
+
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.cli.view import FULL_SCALE_N
+from tactile_nodes.cli.view.map import MAP_WIDTH, map_lines
+from tactile_nodes.viewing.measures import STAGES, Scores, strongest
+from tactile_nodes.viewing.net import net_of
+from tactile_nodes.viewing.state import NodeHealth, Snapshot, reason_names, silent
+
+_BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
+_LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
+_LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
+_STATUSES = ('OK', 'DEGRADED', 'INVALID')
+_WAYS = '→↘↓↙←↖↑↗'  # from x, to the right, towards y, downwards
+
+
+def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
+    """The whole view."""
+    lines = [_title(shot), Text()]
+    if shot.force is None:
+        lines.append(Text(waiting(shot), _LEVELS[1]))
+    else:
+        lines += _side_by_side(map_lines(shot.force, _true_bin(shot), full_scale_n), _latency_lines(shot))
+        lines += [Text(), _force_line(shot), _place_line(shot), *_net_lines(shot)]
+        lines += [_counts_line(shot), _provenance_line(shot)]
+    lines += _health_lines(shot)
+    lines += [Text(line, _LEVELS[1]) for line in shot.logs]
+    made = Text('\n').join(lines)
+    made.no_wrap, made.overflow = True, 'ellipsis'
+    return made
+
+
+def line(shot: Snapshot) -> str:
+    """The view as one line, for a log or a pipe."""
+    head = f'{shot.running_s:7.1f} s'
+    if shot.force is None:
+        return f'{head}  {waiting(shot)}'
+    whole = shot.latencies['end to end']
+    parts = [
+        head,
+        f'{_hz(shot.arrivals_hz):>5} fps',
+        _total_text(shot),
+        _place_text(shot),
+        *filter(None, [_net_text(shot.force)]),
+        f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
+        f'lost {shot.lost} skipped {shot.skipped}',
+        _status_text(shot.force),
+    ]
+    stale = [f'no force for {shot.age_s:.1f} s'] if shot.age_s > 1 else []
+    return '  '.join([*parts, *stale])
+
+
+def waiting(shot: Snapshot) -> str:
+    """What is missing while there is no force."""
+    topic = _topic(shot)
+    if not shot.estimators:
+        return f'no force yet: nobody publishes {topic}; {shot.advice}'
+    told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
+    return f'no force yet: {", ".join(shot.estimators)} waits; is a camera running? last diagnostics: {told or "none"}'
+
+
+def summary(shot: Snapshot) -> str:
+    """What is printed at the end; `shot` is of the whole run."""
+    if shot.frames == 0:
+        return f'{shot.running_s:.1f} s; {waiting(shot)}'
+    lines = [
+        f'{shot.frames} frames in {shot.running_s:.1f} s, the first after {shot.first_after_s:.1f} s; '
+        f'{_hz(shot.arrivals_hz)} fps arriving, {_hz(shot.stamps_hz)} by stamps',
+        f'{_drops_text(shot)}; {shot.invalid} invalid, {shot.malformed} malformed',
+        'latency [ms]   p50     p99',
+        *(f'  {stage:<10} {_ms(found.p50):>6}  {_ms(found.p99):>6}' for stage, found in shot.latencies.items()),
+        *_score_lines(shot.scores),
+    ]
+    return '\n'.join(lines)
+
+
+def _score_lines(scores: Scores) -> list[str]:
+    if not scores.pairs:
+        return ['no true force to compare with']
+    lines = [f'total force against the true one: RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames']
+    if scores.contact_pairs:
+        lines.append(f'peak in the true bin: {scores.right_bin_share:.1%} of {scores.contact_pairs} frames in contact')
+    return lines
+
+
+# --- lines ------------------------------------------------------------------------------------------------------
+
+
+def _title(shot: Snapshot) -> Text:
+    state = _status_text(shot.force) if shot.force is not None else 'waiting'
+    level = int(shot.force.status) if shot.force is not None else 1
+    title = Text.assemble(
+        (_topic(shot), _BOLD),
+        f'  {shot.running_s:6.1f} s  {_hz(shot.arrivals_hz)} fps  ',
+    )
+    title.append(state, _LEVELS[min(level, 2)])
+    if shot.age_s > 1:
+        title.append(f'  no force for {shot.age_s:.1f} s', _LEVELS[2])
+    return title
+
+
+def _latency_lines(shot: Snapshot) -> list[Text]:
+    lines = [Text('latency [ms]   p50     p99', _BOLD)]
+    for stage in STAGES:
+        found = shot.latencies[stage]
+        text = f'{stage:<11} {_ms(found.p50):>6}  {_ms(found.p99):>6}'
+        lines.append(Text(text, _BOLD if stage == STAGES[-1] else _PLAIN))
+    return lines
+
+
+def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
+    for one, other in zip_longest(left, right):
+        made = one.copy() if one is not None else Text()
+        if other is not None:
+            made.pad_right(max(2, MAP_WIDTH + 2 - made.cell_len))
+            made.append_text(other)
+        yield made
+
+
+def _force_line(shot: Snapshot) -> Text:
+    overall = f'  RMSE {shot.scores.rmse_n:.3f} N' if shot.scores.pairs else ''
+    return Text.assemble(('force    ', _BOLD), _total_text(shot).removeprefix('force '), overall)
+
+
+def _place_line(shot: Snapshot) -> Text:
+    return Text.assemble(('contact  ', _BOLD), _place_text(shot).removeprefix('contact '))
+
+
+def _net_lines(shot: Snapshot) -> list[Text]:
+    """None of models that look for normal forces alone."""
+    text = _net_text(shot.force)
+    return [Text.assemble(('acting   ', _BOLD), text)] if text else []
+
+
+def _counts_line(shot: Snapshot) -> Text:
+    made = Text.assemble(
+        ('frames   ', _BOLD), f'{shot.frames}, {_hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}'
+    )
+    if shot.malformed:
+        made.append(f', {shot.malformed} malformed', _LEVELS[1])
+    return made
+
+
+def _provenance_line(shot: Snapshot) -> Text:
+    known = shot.force.provenance
+    text = (
+        f'{known.model or "?"} ({known.model_id or "?"})  gel {known.gel or "?"}  rest {known.reference_id or "none"}'
+    )
+    return Text.assemble(('model    ', _BOLD), text)
+
+
+def _health_lines(shot: Snapshot) -> list[Text]:
+    lines = []
+    quiet = silent(shot.health)
+    for entry in _by_level(shot.health):
+        name = _LEVEL_NAMES[min(entry.level, 3)]
+        made = Text.assemble((f'{entry.node}  ', _DIM), (name, _LEVELS[min(entry.level, 3)]))
+        made.append(f'  {entry.text}' if entry.text else '')
+        if entry in quiet:
+            made.append(f'  silent for {entry.age_s:.0f} s', _LEVELS[1])
+        lines.append(made)
+    return lines
+
+
+# --- pieces -----------------------------------------------------------------------------------------------------
+
+
+def _total_text(shot: Snapshot) -> str:
+    pair = shot.pair
+    text = f'force {shot.force.total:6.3f} N'
+    return text if pair is None else f'{text}  true {shot.truth.total:6.3f} N  error {pair.error_n:+.3f} N'
+
+
+def _place_text(shot: Snapshot) -> str:
+    pair = shot.pair
+    others = len(shot.force.contacts) - 1
+    text = f'contact {_where(shot.force)}{f" and {others} more" if others > 0 else ""}'
+    if pair is None:
+        return text
+    apart = f'  off by {pair.distance_mm:.2f} mm' if not math.isnan(pair.distance_mm) else ''
+    return f'{text}  true {_where(pair.truth)}{apart}'
+
+
+def _net_text(force: Any) -> str:
+    """Net shear with its direction as it is seen on the map, torsion, and how the motion was explained."""
+    found = net_of(force)
+    if not found.is_known:
+        return ''
+    way = _WAYS[round(found.direction_rad / math.tau * len(_WAYS)) % len(_WAYS)] if found.shear_n > 0 else ' '
+    parts = [f'shear {found.shear_n:.3f}±{found.shear_sigma_n:.3f} N {way}']
+    if not math.isnan(found.torsion_n_mm):
+        parts.append(f'torsion {found.torsion_n_mm:.1f}±{found.torsion_sigma_n_mm:.1f} N mm')
+    return '  '.join([*parts, *([f'explained by {found.explanation}'] if found.explanation else [])])
+
+
+def _where(force: Any) -> str:
+    if not force.in_contact or math.isnan(force.contact.x):
+        return 'none'.ljust(18)
+    return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
+
+
+def _drops_text(shot: Snapshot) -> str:
+    return f'{shot.lost} lost on the way here, {shot.skipped} skipped before'
+
+
+def _status_text(force: Any) -> str:
+    name = _STATUSES[force.status] if force.status < len(_STATUSES) else f'status {force.status}'
+    reasons = reason_names(force.reasons)
+    return f'{name}: {", ".join(reasons)}' if reasons else name
+
+
+def _by_level(health: tuple[NodeHealth, ...]) -> list[NodeHealth]:
+    return sorted(health, key=lambda entry: -entry.level)
+
+
+def _true_bin(shot: Snapshot) -> int | None:
+    comparable = shot.pair is not None and shot.pair.right_bin is not None
+    return strongest(shot.truth) if comparable else None
+
+
+def _topic(shot: Snapshot) -> str:
+    return f'{shot.namespace.rstrip("/")}/{FORCE_DISTRIBUTION.name}'
+
+
+def _ms(seconds: float) -> str:
+    return '-' if math.isnan(seconds) else f'{seconds * 1000:.2f}'
+
+
+def _hz(rate: float) -> str:
+    return '-' if math.isnan(rate) else f'{rate:.1f}'

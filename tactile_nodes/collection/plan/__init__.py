@@ -1,0 +1,1 @@
+"""Which presses are made, in which order, and what was done of them."""

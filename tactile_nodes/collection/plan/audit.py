@@ -1,0 +1,116 @@
+"""The bag is the truth: which attempts of a plan does it hold whole, message, images and all?
+
+The journal says what the rig told the recorder; between that and the disk a power cut may come. So before a run goes
+on, every press that no bag has confirmed yet is looked for. Found whole: verified, even if the journal was cut off
+before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled. An
+attempt that the bag calls suspect later on is not held. The same is done when the last press of a plan was told: what
+fell between a recorder that was killed and the next one is done again before the run ends.
+"""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Sequence
+from pathlib import Path
+
+from tactile_nodes import messages
+from tactile_nodes.bag.content import BagMessage
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, Topic
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.plan.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
+from tactile_nodes.errors import BagError, MessageError
+from tactile_nodes.messages import types
+
+SETTLE_S = 3.0  # a recorder writes within half a second, if the disk can follow
+Attempt = tuple[int, int]
+
+
+def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[int, int]:
+    """Settle what the journal leaves open; how many presses were found in the bags, and how many were not."""
+    return settle(journal, attempts_below(folder, plan_id), now_ns) if journal.unverified() else (0, 0)
+
+
+def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
+    """As `audit`, by what bags are known to hold."""
+    found = missing = 0
+    for entry in journal.unverified():
+        if (entry.press, entry.attempt) in held:
+            journal.note(entry.press, entry.attempt, VERIFIED, now_ns, 'found in the bag')
+            found += 1
+        elif entry.step == RECORDED:
+            journal.note(entry.press, entry.attempt, MISSING, now_ns, 'not found in any bag of the folder')
+            missing += 1
+        else:
+            assert entry.step == STARTED
+    return found, missing
+
+
+def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> set[Attempt]:
+    """What the bags hold of the plan, once a recorder has had time to write what it was told last."""
+    told = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
+    held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
+    while not told <= held and clock.now_ns() < deadline_ns:
+        clock.sleep_until(clock.now_ns() + NS_PER_S // 4)
+        held = attempts_below(folder, plan_id)
+    return held
+
+
+def bags_below(folder: Path) -> list[Path]:
+    """Every folder in this one that holds an .mcap file."""
+    return sorted({file.parent for file in folder.glob('*/*.mcap')})
+
+
+def attempts_below(folder: Path, plan_id: str) -> set[Attempt]:
+    """(press, attempt) of each recorded press in the bags of a folder whose images are there, too."""
+    found = [presses_in(bag, plan_id) for bag in bags_below(folder)]
+    suspects = set().union(*(suspect for _, suspect in found), set())
+    return set().union(*(whole for whole, _ in found), set()) - suspects
+
+
+def presses_in(bag: Path, plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+    """(press, attempt) of those presses in a bag that are whole, and of those that it calls suspect."""
+    try:
+        with BagReader(bag) as reader:
+            return _whole(reader, topics_of(reader), plan_id)
+    except BagError:  # a recording that begins just now, or one that was cut off before it began
+        return set(), set()
+
+
+def topics_of(reader: BagReader) -> list[str]:
+    """Presses and their images, whatever their namespace."""
+    return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
+
+
+def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+    """Images travel by another way than messages, so the last of a press may be received after it."""
+    presses: list[types.Press] = []
+    images: list[int] = []
+    for found in reader.messages(topics):
+        if is_topic(found.topic, PRESS_IMAGE):
+            images.append(found.publish_ns)
+        elif (press := decoded(reader, found)) is not None and press.plan_id == plan_id:
+            presses.append(press)
+    images.sort()
+    suspects = {(press.press, press.attempt) for press in presses if press.status == types.Press.STATUS_SUSPECT}
+    return {(press.press, press.attempt) for press in presses if _is_whole(press, images)}, suspects
+
+
+def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
+    """The press that a message tells; None where it is none."""
+    try:
+        press: types.Press = reader.decode(found)
+    except MessageError:
+        return None
+    return press
+
+
+def _is_whole(press: types.Press, images: Sequence[int]) -> bool:
+    start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
+    held = bisect.bisect_right(images, end_ns) - bisect.bisect_left(images, start_ns)
+    return press.status == types.Press.STATUS_RECORDED and held >= press.frames
+
+
+def is_topic(name: str, topic: Topic) -> bool:
+    """Whether that is a topic's name in some namespace."""
+    return name.rpartition('/')[2] == topic.name

@@ -1,0 +1,267 @@
+"""What was done of a plan, written down so that nothing is lost or done twice, however the run ends.
+
+A file of JSON lines: first the plan, then an entry for each step of each press, written and synced to the disk before
+the run goes on. A line that was cut off by a power cut is the last one, and is taken away when the journal is opened.
+
+    {"plan": "0f3a…", "presses": 10952, "version": 1}
+    {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
+    {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
+    {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "found in the bag"}
+    {"press": 0, "attempt": 0, "step": "anchored", "stamp_ns": …, "reason": "x +0.01, y -0.00, z +0.01 mm"}
+    {"press": 0, "attempt": 0, "step": "ended", "stamp_ns": …}
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.collection.plan.plan import Plan, Point
+from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.files import read_plain
+
+VERSION = 1
+_LARGEST_BYTES = 256 << 20  # a million presses
+STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
+SUSPECT, ANCHORED, ASIDE = 'suspect', 'anchored', 'aside'
+BEGUN, ENDED, HALTED, ACKNOWLEDGED = 'begun', 'ended', 'halted', 'acknowledged'
+OF_THE_RUN = (BEGUN, ENDED, HALTED, ACKNOWLEDGED)
+NO_PRESS = 0
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ANCHORED, ASIDE, *OF_THE_RUN)
+DONE = (RECORDED, VERIFIED)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
+    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag, or of a run before
+    one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
+    done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order).
+
+    Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `begun`: from now on
+    the machine moves; `ended`: the tip is up; `halted`: the force was not bearable, and a person has to look;
+    `acknowledged`: one has."""
+
+    press: int
+    attempt: int
+    step: str
+    stamp_ns: int
+    reason: str = ''
+
+
+class Journal:
+    """The journal of a plan in a file, which is made when it does not exist.
+
+    Raises:
+        ConfigurationError: it belongs to another plan, is damaged other than at its end, or is in use.
+    """
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self.path = path
+        self.repaired = ''
+        self._plan = plan
+        self._last: dict[int, Entry] = {}
+        self._attempts: dict[int, int] = {}
+        self._rejects: dict[int, int] = {}
+        self._reasons: list[Entry] = []
+        self._confirmed: set[tuple[int, int]] = set()
+        self._aside: set[int] = set()
+        self._run: Entry | None = None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise ConfigurationError(f'cannot open the journal {path}: {error.strerror}') from error
+        try:
+            self._lock()
+            self._read()
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file; closing twice is harmless."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def note(self, press: int, attempt: int, step: str, stamp_ns: int, reason: str = '') -> None:
+        """Write an entry; it is on the disk when this returns.
+
+        Raises:
+            TactileError: the disk does not take it.
+        """
+        entry = Entry(press, attempt, step, stamp_ns, reason)
+        self._write(entry.__dict__)
+        self._take(entry)
+
+    def note_run(self, step: str, stamp_ns: int, reason: str = '') -> None:
+        """Write a step of the run itself. Raises as `note`."""
+        self.note(NO_PRESS, 0, step, stamp_ns, reason)
+
+    def begin_anew(self, stamp_ns: int) -> int:
+        """Have every press done again, under another number than before; how many were done already."""
+        done = [entry for entry in self._last.values() if entry.step in DONE]
+        for entry in done:
+            self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was begun anew')
+        return len(done)
+
+    def is_done(self, press: int) -> bool:
+        """Whether a press needs no further attempt."""
+        entry = self._last.get(press)
+        return entry is not None and entry.step in DONE
+
+    def next_attempt(self, press: int) -> int:
+        """The number that the next attempt at a press must have: no number is ever used again."""
+        return self._attempts.get(press, 0) + 1
+
+    def rejects(self, press: int) -> int:
+        """How often a press was rejected since the journal was opened: who starts again has mended what was wrong."""
+        return self._rejects.get(press, 0)
+
+    def last(self, press: int) -> Entry | None:
+        """The last step of a press."""
+        return self._last.get(press)
+
+    def left(self, order: Iterable[Point], most_attempts: int) -> list[Point]:
+        """What is still to do, in this order: neither done, nor put aside, nor rejected as often as allowed."""
+        left = (point for point in order if not self.is_done(point.press) and point.press not in self._aside)
+        return [point for point in left if self.rejects(point.press) < most_attempts]
+
+    def unverified(self) -> list[Entry]:
+        """The last step of each press that was begun and that no bag has confirmed, done or broken off."""
+        return [entry for entry in self._last.values() if entry.step in {STARTED, RECORDED}]
+
+    def unconfirmed(self) -> list[Entry]:
+        """The last step of each press that counts as done and that no anchor has followed yet; the latest is last."""
+        done = (entry for entry in self._last.values() if entry.step in DONE)
+        return [entry for entry in done if (entry.press, entry.attempt) not in self._confirmed]
+
+    @property
+    def done(self) -> int:
+        """How many presses need no further attempt."""
+        return sum(entry.step in DONE for entry in self._last.values())
+
+    @property
+    def aside(self) -> list[int]:
+        """The presses at which the force was too great, and which were not made since."""
+        return sorted(press for press, entry in self._last.items() if entry.step == ASIDE)
+
+    @property
+    def halted(self) -> str:
+        """Why a run was halted, if nobody has acknowledged that."""
+        return self._run.reason if self._run is not None and self._run.step == HALTED else ''
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether a run has begun and, as far as is written, not brought the tip up."""
+        return self._run is not None and self._run.step in {BEGUN, ACKNOWLEDGED}
+
+    @property
+    def rejected(self) -> list[Entry]:
+        """Every rejection so far."""
+        return list(self._reasons)
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ConfigurationError(f'the journal {self.path} is in use; another run of this plan goes on') from error
+
+    def _read(self) -> None:
+        data = self._content()
+        whole = data.rfind(b'\n') + 1
+        if whole < len(data):
+            self.repaired = f'took a line that was cut off after {len(data) - whole} bytes from the end of {self.path}'
+            os.ftruncate(self._file, whole)
+        lines = data[:whole].splitlines()
+        if not lines:
+            self._write({'plan': self._plan.plan_id, 'presses': len(self._plan.points), 'version': VERSION})
+            return
+        self._check_head(self._parsed(lines[0], 1))
+        for number, line in enumerate(lines[1:], start=2):
+            self._take(self._entry(line, number))
+        self._rejects.clear()
+
+    def _content(self) -> bytes:
+        try:
+            return read_plain(self.path, _LARGEST_BYTES)
+        except OSError as error:
+            raise ConfigurationError(f'cannot read the journal {self.path}: {error.strerror}') from error
+
+    def _check_head(self, head: Any) -> None:
+        if head.get('plan') != self._plan.plan_id:
+            raise ConfigurationError(
+                f'{self.path} is the journal of plan {head.get("plan")}, but this plan is {self._plan.plan_id}; '
+                'choose another folder for another plan'
+            )
+
+    def _entry(self, line: bytes, number: int) -> Entry:
+        try:
+            entry = Entry(**self._parsed(line, number))
+            least = NO_PRESS if entry.step in {ANCHORED, *OF_THE_RUN} else 1
+            if entry.step not in STEPS or not least <= entry.press <= len(self._plan.points):
+                raise TypeError(entry.step)
+        except (TypeError, ValueError) as error:
+            raise self._damaged(number) from error
+        return entry
+
+    def _parsed(self, line: bytes, number: int) -> Any:
+        try:
+            found = json.loads(line)
+        except ValueError as error:
+            raise self._damaged(number) from error
+        if not isinstance(found, dict):
+            raise self._damaged(number)
+        return found
+
+    def _damaged(self, number: int) -> ConfigurationError:
+        return ConfigurationError.at(self.path, number, 'this line of the journal is damaged; mend it or take it away')
+
+    def _take(self, entry: Entry) -> None:
+        if entry.step == ANCHORED:
+            self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
+            return
+        if entry.step in OF_THE_RUN:
+            self._take_run(entry)
+            return
+        if entry.step == STARTED:
+            self._last.pop(entry.press, None)  # it is the latest now
+        self._last[entry.press] = entry
+        self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
+        if entry.step == ASIDE:
+            self._aside.add(entry.press)
+        if entry.step in {REJECTED, ASIDE}:
+            self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
+            self._reasons.append(entry)
+
+    def _take_run(self, entry: Entry) -> None:
+        """That the tip is up answers no halt; the next start, by a person, tries again what was put aside."""
+        if entry.step == ENDED:
+            self._aside.clear()
+        if not (entry.step == ENDED and self.halted):
+            self._run = entry
+
+    def _write(self, values: dict[str, Any]) -> None:
+        line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size
+        try:
+            written = 0
+            while written < len(line):  # a disk that becomes full takes a part and only then refuses
+                written += os.write(self._file, line[written:])
+            os.fsync(self._file)
+        except OSError as error:
+            with contextlib.suppress(OSError):  # else the next start takes away what is half there
+                os.ftruncate(self._file, size)
+            raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends here') from error

@@ -1,0 +1,83 @@
+"""In which order a plan is done: the gel rests where it was pressed, and the way from press to press stays short."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.collection.plan.plan import Plan, PlanSettings, Point
+
+FAR_MM = 1e6
+AHEAD = 2.0  # of the resting distance: what a place costs for each press that it is ahead of the others
+
+
+def ordered(plan: Plan, settings: PlanSettings) -> tuple[Point, ...]:
+    """The plan's points from the first to do to the last; the same for the same plan, whenever it is asked.
+
+    The next press is at the nearest place that keeps `rest_mm` away from the last `rest_presses` presses, where a
+    place that has had more presses than others counts as farther away, so that the last presses of a plan do not
+    crowd in one corner. Which depth of a place comes first is left to chance, by the plan's own hash. Where no place
+    keeps that distance, the one that has rested longest comes next.
+    """
+    waiting = _by_place(plan)
+    places = np.array(list(waiting), np.float64).reshape(-1, 2)
+    stacks = list(waiting.values())
+    rest_mm = settings.rest_mm if settings.rest_presses else 0.0
+    walk = _walk(places, [len(stack) for stack in stacks], rest_mm, settings.rest_presses)
+    return tuple(stacks[place].pop() for place in walk)
+
+
+def _by_place(plan: Plan) -> dict[tuple[float, float], list[Point]]:
+    found: dict[tuple[float, float], list[Point]] = {}
+    for point in sorted(plan.points, key=lambda point: _mixed(plan, point)):
+        found.setdefault(point[1:3], []).append(point)
+    return dict(sorted(found.items()))
+
+
+def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float, rest_presses: int) -> Sequence[int]:
+    """Numbers of places, each as often as its count says."""
+    left, visits = np.array(counts), np.zeros(len(places))
+    free_from = np.zeros(len(places), np.int64)  # the step from which a place has rested
+    walk = [0]
+    for step in range(1, sum(counts) + 1):
+        here = walk[-1]
+        away = np.sqrt(((places - places[here]) ** 2).sum(axis=1))
+        left[here] -= 1
+        visits[here] += 1
+        free_from[away < rest_mm] = step + rest_presses
+        if step < sum(counts):
+            walk.append(_next(away + AHEAD * rest_mm * visits, left, free_from, step))
+    return walk
+
+
+def _next(
+    cost: npt.NDArray[np.float64], left: npt.NDArray[np.int64], free_from: npt.NDArray[np.int64], step: int
+) -> int:
+    rested = np.where((left > 0) & (free_from <= step), cost, np.inf)
+    best = int(np.argmin(rested))
+    if np.isfinite(rested[best]):
+        return best
+    return int(np.argmin(np.where(left > 0, free_from * FAR_MM + cost, np.inf)))
+
+
+def _mixed(plan: Plan, point: Point) -> bytes:
+    return hashlib.sha256(f'{plan.plan_id} {point.press}'.encode('ascii')).digest()
+
+
+def travel_mm(points: Sequence[Point]) -> float:
+    """The way over the gel from the first point to the last: (0, 0), (3, 4), (3, 5) are 6 mm."""
+    return sum(math.dist(a[1:3], b[1:3]) for a, b in pairwise(points))
+
+
+def least_rest(points: Sequence[Point], rest_mm: float) -> int:
+    """The least number of presses that lie between two that are nearer than `rest_mm` to each other."""
+    places = np.array([point[1:3] for point in points])
+    for gap in range(1, len(points)):
+        if (np.hypot(*(places[gap:] - places[:-gap]).T) < rest_mm).any():
+            return gap - 1
+    return len(points)

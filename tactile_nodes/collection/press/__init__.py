@@ -1,0 +1,1 @@
+"""One press: procedures, and what they measure."""

@@ -1,0 +1,211 @@
+"""Where the gel's surface is: felt at three or four corners, with a plane through them.
+
+At each corner the tip goes down in steps, each followed by a look at the force, until the force is five sigma and a
+minimum above the tare; backs off; and repeats that with smaller steps. After a touch it goes a few steps on, and the
+loading line F^(2/3) over depth (a sphere on an elastic body, Hertz), or F of a flat punch, is drawn back to F = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_nodes.collection.actions import Go, Look, Procedure, Seen
+from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.wrench import Tare, pressing_n, wrenches
+from tactile_nodes.errors import DeviceFaultError
+
+HERTZ, FLAT = 2 / 3, 1.0  # powers of the force that are linear in the depth
+BACK_OFF_STEPS = 6
+FEWEST = 3
+CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+
+
+class Loading(NamedTuple):
+    """F^power is `slope` times the depth below `touch_mm`: 0.5 with a power of 2/3 gives 0.35 N at 1 mm."""
+
+    touch_mm: float
+    slope: float
+    power: float
+
+    def force_n(self, depth_mm: float) -> float:
+        """At a depth below the touch."""
+        return float((self.slope * max(depth_mm, 0.0)) ** (1 / self.power))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A plane: height of the untouched surface in machine coordinates over the gel's own x and y, all in mm.
+
+    `softest` is the loading line of the corner that gave the least force; None: no corner was felt.
+    """
+
+    z_mm: float
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+    error_mm: float = 0.0
+    softest: Loading | None = None
+
+    def height_mm(self, x_mm: float, y_mm: float) -> float:
+        """Of the surface at a place; 0.01 mm/mm along x is 0.1 mm at x = 10 mm."""
+        return self.z_mm + self.slope_x * x_mm + self.slope_y * y_mm
+
+    def tip_mm(self, x_mm: float, y_mm: float, depth_mm: float) -> float:
+        """Height of a tip that is `depth_mm` deep along the normal."""
+        return self.height_mm(x_mm, y_mm) - depth_mm * self._steepness
+
+    def depth_mm(self, x_mm: float, y_mm: float, z_mm: float) -> float:
+        """The reverse of `tip_mm`."""
+        return (self.height_mm(x_mm, y_mm) - z_mm) / self._steepness
+
+    def force_n(self, depth_mm: float) -> float:
+        """What the softest corner gave at a depth, by its loading line; 0 where none is known."""
+        return 0.0 if self.softest is None else self.softest.force_n(depth_mm)
+
+    @property
+    def _steepness(self) -> float:
+        return math.sqrt(1 + self.slope_x**2 + self.slope_y**2)
+
+
+def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Surface]:
+    """Feel for the surface at the corners and lay a plane through them.
+
+    Raises:
+        DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
+    """
+    places, lines = [], []
+    reach = settings.surface.reach_mm
+    for x, y in CORNERS[: settings.surface.corners]:
+        found = yield from _corner(settings, safe_z_mm, (x, y))
+        places.append((x * reach, y * reach, float(np.median([line.touch_mm for line in found]))))
+        lines += found
+    return replace(plane(places, settings), softest=softest(lines, settings.limits.least_share))
+
+
+def softest(lines: Sequence[Loading], least_share: float) -> Loading:
+    """The loading line that gives the least force.
+
+    Raises:
+        DeviceFaultError: less than `least_share` of what the stiffest gives at the same depth.
+    """
+    soft, stiff = (least(lines, key=lambda line: line.slope) for least in (min, max))
+    if soft.force_n(1.0) < least_share * stiff.force_n(1.0):
+        raise DeviceFaultError(
+            f'the gel gave {soft.force_n(1.0):.2f} N at 1 mm when its surface was felt once, and '
+            f'{stiff.force_n(1.0):.2f} N another time: does the sensor tell the truth? '
+            'A gel like that needs a smaller limits.least_share'
+        )
+    return soft
+
+
+def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSettings) -> Surface:
+    """The plane nearest to the places (x, y, height).
+
+    Raises:
+        DeviceFaultError: it is too steep, or too far from one of them.
+    """
+    table = np.array([(1.0, x, y) for x, y, _ in places])
+    heights = np.array([z for _, _, z in places])
+    (z, slope_x, slope_y), *_ = np.linalg.lstsq(table, heights, rcond=None)
+    error = float(np.abs(table @ np.array([z, slope_x, slope_y]) - heights).max())
+    limits = settings.surface
+    if error > limits.flat_mm:
+        raise DeviceFaultError(f'the surface is not flat: a corner lies {error:.3f} mm off; clean tip and gel')
+    if math.hypot(slope_x, slope_y) > limits.tilt:
+        raise DeviceFaultError(f'the surface is tilted by {math.hypot(slope_x, slope_y):.3f} mm/mm; level the gel')
+    return Surface(float(z), float(slope_x), float(slope_y), error)
+
+
+def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[list[Loading]]:
+    surface, motion = settings.surface, settings.motion
+    x = surface.gel_x_mm + corner[0] * surface.reach_mm
+    y = surface.gel_y_mm + corner[1] * surface.reach_mm
+    yield Go(z=safe_z_mm, feed_mm_min=motion.travel_mm_min)
+    yield Go(x, y, feed_mm_min=motion.travel_mm_min)
+    tare = yield from zero(settings)
+    yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
+    first = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
+    found = []
+    for _ in range(surface.repeats):
+        start = min(surface.top_mm, first.touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)
+        yield Go(z=start, feed_mm_min=motion.press_mm_min)
+        found.append((yield from _search(settings, tare, start, surface.fine_step_mm, first)))
+    yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
+    low, high = min(line.touch_mm for line in found), max(line.touch_mm for line in found)
+    if high - low > surface.spread_mm:
+        raise DeviceFaultError(
+            f'the surface was found between {low:.3f} and {high:.3f} mm at x {x:g}, y {y:g}; '
+            'is the tip loose, or the force/torque sensor too noisy?'
+        )
+    return found
+
+
+def _search(
+    settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, known: Loading | None = None
+) -> Procedure[Loading]:
+    """From `start_mm` down to the touch and some steps on; how the force grew, and where it would begin.
+
+    Where it is `known` how it grew there before, a force that stays too small ends the search.
+    """
+    surface = settings.surface
+    loading: list[tuple[float, float]] = []
+    for step in range(1, 100_000):
+        z = round(start_mm - step * step_mm, 3)
+        if z < surface.bottom_mm:
+            break
+        yield Go(z=z, feed_mm_min=surface.feed_mm_min)
+        seen = yield from _felt(surface.dwell_s)
+        force = float(pressing_n(wrenches(seen.samples), tare, settings.mounting).mean())
+        if math.isnan(force):
+            raise DeviceFaultError('the sensor measures no force along z, so it cannot find the surface; set its axes')
+        noise = tare.noise_n / math.sqrt(len(seen.samples))
+        if known is not None:
+            _require_rise(known, settings, z, force + 5 * noise)
+        if loading or force > 5 * noise + surface.least_n:
+            loading.append((seen.place_mm[2], force))
+        if len(loading) > surface.beyond:
+            return loading_line(loading, FLAT if 'flat' in settings.press.indenter.lower() else HERTZ)
+    raise DeviceFaultError(
+        f'the tip met no surface between {surface.top_mm:g} and {surface.bottom_mm:g} mm; '
+        'set surface.top_mm and surface.bottom_mm to heights above and below the gel, and check the sensor'
+    )
+
+
+def _require_rise(known: Loading, settings: CollectionSettings, z_mm: float, most_n: float) -> None:
+    """Raise DeviceFaultError where less than `least_share` of the force is felt that was felt there before."""
+    gave_n = known.force_n(known.touch_mm - settings.surface.flat_mm - z_mm)
+    if most_n + settings.surface.least_n < settings.limits.least_share * gave_n:
+        raise DeviceFaultError(
+            f'no more than {most_n:.2f} N are felt at z {z_mm:.2f} mm, where the gel gave {gave_n:.2f} N just before: '
+            'does the sensor tell the truth, does z move?'
+        )
+
+
+def _felt(dwell_s: float) -> Procedure[Seen]:
+    """At least some samples; how long a sensor may be silent is for the safety to say."""
+    seen = yield Look(dwell_s)
+    start_ns = seen.since_ns
+    while len(seen.samples) < FEWEST:
+        seen = yield Look(dwell_s, start_ns)
+    return seen
+
+
+def loading_line(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> Loading:
+    """The line through F^power over height, and the height at which it meets 0.
+
+    A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0 and 1.
+
+    Raises:
+        DeviceFaultError: the force does not grow with depth.
+    """
+    heights = np.array([z for z, _ in loading])
+    roots = np.array([max(force, 0.0) ** power for _, force in loading])
+    slope, offset = np.polyfit(heights, roots, 1)
+    if slope >= 0:
+        raise DeviceFaultError('the force does not grow where the tip goes down; does it move at all?')
+    return Loading(float(-offset / slope), float(-slope), power)

@@ -1,0 +1,155 @@
+"""Anchor presses: one place, pressed again and again, whose image and force must stay the same.
+
+The machine counts its steps and believes itself; an axis that sticks or loses steps moves the presses without a word.
+The gel sees it. At the start of a run the anchor is pressed, then half a millimetre to the right, half a millimetre
+to the back, and once more: that tells how the image follows each axis (an axis that is stuck already does not move
+it), and the noise. From then on an anchor that lies beside the first says that the place is lost.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from tactile_nodes.collection.actions import Procedure
+from tactile_nodes.collection.plan.journal import NO_PRESS
+from tactile_nodes.collection.plan.plan import Point
+from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
+from tactile_nodes.collection.run.shift import Imprint, imprint, shift_px
+from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings
+from tactile_nodes.errors import DeviceFaultError
+from tactile_nodes.sensing.rest.reference import average
+
+FRAMES = 5
+WIDEST_VIEW_MM = 100.0  # no image of a gel shows more: a tip that moves, moves the image by its share of this
+SKEWED = 0.4  # an axis that moves the image by less than this share of what the other one does, sticks
+HERTZ = 2 / 3
+AXES = 'xy'
+
+
+class Shift(NamedTuple):
+    """How far a press lies beside where it should be: x and y by the image, z (up) by the force, in mm."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+
+    @property
+    def farthest_mm(self) -> float:
+        """Along any axis."""
+        return max(map(abs, self))
+
+    def told(self) -> str:
+        """'x +0.52, y -0.01, z +0.02 mm'"""
+        return f'x {self.x_mm:+.2f}, y {self.y_mm:+.2f}, z {self.z_mm:+.2f} mm'
+
+
+class Anchors:
+    """The anchor of a run.
+
+    Args:
+        settings: where it is, and what is too far.
+        press: makes a press, with images, or raises.
+    """
+
+    def __init__(self, settings: AnchorSettings, press: Callable[[Point], Record]) -> None:
+        self._settings = settings
+        self._press = press
+        self._first: Record | None = None
+        self._mm_from_px: npt.NDArray[Any] = np.zeros((2, 2))
+
+    def begin(self) -> Shift:
+        """Press the anchor for the first time, beside it, and again; how far the second lies beside the first.
+
+        Raises:
+            DeviceFaultError: the image does not follow an axis, or the same place gives another image.
+        """
+        step = self._settings.step_mm
+        first = self._first = self._made(0.0, 0.0)
+        moved = [shift_px(_imprint(first), _imprint(self._made(*way))) for way in ((step, 0.0), (0.0, step))]
+        self._mm_from_px = np.linalg.inv(follows(np.array(moved).T / step, step, min(first.frames[0].image.shape)))
+        shift = self.look()
+        if self.is_beside(shift):
+            raise DeviceFaultError(
+                f'pressed twice, the same place came out {shift.told()} apart; does an axis stick or lose steps, '
+                'is the tip loose, does the gel slip?'
+            )
+        return shift
+
+    def look(self) -> Shift:
+        """Press the anchor; how far it lies beside the first."""
+        assert self._first is not None
+        return self.between(self._first, self._made(0.0, 0.0))
+
+    def between(self, earlier: Record, later: Record) -> Shift:
+        """How far a press lies beside an earlier one of the same place and depth."""
+        x_mm, y_mm = self._mm_from_px @ shift_px(_imprint(earlier), _imprint(later))
+        return Shift(float(x_mm), float(y_mm), _deeper_mm(earlier, later))
+
+    def again(self, point: Point) -> Record:
+        """Press a point of the plan to compare it with an earlier press."""
+        return self._press(point._replace(press=NO_PRESS))
+
+    def is_beside(self, shift: Shift) -> bool:
+        """Whether that is too far, or no number at all."""
+        return not shift.farthest_mm <= self._settings.shift_mm
+
+    def _made(self, x_mm: float, y_mm: float) -> Record:
+        s = self._settings
+        return self._press(Point(NO_PRESS, s.x_mm + x_mm, s.y_mm + y_mm, s.depth_mm))
+
+
+def anchor_press(point: Point, ground: Ground, settings: CollectionSettings) -> Procedure[Record]:
+    """A press like any other, until one can be used.
+
+    Raises:
+        DeviceFaultError: none of `limits.attempts` can.
+    """
+    record = Record(point, 0)
+    frames = max(FRAMES, settings.press.frames)
+    patient = dataclasses.replace(settings.press, rest_frames=FRAMES, frames=frames)
+    for attempt in range(1, settings.limits.attempts + 1):
+        record = Record(point, attempt)
+        yield from press_cycle(record, ground, dataclasses.replace(settings, press=patient))
+        if not record.reason:
+            return record
+    raise DeviceFaultError(
+        f'the anchor at x {point.x_mm:g}, y {point.y_mm:g} mm could not be pressed, because {record.reason}; '
+        'does an axis stick or lose steps?'
+    )
+
+
+def follows(px_per_mm: npt.NDArray[Any], step_mm: float, side_px: int) -> npt.NDArray[Any]:
+    """How the image moves with the axes, columns x and y, if it does.
+
+    Raises:
+        DeviceFaultError: it does not follow one of them.
+    """
+    lengths = np.hypot(*px_per_mm)
+    least = max(side_px / WIDEST_VIEW_MM, SKEWED * float(lengths.max()))
+    if lengths.min() < least:
+        axis = int(lengths.argmin())
+        raise DeviceFaultError(
+            f'the image does not follow the {AXES[axis]} axis: it moved by {lengths[axis] * step_mm:.2f} pixels for '
+            f'{step_mm:g} mm, less than {least * step_mm:.2f}; the axis sticks, or the camera does not see the gel'
+        )
+    if abs(np.linalg.det(px_per_mm)) < SKEWED * lengths.prod():
+        raise DeviceFaultError('the image moves the same way with both axes; is one of them coupled to the other?')
+    return px_per_mm
+
+
+def _imprint(record: Record) -> Imprint:
+    return imprint(average([frame.image for frame in record.rest]), average([frame.image for frame in record.frames]))
+
+
+def _deeper_mm(earlier: Record, later: Record) -> float:
+    """How much higher the later press was: by Hertz F^(2/3) grows as depth; 0 where z is not measured in either."""
+    before, after = -earlier.wrench[2], -later.wrench[2]
+    if math.isnan(before) or math.isnan(after):
+        return 0.0
+    return earlier.point.depth_mm * float(1 - (max(after, 0.0) / before) ** HERTZ)

@@ -1,0 +1,293 @@
+"""The whole run: home, find the surface, press after press, and what to do when something goes wrong.
+
+A rejected press is tried again after the others. A force above its limit puts the point aside for this run; one that is
+not bearable halts the run until a person has looked. A sensor or camera that falls silent ends an attempt, and the run
+goes on when they are well again; a machine that fails ends the run, because only a person can say where it stands, and
+so does an anchor (`anchors`) that is not where it was: what was recorded since the last good one is suspect then, and
+done again by the next run. Whatever happens, the tip goes straight up first, if the machine still obeys. A run that was
+cut off leaves nobody who knows where the tip is: before the next one moves anything, a person is asked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
+from tactile_nodes.collection.plan.journal import (
+    ASIDE,
+    RECORDED,
+    REJECTED,
+    STARTED,
+    Journal,
+)
+from tactile_nodes.collection.plan.plan import Plan, Point
+from tactile_nodes.collection.plan.progress import Progress
+from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
+from tactile_nodes.collection.press.rest import await_recovery, go_to_gel, image_noise, rest_frames
+from tactile_nodes.collection.press.speed import check_speeds
+from tactile_nodes.collection.press.surface import Surface, find_surface
+from tactile_nodes.collection.press.sync_pattern import sync_pattern
+from tactile_nodes.collection.run.anchors import anchor_press
+from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
+from tactile_nodes.collection.run.trust import Trust
+from tactile_nodes.collection.safety import CAMERA, SENSOR
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+from tactile_nodes.sensing.rest.reference import average
+
+
+class Campaign:
+    """A run of a plan.
+
+    Args:
+        plan: what to press.
+        order: all of its points, in the order in which they are done.
+        journal: of this plan; what it says is done is not done again.
+        hands: the machine.
+        settings: limits and wishes.
+        safe_z_mm: where the machine may go sideways.
+        outlet: whom to tell.
+        period_s: between two samples of the force/torque sensor.
+        unasked: a person has said beforehand that it may go on after a run that was cut off.
+
+    Raises:
+        ConfigurationError: a plan that is too deep, or a feed too fast to be stopped in time.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        order: Sequence[Point],
+        journal: Journal,
+        hands: Hands,
+        settings: CollectionSettings,
+        safe_z_mm: float,
+        outlet: Outlet,
+        period_s: float = 0.0,
+        unasked: bool = False,
+    ) -> None:
+        if plan.deepest_mm > settings.limits.depth_mm:
+            raise ConfigurationError(
+                f'the plan presses {plan.deepest_mm:g} mm deep, limits.depth_mm allows {settings.limits.depth_mm:g}; '
+                'change one of them'
+            )
+        check_speeds(settings, period_s, hands.cnc.blind_step_mm)
+        self._plan_id = plan.plan_id
+        self._order = order
+        self._journal = journal
+        self._hands = hands
+        self._settings = settings
+        self._safe_z_mm = safe_z_mm
+        self._outlet = outlet
+        self._unasked = unasked
+        self._ground: Ground | None = None
+        self._since_reference = 0
+        self._since_pattern = self._patterns = 0
+        self._in_a_row = 0
+        self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press)
+        self._recovery = Recovery(hands, settings, journal, outlet, self._trust.shaken)
+        self.paused = False
+        self.surface: Surface | None = None
+        self.now: Point | None = None
+        self.progress = Progress(len(plan.points), journal.done)
+
+    def run(self) -> str:
+        """Do all that is left of the plan; what came of it, in a sentence. Ends with the tip at the safe height.
+
+        Raises:
+            DeviceError: a device that only a person can set right.
+            TactileError: the journal or the recorder does not take what was measured.
+        """
+        hands, limits = self._hands, self._settings.limits
+        end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)
+        ended = ''
+        try:
+            self._prepare()
+            while not ended and (left := self._left()):
+                self.progress.start(hands.clock.now_ns())
+                ended = self._round(left, end_ns)
+            self._check_trust(at_end=True)
+            if self._since_pattern:
+                self._pattern()
+        except InterruptedRunError:
+            ended = 'stopped on request'
+        except TrippedError as tripped:
+            raise DeviceFaultError(f'stopped: {tripped.trip.reason}') from tripped
+        finally:
+            self.now = None
+            self._leave()
+        done = 'the plan is done but for what was put aside' if self._journal.aside else 'the plan is done'
+        return f'{ended or done}: {self.progress.summary(self._journal)}'
+
+    def _left(self) -> list[Point]:
+        """What is still to be done; when that is nothing, what the bags do not hold after all."""
+        most = self._settings.limits.attempts
+        left = self._journal.left(self._order, most)
+        if left or not (missing := self._outlet.missing()):
+            return left
+        self._outlet.say(f'{missing} presses are in no bag, perhaps told while nobody recorded; doing them again')
+        self.progress.done = self._journal.done
+        return self._journal.left(self._order, most)
+
+    def _round(self, left: Sequence[Point], end_ns: int) -> str:
+        """Each of these once; why it ended before the last, if it did."""
+        for point in left:
+            self._wait_while_paused()
+            if self._hands.clock.now_ns() > end_ns:
+                return f'stopped after {self._settings.limits.hours:g} hours'
+            self._await_recorder()
+            if self._since_reference >= self._settings.reference_every:
+                self._reference()
+            if not self._patterns or 0 < self._settings.sync.every <= self._since_pattern:
+                self._pattern()
+            self._check_trust()
+            self._press(point)
+            self._trust.pressed()
+            self._since_reference += 1
+            self._since_pattern += 1
+            if self._in_a_row >= self._settings.limits.rejects_in_a_row:
+                raise DeviceFaultError(
+                    f'{self._in_a_row} presses in a row were rejected, the last because {self.progress.last_reason}; '
+                    'look at gel, tip and sensors, then start again: what is recorded stays'
+                )
+        return ''
+
+    def _press(self, point: Point) -> None:
+        """One attempt, told and written down."""
+        assert self._ground is not None
+        journal, clock = self._journal, self._hands.clock
+        record = Record(point, journal.next_attempt(point.press))
+        begun_ns = clock.now_ns()
+        journal.note(point.press, record.attempt, STARTED, begun_ns)
+        self.now = point
+        try:
+            self._hands.run(press_cycle(record, self._ground, self._settings))
+        except TrippedError as tripped:
+            self._up_then_tell(record, begun_ns, tripped.trip.reason)
+            self._recovery.go_on_after(tripped)
+        except DeviceError as error:
+            with contextlib.suppress(DeviceError):  # the last way up meets it again, and says it
+                self._up_then_tell(record, begun_ns, str(error), doubted=True)
+            raise
+        else:
+            self._recovery.tare = record.tare or self._recovery.tare
+            self._tell(record, begun_ns)
+        finally:
+            self.now = None
+
+    def _up_then_tell(self, record: Record, begun_ns: int, reason: str, doubted: bool = False) -> None:
+        try:
+            self._recovery.up(record.tare, doubted)
+        finally:
+            trip = self._hands.safety.trip
+            record.reason = reason if trip is None else trip.reason
+            record.aside = trip is not None and trip.kind in TOO_GREAT
+            self._tell(record, begun_ns)
+
+    def _tell(self, record: Record, begun_ns: int) -> None:
+        """First the recorder, then the journal: what was cut off between the two is found in the bag (`audit`)."""
+        self._outlet.record(record)
+        now_ns = self._hands.clock.now_ns()
+        step = RECORDED if not record.reason else ASIDE if record.aside else REJECTED
+        self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
+        self._in_a_row = self._in_a_row + 1 if record.reason else 0
+        self.progress.note(record.reason, begun_ns, now_ns)
+        if record.reason:
+            done = 'was put aside' if record.aside else 'was rejected'
+            self._outlet.say(f'press {record.point.press} {done}: {record.reason}')
+
+    def _reference(self) -> None:
+        """A new rest image."""
+        frames = self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
+        self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
+        self._since_reference = 0
+
+    def _pattern(self) -> None:
+        """Edges at irregular times, by which the clocks of other recorders are fitted."""
+        number = self.progress.done + self._patterns  # grows within a run, and differs in one that goes on with it
+        self._recovery.patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
+        self._patterns += 1
+        self._since_pattern = 0
+
+    def _check_trust(self, at_end: bool = False) -> None:
+        try:
+            self._trust.check(at_end)
+        finally:
+            self.progress.done = self._journal.done
+
+    def _anchor_press(self, point: Point) -> Record:
+        ground = self._ground
+        assert ground is not None
+        return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
+
+    def _leave(self) -> None:
+        """Up, unless nothing has moved."""
+        if self._ground is not None or self._hands.safety.watching:
+            self._recovery.end()
+
+    def _wait_while_paused(self) -> None:
+        if self.paused:
+            self._outlet.say('paused, with the tip above the gel')
+        while self.paused:
+            self._hands.wait(0.1)
+
+    def _await_recorder(self) -> None:
+        while not self._outlet.require_recorder():
+            self._hands.wait(0.1)
+
+    # Before the first press.
+
+    def _prepare(self) -> None:
+        hands = self._hands
+        self._recovery.ask_first(self._unasked)
+        self._await_recorder()
+        hands.safety.watch(hands.clock.now_ns(), camera=True)
+        await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
+        self._recovery.begin()
+        self._outlet.say('homing')
+        self._home()
+        zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
+        self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
+        noise = image_noise(self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
+        self._reference()
+        self._outlet.say('feeling for the surface of the gel')
+        self.surface = surface = self._recovery.patiently(lambda: find_surface(self._settings, self._safe_z_mm))
+        self._check_safe_height(surface)
+        self._ground = Ground(surface, self._safe_z_mm, zero, noise)
+        self._outlet.say(
+            f'the surface is at z {surface.z_mm:.3f} mm, sloping by {surface.slope_x:.4f} along x '
+            f'and {surface.slope_y:.4f} along y'
+        )
+        self._trust.begin()
+        self.progress.done = self._journal.done
+
+    def _home(self) -> None:
+        """Find the end switches, which leads up and off the gel."""
+        try:
+            self._home_patiently()
+        finally:
+            self._hands.safety.watching_machine = True
+
+    def _home_patiently(self) -> None:
+        """Again when sensor or camera failed meanwhile: the machine is locked then, until it homes."""
+        for _ in range(self._settings.limits.attempts - 1):
+            try:
+                return self._hands.home()
+            except TrippedError as tripped:
+                if tripped.trip.kind not in {SENSOR, CAMERA}:
+                    raise
+                self._hands.safety.watching_machine = False
+                self._outlet.say(f'{tripped.trip.reason}; homing again when it is well')
+                await_recovery(self._hands, self._settings.limits, tripped.trip.reason)
+        return self._hands.home()
+
+    def _check_safe_height(self, surface: Surface) -> None:
+        highest = max(surface.height_mm(point.x_mm, point.y_mm) for point in self._order)
+        if self._safe_z_mm < highest + self._settings.motion.standoff_mm:
+            raise ConfigurationError(
+                f'the safe height, {self._safe_z_mm:g} mm, is less than {self._settings.motion.standoff_mm:g} mm above '
+                f'the gel, whose surface is at {highest:.3f} mm; raise cnc.safe_z_mm'
+            )

@@ -1,0 +1,174 @@
+"""A guarded approach on a rig: home, go above the gel, feel for the force on its topic, hold it, go up again.
+
+The force/torque sensor is no part of the loop. It keeps the rig's own limits (`Safety`), and it says at the end how
+large the held force really was.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
+from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
+from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.wrench import Array, Tare, pressing_n, tare_of, wrenches
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
+from tactile_nodes.params import parameter
+
+LOOK_S = 0.005
+LATE_S = 0.2  # samples of the force/torque sensor come in so late at most
+
+
+@dataclass(frozen=True)
+class GuardedRunSettings(CollectionSettings):
+    """A rig, where on the gel to go down, and the approach itself."""
+
+    guard: GuardSettings = field(default_factory=GuardSettings)
+    cnc: CncSettings = field(default_factory=CncSettings)
+    force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
+    world: WorldSettings = field(default_factory=WorldSettings)
+    x_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's x")
+    y_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's y")
+    wait_s: float = parameter(20.0, 'how long the first force may take to come', minimum=0.0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was held: the force by the gel at each frame, and by the force/torque sensor at the same time, in N."""
+
+    gel_n: Array
+    sensor_n: Array
+    seconds: float
+    steps: int
+    approach_s: float
+    greatest_n: float
+
+    def __str__(self) -> str:
+        gel, sensor = self.gel_n, self.sensor_n
+        return (
+            f'reached in {self.approach_s:.1f} s and {self.steps} steps; held for {self.seconds:.1f} s: by the gel '
+            f'{gel.mean():.4f} N, spread {gel.std():.4f} N over {len(gel)} frames; by the force/torque sensor '
+            f'{sensor.mean():.4f} N, spread {sensor.std():.4f} N over {len(sensor)} samples; greatest force by the gel '
+            f'{self.greatest_n:.4f} N'
+        )
+
+
+class GuardedRun:
+    """Opens the rig; `run` makes one approach. `feel` gives the newest force.
+
+    Raises:
+        ConfigurationError, DeviceError: a device that cannot be opened.
+    """
+
+    def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel) -> None:
+        self._settings = s = settings
+        self._feel = feel
+        self._clock = clock
+        nothing: Callable[[object], None] = lambda _: None  # noqa: E731
+        self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
+
+    def run(self) -> Outcome | None:
+        """One approach, ended by going up, whatever happens; what was held, None when `stop` ended it.
+
+        Raises:
+            DeviceError: it was given up, and why.
+        """
+        hands, homed = self.station.hands, False
+        hands.safety.watch(self._clock.now_ns(), camera=False)
+        try:
+            hands.home()
+            homed = True
+            return hands.run(guarded_approach(self._settings, hands.readings, self._feel))
+        except TrippedError as tripped:
+            raise DeviceFaultError(f'the approach was given up: {tripped}') from tripped
+        except InterruptedRunError:
+            return None
+        finally:
+            if _is_homed(hands.cnc, homed):
+                hands.retreat()
+
+    def stop(self) -> None:
+        """Let the run end, with the tip up; returns at once."""
+        self.station.hands.asked_to_stop = True
+
+    def close(self, run: threading.Thread | None = None, within_s: float = 0.0) -> bool:
+        """Let go of the devices when the run has ended, as `Station.close_after`."""
+        return self.station.close_after(run, within_s)
+
+
+def _is_homed(cnc: Cnc, before: bool) -> bool:
+    """Whether the machine knows where it is; as before where it does not answer: one lost report leaves no tip down."""
+    try:
+        return cnc.status().homed
+    except DeviceError:
+        return before
+
+
+def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Feel) -> Procedure[Outcome]:
+    """From above the gel to the end of the hold.
+
+    Raises:
+        DeviceError: no force within `wait_s`, or the loop gives up (`Guarded.step_mm`).
+    """
+    motion, surface = settings.motion, settings.surface
+    yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.travel_mm_min)
+    x, y = surface.gel_x_mm + settings.x_mm, surface.gel_y_mm + settings.y_mm
+    yield Go(x, y, feed_mm_min=motion.travel_mm_min)
+    yield from first_force(settings.wait_s, feel)
+    yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
+    tare = tare_of((yield Look(settings.press.tare_s)).samples)
+    seen = yield SetTare(tare)
+    guarded = Guarded(settings.guard, seen.now_ns)
+    yield from felt_for(guarded, surface.top_mm, motion.press_mm_min, feel)
+    yield Look(LATE_S)
+    return outcome(guarded, seen.now_ns, readings, tare, settings)
+
+
+def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
+    """Wait for a force that is in order."""
+    seen = yield Look(LOOK_S)
+    end_ns = seen.now_ns + round(wait_s * NS_PER_S)
+    while (felt := feel()) is None or felt.status != OK:
+        seen = yield Look(10 * LOOK_S)
+        if seen.now_ns > end_ns:
+            raise DeviceTimeoutError(f'no force in order came within {wait_s:g} s; is the sensor running?')
+    return felt
+
+
+def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) -> Procedure[None]:
+    """Step by step from a height until the hold is over."""
+    z_mm = top_mm
+    while not guarded.done:
+        seen = yield Look(LOOK_S)
+        step_mm = guarded.step_mm(seen.now_ns, feel())
+        if step_mm:
+            z_mm -= step_mm
+            seen = yield Go(z=z_mm, feed_mm_min=feed_mm_min)
+            guarded.rested(seen.now_ns)
+
+
+def outcome(guarded: Guarded, start_ns: int, readings: Readings, tare: Tare, settings: GuardedRunSettings) -> Outcome:
+    """What gel and force/torque sensor say of the same time."""
+    stamps = guarded.hold.stamps_ns
+    samples = readings.samples(stamps[0], stamps[-1])
+    if not samples:
+        raise TactileError('the force/torque sensor measured nothing while the force was held')
+    return Outcome(
+        gel_n=np.array(guarded.hold.forces_n),
+        sensor_n=pressing_n(wrenches(samples), tare, settings.mounting),
+        seconds=guarded.hold.seconds,
+        steps=guarded.steps,
+        approach_s=(stamps[0] - start_ns) / NS_PER_S,
+        greatest_n=guarded.greatest_n,
+    )

@@ -1,0 +1,69 @@
+"""A press as an earlier run recorded it, with its images, from the bags of a folder."""
+
+from __future__ import annotations
+
+import bisect
+from pathlib import Path
+
+from tactile_nodes import conversions, messages
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
+from tactile_nodes.collection.plan.audit import bags_below, decoded, is_topic, topics_of
+from tactile_nodes.collection.plan.journal import Entry
+from tactile_nodes.collection.plan.plan import Point
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.readings import Frame, frame_of
+from tactile_nodes.errors import BagError
+from tactile_nodes.messages import types
+
+REST_FRAMES = 5
+
+
+def recalled(folder: Path, plan_id: str, entry: Entry) -> Record | None:
+    """The attempt that the entry tells of; None if no bag of the folder holds it with images at rest and pressed."""
+    for bag in bags_below(folder):
+        try:
+            with BagReader(bag) as reader:
+                found = _press(reader, plan_id, entry)
+                record = _record(reader, *found) if found is not None else None
+        except BagError:  # it holds nothing that can be read
+            continue
+        if record is not None:
+            return record
+    return None
+
+
+def _press(reader: BagReader, plan_id: str, entry: Entry) -> tuple[types.Press, int] | None:
+    """The press, and when the one before it was over."""
+    wanted = (plan_id, entry.press, entry.attempt, types.Press.STATUS_RECORDED)
+    before_ns = 0
+    for found in reader.messages([name for name in topics_of(reader) if is_topic(name, PRESS)]):
+        press = decoded(reader, found)
+        if press is None:
+            continue
+        if (press.plan_id, press.press, press.attempt, press.status) == wanted:
+            return press, before_ns
+        before_ns = max(before_ns, messages.stamp_ns(press.window_end))
+    return None
+
+
+def _record(reader: BagReader, press: types.Press, before_ns: int) -> Record | None:
+    start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
+    frames = _frames(reader, before_ns + 1, end_ns)
+    within = bisect.bisect_left([frame.stamp_ns for frame in frames], start_ns)
+    rest, window = frames[:within][-REST_FRAMES:], frames[within:]
+    if not rest or not window:
+        return None
+    x_mm, y_mm, depth_mm = (1000 * value for value in (press.position.x, press.position.y, press.depth))
+    force, torque = press.wrench.force, press.wrench.torque
+    wrench = (force.x, force.y, force.z, torque.x, torque.y, torque.z)
+    point = Point(press.press, x_mm, y_mm, depth_mm)
+    return Record(point, press.attempt, rest=rest, frames=window, wrench=wrench)
+
+
+def _frames(reader: BagReader, start_ns: int, end_ns: int) -> list[Frame]:
+    """Images by their stamps, which are the times of publishing in a bag; in order."""
+    topics = [name for name in topics_of(reader) if is_topic(name, PRESS_IMAGE)]
+    kept = [reader.decode(found) for found in reader.messages(topics) if start_ns <= found.publish_ns <= end_ns]
+    frames = [frame_of(messages.stamp_ns(image.header.stamp), conversions.image_array(image)) for image in kept]
+    return sorted(frames, key=lambda frame: frame.stamp_ns)

@@ -1,0 +1,125 @@
+"""What a run does when something went wrong: the tip up, a person asked, devices waited for, and whether it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from tactile_nodes.collection.actions import Procedure
+from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
+from tactile_nodes.collection.plan.journal import ACKNOWLEDGED, BEGUN, ENDED, HALTED, Journal
+from tactile_nodes.collection.press.rest import await_recovery
+from tactile_nodes.collection.press.up import bring_up, check_free
+from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR, Trip
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.wrench import Tare
+from tactile_nodes.errors import DeviceError, DeviceFaultError
+
+Result = TypeVar('Result')
+CUT_OFF = 'the run before this one was cut off, so nobody knows where the tip is'
+TOO_GREAT = {FORCE, OVERLOAD}
+
+
+class Recovery:
+    """What is done about a trip; `tare` is what the unloaded sensor read last.
+
+    Args:
+        hands: the machine.
+        settings: limits.
+        journal: where it is written that a run moves, is halted, has ended.
+        outlet: whom to tell and to ask.
+        shaken: told when something was hit, which may have cost steps.
+    """
+
+    def __init__(
+        self,
+        hands: Hands,
+        settings: CollectionSettings,
+        journal: Journal,
+        outlet: Outlet,
+        shaken: Callable[[], None],
+    ) -> None:
+        self._hands = hands
+        self._settings = settings
+        self._journal = journal
+        self._outlet = outlet
+        self._shaken = shaken
+        self.tare: Tare | None = None
+
+    def begin(self) -> None:
+        """From now on the machine moves."""
+        self._note(BEGUN)
+
+    def end(self) -> None:
+        """Up at last; what the machine answers to that matters only if all else was well."""
+        try:
+            self.up()
+            self._note(ENDED)
+        except DeviceError as error:
+            self._outlet.say(f'the tip could not be brought up: {error}')
+
+    def ask_first(self, unasked: bool) -> None:
+        """A person, after a run that was cut off; after one that was halted whatever was said beforehand.
+
+        Raises:
+            InterruptedRunError: the run is to end.
+        """
+        if why := self._journal.halted:
+            self._ask(f'the run was halted: {why}')
+        elif self._journal.is_cut_off and not unasked:
+            self._ask(CUT_OFF)
+
+    def up(self, tare: Tare | None = None, doubted: bool = False) -> None:
+        """Bring the tip up. Raises as `bring_up`."""
+        trip = self._hands.safety.trip
+        doubted = doubted or (trip is not None and trip.kind == MACHINE)
+        bring_up(self._hands, tare or self.tare, self._settings, doubted)
+
+    def go_on_after(self, tripped: TrippedError) -> None:
+        """The tip is up; see whether the run can go on.
+
+        Raises:
+            DeviceError: it cannot.
+            InterruptedRunError: the run is to end.
+            TrippedError: something new is wrong.
+        """
+        trip = self._worst(tripped)
+        if trip.kind == MACHINE:
+            raise DeviceFaultError(trip.reason) from tripped
+        if trip.kind in TOO_GREAT:
+            self._shaken()
+        if trip.kind == OVERLOAD:
+            self._note(HALTED, trip.reason)  # so that no other process goes on either
+            self._ask(trip.reason)
+        if trip.kind != FORCE:
+            self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
+            await_recovery(self._hands, self._settings.limits, trip.reason)
+        self._hands.safety.reset(self._hands.clock.now_ns())
+        if self.tare is not None:
+            self._hands.safety.tare(self.tare.wrench)
+            self._hands.run(check_free(self.tare, self._settings))
+
+    def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
+        """What a procedure gives; again from its beginning when sensor or camera failed, or a person has looked."""
+        for _ in range(self._settings.limits.attempts - 1):
+            try:
+                return self._hands.run(procedure())
+            except TrippedError as tripped:
+                self.up()
+                if self._worst(tripped).kind not in {SENSOR, CAMERA, OVERLOAD}:
+                    raise
+                self.go_on_after(tripped)
+        return self._hands.run(procedure())
+
+    def _worst(self, tripped: TrippedError) -> Trip:
+        """A force goes on to grow while the machine stops."""
+        return self._hands.safety.trip or tripped.trip
+
+    def _ask(self, why: str) -> None:
+        if not self._outlet.person.ask(why, lambda: self._hands.asked_to_stop):
+            raise InterruptedRunError
+        self._note(ACKNOWLEDGED)
+
+    def _note(self, step: str, reason: str = '') -> None:
+        self._journal.note_run(step, self._hands.clock.now_ns(), reason)

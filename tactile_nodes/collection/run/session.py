@@ -1,0 +1,221 @@
+"""One run of a plan on a rig: journal, devices and campaign, from the first look at the bags to letting go of all."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tactile_nodes.bus.node.log import Log
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.topics import Topic
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.plan.audit import audit, await_recorded, settle
+from tactile_nodes.collection.plan.journal import Journal
+from tactile_nodes.collection.plan.order import ordered
+from tactile_nodes.collection.plan.plan import PlanSettings, load_plan_settings, make_plan, plan_path
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.run.campaign import Campaign
+from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.run.person import Person
+from tactile_nodes.collection.run.recall import recalled
+from tactile_nodes.collection.run.voice import Names, Voice
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.collection.station import NOT_UP_YET, Station
+from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.drivers.waiting import opened_within
+from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.gel_tables import load_gel
+from tactile_nodes.params import parameter
+from tactile_nodes.simulation.indenter import indenter_name
+
+LEAVE_S = 1.5
+ASK, GO_ON = 'ask', 'go_on'
+NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
+"""Why a rig that was just switched on may not open; a fault it would tell again."""
+
+
+@dataclass(frozen=True)
+class RigSettings(CollectionSettings):
+    """A collection, with its plan, its devices, and where its traces are."""
+
+    folder: str = parameter('collection', 'where the journal lies, and the bags that it is compared with')
+    plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
+    plan: PlanSettings = field(default_factory=PlanSettings)
+    anew: bool = parameter(False, 'do the whole plan again at each start, instead of what the journal leaves of it')
+    after_kill: str = parameter(
+        ASK,
+        'after a run that was cut off: ask a person before anything moves, or go_on by itself',
+        choices=(ASK, GO_ON),
+    )
+    cnc: CncSettings = field(default_factory=CncSettings)
+    force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
+    world: WorldSettings = field(default_factory=WorldSettings)
+    wait_s: float = parameter(20.0, 'how long camera and recorder may take to come, or to come back', minimum=0.0)
+    require_recorder: bool = parameter(True, 'press only while somebody records')
+    sensor_frame_id: str = parameter('force_torque_sensor', 'frame of the force samples')
+    machine_frame_id: str = parameter('rig', "frame of the machine's coordinates")
+    surface_frame_id: str = parameter('gel_surface', 'frame of the presses')
+    camera_frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
+
+
+def with_indenter(settings: RigSettings) -> RigSettings:
+    """The settings with the name of what presses: of a simulated machine that of the world's indenter, of one that is
+    not the name in `press.indenter`, or, where that is empty as with an emulated rig, the world's again.
+
+    Raises:
+        ConfigurationError: a gel that cannot be read.
+    """
+    if settings.cnc.source != SIMULATED and settings.press.indenter:
+        return settings
+    world = settings.world
+    name = indenter_name(load_gel(world.gel).tip_radius_mm, world.indenter)
+    return dataclasses.replace(settings, press=dataclasses.replace(settings.press, indenter=name))
+
+
+class Session:
+    """Opens everything; `run` does what is left of the plan.
+
+    Args:
+        settings: plan, devices and limits.
+        publishers: one for each of `voice.TOPICS`.
+        clock: the host's.
+        log: for a person.
+        answer: what a person types to answer a question of the run.
+
+    Raises:
+        ConfigurationError: a plan, a journal or a limit that cannot be.
+        DeviceError: a device that does not come within `wait_s`.
+    """
+
+    def __init__(
+        self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log, answer: str
+    ) -> None:
+        self._settings = s = with_indenter(settings)
+        self._clock = clock
+        self._log = log
+        self.person = Person(answer, log.warn, clock)
+        plan = load_plan_settings(plan_path(s.plan_file)) if s.plan_file else s.plan
+        self.plan = make_plan(plan)
+        frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
+        names = Names(*frames, self.plan.plan_id, s.press.indenter, s.force_torque.source, s.cnc.source)
+        self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm))
+        self._runner: threading.Thread | None = None
+        self._alone_ns = 0
+        self._station: Station | None = None
+        self._journal = Journal(Path(s.folder) / f'{self.plan.plan_id}.jsonl', self.plan)
+        try:
+            self._audit()
+            self._station = self.station = station = opened_within(
+                s.wait_s, self._devices, self._clock, self._waiting, NOT_THERE_YET
+            )
+            outlet = Outlet(
+                self._record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
+                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
+                self.person,
+            )  # fmt: skip
+            order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
+            self.campaign = Campaign(
+                self.plan, order, self._journal, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
+                s.after_kill == GO_ON,
+            )  # fmt: skip
+        except BaseException:
+            self.close()
+            raise
+
+    def run(self) -> str:
+        """Do what is left of the plan, in this thread; what came of it, in a sentence. Raises as `Campaign.run`."""
+        self._runner = threading.current_thread()
+        self._await_partners()
+        return self.campaign.run()
+
+    def stop(self) -> None:
+        """Let the run end, with the tip up; returns at once."""
+        self.station.hands.asked_to_stop = True
+
+    def close(self) -> None:
+        """End the run and let go of everything, but of what a run needs whose tip is not up yet."""
+        if self._station is not None:
+            self.stop()
+            if not self._station.close_after(self._runner, LEAVE_S):
+                self._log.warn(NOT_UP_YET)
+                return
+            self._voice.the_rest()
+        self._journal.close()
+
+    def image(self, stamp_ns: int, image: Picture) -> None:
+        """An image has come. Raises ImageError."""
+        self.station.image(stamp_ns, image)
+
+    def _devices(self) -> Station:
+        s = self._settings
+        voice = self._voice
+        return Station(
+            s, s.cnc, s.force_torque, s.world, self._clock, voice.sample, self._on_status, voice.switched, voice.passed
+        )
+
+    def _waiting(self, error: DeviceError) -> None:
+        self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)
+
+    def _on_status(self, status: CncStatus) -> None:
+        self._voice.status(status, self.campaign.now, self.campaign.surface)
+
+    def _await_partners(self) -> None:
+        """Camera and recorder; whether they came, the campaign finds out."""
+        self._alone_ns = self._clock.now_ns()
+        deadline_ns = self._alone_ns + round(self._settings.wait_s * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns and not self.station.hands.asked_to_stop:
+            if self.station.readings.frames(0) and self._is_recorded:
+                return
+            self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 20)
+
+    @property
+    def _is_recorded(self) -> bool:
+        return self._voice.is_recorded or not self._settings.require_recorder
+
+    def _require_recorder(self) -> bool:
+        """See `Outlet.require_recorder`: a recorder that was killed is started again by its launch."""
+        now_ns, wait_s = self._clock.now_ns(), self._settings.wait_s
+        if self._is_recorded:
+            self._alone_ns = 0
+        elif not self._alone_ns:
+            self._alone_ns = now_ns
+            self._log.warn(f'nobody records; the tip stays up and waits {wait_s:g} s at most for a recorder')
+        elif now_ns - self._alone_ns > wait_s * NS_PER_S:
+            raise BusError('nobody records press, press_image and force_torque; start a recorder, then this again')
+        return self._is_recorded
+
+    def _record(self, record: Record) -> None:
+        """Tell it; an attempt that fell between two recorders is one to be made again."""
+        if self._settings.require_recorder and not record.reason and self._voice.unheard_ns >= record.start_ns:
+            record.reason = 'nobody recorded the force while it was pressed'
+        self._voice.record(record)
+
+    def _missing(self) -> int:
+        """See `Outlet.missing`. Where no bag of the folder holds any press, all are recorded elsewhere."""
+        if not self._settings.require_recorder:
+            return 0
+        held = await_recorded(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock)
+        return settle(self._journal, held, self._clock.now_ns())[1] if held else 0
+
+    def _audit(self) -> None:
+        if self._journal.repaired:
+            self._log.warn(self._journal.repaired)
+        if self._settings.anew:
+            if done := self._journal.begin_anew(self._clock.now_ns()):
+                self._log.info(
+                    f'beginning plan {self.plan.plan_id} anew; {done} presses of runs before stay in their bags'
+                )
+            return
+        found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
+        if self._journal.done or missing:
+            self._log.info(
+                f'going on with plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
+                f'there, {found} of them just found in the bags; {missing} not found will be done again'
+            )
+        if aside := self._journal.aside:
+            self._log.info(f'{len(aside)} presses were put aside because the force was too great; see the journal')

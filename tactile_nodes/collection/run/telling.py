@@ -1,0 +1,110 @@
+"""What a run measures, as messages."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.collection.plan.journal import Entry
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.press.surface import Surface
+from tactile_nodes.drivers.cnc.contract import CncState, CncStatus, Switched
+from tactile_nodes.drivers.force_torque.contract import Sample, Wrench
+from tactile_nodes.messages import time_from_ns, types
+
+STATES = {
+    CncState.IDLE: types.RigState.STATE_IDLE,
+    CncState.RUN: types.RigState.STATE_MOVING,
+    CncState.JOG: types.RigState.STATE_MOVING,
+    CncState.HOME: types.RigState.STATE_MOVING,
+    CncState.HOLD: types.RigState.STATE_HOLDING,
+    CncState.ALARM: types.RigState.STATE_ALARM,
+}
+UNKNOWN: Wrench = (math.nan,) * 6
+
+
+def wrench_fields(wrench: Wrench) -> types.Wrench:
+    """Six numbers as geometry_msgs/Wrench."""
+    fx, fy, fz, tx, ty, tz = wrench
+    return types.Wrench(force=types.Vector3(x=fx, y=fy, z=fz), torque=types.Vector3(x=tx, y=ty, z=tz))
+
+
+def sample_message(sample: Sample, frame_id: str) -> types.WrenchStamped:
+    """A force sample."""
+    head = conversions.header(sample.stamp_ns, frame_id)
+    return types.WrenchStamped(header=head, wrench=wrench_fields(sample.wrench))
+
+
+def traffic_message(sent: bool, stamp_ns: int, data: bytes, port: str, frame_id: str) -> types.SerialTraffic:
+    """Bytes that passed to or from the machine's controller."""
+    head = conversions.header(stamp_ns, frame_id)
+    return types.SerialTraffic(header=head, port=port, sent=sent, data=np.frombuffer(data, np.uint8))
+
+
+def edge_message(switched: Switched, count: int, recorder: str, line: str) -> types.SyncEdge:
+    """An edge of the digital line as the host saw it: between command and acknowledgement."""
+    middle_ns = (switched.earliest_ns + switched.latest_ns) // 2
+    return types.SyncEdge(
+        header=conversions.header(middle_ns, recorder),
+        line=line,
+        level=switched.level,
+        count=count,
+        uncertainty=(switched.latest_ns - switched.earliest_ns) / 2e9,
+    )
+
+
+def state_message(
+    status: CncStatus, press: int, surface: Surface | None, gel_mm: tuple[float, float], words: str, frame_id: str
+) -> types.RigState:
+    """Where the machine is."""
+    x, y, z = status.position_mm
+    depth = math.nan if surface is None else surface.depth_mm(x - gel_mm[0], y - gel_mm[1], z)
+    return types.RigState(
+        header=conversions.header(status.stamp_ns, frame_id),
+        state=STATES.get(status.state, types.RigState.STATE_UNKNOWN) if status.homed else types.RigState.STATE_UNKNOWN,
+        homed=status.homed,
+        position=types.Point(x=x / 1000, y=y / 1000, z=z / 1000),
+        depth=depth / 1000,
+        press=press,
+        controller=words,
+    )
+
+
+def press_message(record: Record, plan_id: str, indenter: str, frame_id: str) -> types.Press:
+    """An attempt at a press."""
+    point, tare = record.point, record.tare
+    return types.Press(
+        header=conversions.header(record.start_ns, frame_id),
+        plan_id=plan_id,
+        press=point.press,
+        attempt=record.attempt,
+        position=types.Point(x=point.x_mm / 1000, y=point.y_mm / 1000, z=0.0),
+        depth=point.depth_mm / 1000,
+        depth_reported=record.depth_reported_mm / 1000,
+        indenter=indenter,
+        window_start=time_from_ns(record.start_ns),
+        window_end=time_from_ns(record.end_ns),
+        frames=len(record.frames),
+        samples=record.samples,
+        wrench=wrench_fields(record.wrench),
+        wrench_deviation=wrench_fields(record.deviation),
+        tare=wrench_fields(tare.wrench if tare is not None else UNKNOWN),
+        tare_id=tare.tare_id if tare is not None else '',
+        force_rate=record.force_rate,
+        status=types.Press.STATUS_REJECTED if record.reason else types.Press.STATUS_RECORDED,
+        reason=record.reason,
+    )
+
+
+def suspect_message(entry: Entry, plan_id: str, reason: str, now_ns: int, frame_id: str) -> types.Press:
+    """An attempt that was recorded counts no more."""
+    return types.Press(
+        header=conversions.header(now_ns, frame_id),
+        plan_id=plan_id,
+        press=entry.press,
+        attempt=entry.attempt,
+        status=types.Press.STATUS_SUSPECT,
+        reason=reason,
+    )

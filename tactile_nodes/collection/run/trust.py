@@ -1,0 +1,132 @@
+"""Whether presses were where the machine says: what is recorded counts for good once an anchor after it was right.
+
+Presses that no anchor has confirmed yet are suspect when the next one lies elsewhere, and are done again. So are those
+that an interrupted run left behind, unless the last of them, pressed once more after homing, gives the image that was
+recorded: steps that were lost stay lost, so what is right at the end was right before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.plan.journal import ANCHORED, SUSPECT, Entry, Journal
+from tactile_nodes.collection.plan.plan import Point
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.run.anchors import Anchors, Shift
+from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError
+
+TELLS = 0.5  # of the anchor's depth: a press as deep as that shows in the image where it is
+
+
+class Trust:
+    """Presses anchors, and settles in the journal what they confirm.
+
+    Args:
+        settings: `anchor.every` of 0 believes the machine without looking.
+        order: the points of the plan.
+        journal: of the plan.
+        clock: for the journal.
+        outlet: told of suspects, asked for what an earlier run recorded.
+        press: makes a press.
+
+    Raises:
+        ConfigurationError: the anchor is deeper than the limit.
+    """
+
+    def __init__(
+        self,
+        settings: CollectionSettings,
+        order: Sequence[Point],
+        journal: Journal,
+        clock: Clock,
+        outlet: Outlet,
+        press: Callable[[Point], Record],
+    ) -> None:
+        every, depth_mm, deepest_mm = settings.anchor.every, settings.anchor.depth_mm, settings.limits.depth_mm
+        if every and depth_mm > deepest_mm:
+            raise ConfigurationError(
+                f'anchor.depth_mm is {depth_mm:g}, limits.depth_mm allows {deepest_mm:g}; change one of them'
+            )
+        self._every = every
+        self._tells_mm = depth_mm * TELLS
+        self._order = order
+        self._journal = journal
+        self._clock = clock
+        self._outlet = outlet
+        self._anchors = Anchors(settings.anchor, press)
+        self._since = 0
+
+    def begin(self) -> None:
+        """Set out the anchor, and look at what an interrupted run has left.
+
+        Raises:
+            DeviceFaultError: the image does not follow the machine.
+        """
+        if not self._every:
+            return
+        self._outlet.say('pressing the anchor')
+        shift = self._anchors.begin()
+        self._outlet.say(f'the anchor, pressed twice, lies {shift.told()} apart')
+        if self._journal.unconfirmed():
+            self._look_back()
+
+    def pressed(self) -> None:
+        """One press more since the last anchor."""
+        self._since += 1
+
+    def shaken(self) -> None:
+        """Something was hit, which may have cost steps: the next thing to do is an anchor."""
+        self._since = self._every
+
+    def check(self, at_end: bool = False) -> None:
+        """Press the anchor if it is due, or at the end of a run if anything waits to be confirmed.
+
+        Raises:
+            DeviceFaultError: the anchor is not where it was.
+        """
+        due = bool(self._journal.unconfirmed()) if at_end else self._since >= self._every
+        if not self._every or not due:
+            return
+        self._since = 0
+        shift = self._anchors.look()
+        if not self._anchors.is_beside(shift):
+            self._confirm(shift)
+            return
+        reason = f'the anchor lies {shift.told()} beside the first one'
+        count = self._doubt(self._journal.unconfirmed(), reason)
+        raise DeviceFaultError(
+            f'the tip is not where the machine believes: {reason}; the {count} presses since the last good anchor are '
+            'suspect and will be done again: see which axis sticks or loses steps, then start again'
+        )
+
+    def _look_back(self) -> None:
+        """Only a press that is deep enough tells; what came after it, nobody knows."""
+        unconfirmed = self._journal.unconfirmed()
+        points = {point.press: point for point in self._order}
+        telling = [entry for entry in unconfirmed if points[entry.press].depth_mm >= self._tells_mm]
+        earlier = self._outlet.recall(telling[-1]) if telling else None
+        if earlier is None:
+            self._doubt(unconfirmed, 'the run broke off before an anchor, and left no image to compare with')
+            return
+        shift = self._anchors.between(earlier, self._anchors.again(points[telling[-1].press]))
+        if self._anchors.is_beside(shift):
+            self._doubt(unconfirmed, f'before the run broke off, press {telling[-1].press} was {shift.told()} off')
+            return
+        late = unconfirmed[unconfirmed.index(telling[-1]) + 1 :]
+        if late:
+            self._doubt(late, 'the run broke off before an anchor')
+        self._confirm(shift)
+
+    def _confirm(self, shift: Shift) -> None:
+        self._journal.note_run(ANCHORED, self._clock.now_ns(), shift.told())
+
+    def _doubt(self, entries: Sequence[Entry], reason: str) -> int:
+        """These count no more; how many they are."""
+        for entry in entries:
+            self._outlet.suspect(entry, reason)
+            self._journal.note(entry.press, entry.attempt, SUSPECT, self._clock.now_ns(), reason)
+        self._outlet.say(f'{len(entries)} presses are suspect and will be done again: {reason}')
+        return len(entries)

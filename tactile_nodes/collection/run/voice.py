@@ -1,0 +1,150 @@
+"""What a run tells the world: each measurement as a message to the publisher of its topic."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tactile_nodes import conversions
+from tactile_nodes.bus.protocol import Publisher
+from tactile_nodes.bus.topics import (
+    FORCE_TORQUE,
+    FORCE_TORQUE_COUNTS,
+    PRESS,
+    PRESS_IMAGE,
+    REFERENCE_IMAGE,
+    RIG_STATE,
+    SERIAL_TRAFFIC,
+    SYNC_EDGE,
+    Topic,
+)
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.plan.journal import Entry
+from tactile_nodes.collection.plan.plan import Point
+from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.press.surface import Surface
+from tactile_nodes.collection.readings import Picture
+from tactile_nodes.collection.run import telling
+from tactile_nodes.collection.run.counts import Batch, counts_message
+from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
+from tactile_nodes.drivers.force_torque.contract import Sample
+
+TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
+LINE = 'press'
+MOST_TRAFFIC = 20_000  # pieces that wait for a listener: some minutes
+BETWEEN = 0  # what the rig's state calls the press while there is none
+
+
+@dataclass(frozen=True)
+class Names:
+    """What messages say about themselves: frames, plan, indenter, the source of the force samples, the
+    port of the machine."""
+
+    sensor_frame: str
+    machine_frame: str
+    surface_frame: str
+    camera_frame: str
+    plan_id: str
+    indenter: str
+    source: str
+    port: str = ''
+
+
+class Voice:
+    """Publishes what a run measures.
+
+    Args:
+        publishers: one for each of `TOPICS`.
+        names: as above.
+        clock: the host's.
+        gel_mm: the gel's centre in machine coordinates.
+    """
+
+    def __init__(
+        self, publishers: dict[Topic, Publisher], names: Names, clock: Clock, gel_mm: tuple[float, float]
+    ) -> None:
+        self._publishers = publishers
+        self._names = names
+        self._clock = clock
+        self._gel_mm = gel_mm
+        self._edges = 0
+        self._batch = Batch()
+        self._traffic: deque[tuple[str, int, bytes]] = deque(maxlen=MOST_TRAFFIC)
+        self._telling_traffic = threading.Lock()
+        self.unheard_ns = 0
+        """Stamp of the last force sample to which nobody listened."""
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether somebody listens to all that a press consists of."""
+        return all(self._publishers[topic].listeners for topic in (PRESS, PRESS_IMAGE, FORCE_TORQUE))
+
+    def sample(self, sample: Sample) -> None:
+        """A force sample."""
+        publisher = self._publishers[FORCE_TORQUE]
+        if not publisher.listeners:
+            self.unheard_ns = sample.stamp_ns
+        publisher.publish(telling.sample_message(sample, self._names.sensor_frame))
+        self._count(self._batch.add(sample))
+        self._tell_traffic()
+
+    def passed(self, way: str, stamp_ns: int, data: bytes) -> None:
+        """Bytes to or from the machine (`Traffic`); only kept here, as whoever sends a stop must not wait."""
+        self._traffic.append((way, stamp_ns, data))
+
+    def the_rest(self) -> None:
+        """The devices are closed: tell what was gathered of samples and bytes."""
+        self._count(self._batch.rest())
+        self._tell_traffic()
+
+    def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
+        """Where the machine is, and which press is under way."""
+        press = BETWEEN if now is None else now.press
+        words, frame = status.state.value, self._names.machine_frame
+        told = telling.state_message(status, press, surface, self._gel_mm, words, frame)
+        self._publishers[RIG_STATE].publish(told)
+        self._tell_traffic()
+
+    def switched(self, switched: Switched) -> None:
+        """An edge of the digital line."""
+        self._edges += 1
+        edge = telling.edge_message(switched, self._edges, self._names.machine_frame, LINE)
+        self._publishers[SYNC_EDGE].publish(edge)
+
+    def record(self, record: Record) -> None:
+        """An attempt, after its images."""
+        for frame in (*record.rest, *record.frames):
+            self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
+        names = self._names
+        self._publishers[PRESS].publish(
+            telling.press_message(record, names.plan_id, names.indenter, names.surface_frame)
+        )
+
+    def suspect(self, entry: Entry, reason: str) -> None:
+        """An attempt counts no more."""
+        names, now_ns = self._names, self._clock.now_ns()
+        told = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
+        self._publishers[PRESS].publish(told)
+
+    def rest_image(self, image: Picture, at_ns: int) -> None:
+        """A new rest image."""
+        self._image(REFERENCE_IMAGE, image, at_ns)
+
+    def _count(self, samples: Sequence[Sample]) -> None:
+        if samples:
+            told = counts_message(samples, self._names.sensor_frame, self._names.source)
+            self._publishers[FORCE_TORQUE_COUNTS].publish(told)
+
+    def _tell_traffic(self) -> None:
+        """Once somebody listens also what passed before, as when the machine was opened."""
+        publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
+        with self._telling_traffic:
+            while self._traffic and publisher.listeners:
+                way, stamp_ns, data = self._traffic.popleft()
+                publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
+
+    def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:
+        head = conversions.header(stamp_ns, self._names.camera_frame)
+        self._publishers[topic].publish(conversions.image_message(image, head))

@@ -1,0 +1,273 @@
+"""Recorded pictures as a camera: a video file, or a folder of images.
+
+Neither says when a picture was taken. An AVI file holds a frame rate and no time stamps, and a folder not even that;
+so frame k is stamped ``start + k / fps``, which is the file's claim and not a measurement.
+
+At a `rate` above 0 frame k is delivered no earlier than its stamp, ``start + k / (fps * rate)``; a reader that falls
+behind catches up, nothing is skipped. At a rate of 0 frames come as fast as they are read, stamped when they are
+read, because a stamp of the future would break every latency that is computed from it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.camera import opencv
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
+from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain
+
+IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
+FASTEST_CLAIM = 1000.0  # broken headers claim 90000 frames a second and more
+
+
+class Recording(Protocol):
+    """Pictures in a row that can be read again from the start."""
+
+    name: str
+    fps: float
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What it is, for `Camera.description`."""
+        ...
+
+    def start(self) -> None:
+        """Go to the first picture."""
+        ...
+
+    def next(self) -> Picture | None:
+        """The next picture; None after the last."""
+        ...
+
+    def stop(self) -> None:
+        """Let go of the file."""
+        ...
+
+
+class FileCamera:
+    """A recording that is played as a camera."""
+
+    def __init__(self, settings: CameraSettings, clock: Clock, recording: Recording) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._recording = recording
+        self._waiting: Picture | None = None
+        self._shape: tuple[int, ...] = ()
+        self._open = False
+        self._start_ns = 0
+        self._last_ns = 0
+        self._sequence = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The recording, its size, and how its frames are timed."""
+        rate = self._settings.rate
+        pace = f'{self._recording.fps * rate:g} frames/s' if rate > 0 else 'as fast as it is read'
+        return {
+            **self._recording.description,
+            'size': 'x'.join(map(str, reversed(self._shape[:2]))),
+            'played at': pace,
+            'stamps': 'start + index / fps, a claim of the file' if rate > 0 else 'time of reading',
+            'loop': str(self._settings.loop).lower(),
+        }
+
+    @property
+    def health(self) -> Health:
+        """OK while it is open: a file does not get lost."""
+        if not self._open:
+            return Health(Level.STALE, f'{self._recording.name} is not open')
+        return Health(Level.OK, f'playing {self._recording.name}')
+
+    def open(self) -> None:
+        """Read the first picture, and refuse the recording if there is none."""
+        self._recording.start()
+        self._waiting = self._recording.next()
+        if self._waiting is None:
+            self._recording.stop()
+            raise ImageError(f'{self._recording.name} holds no picture; give another file or folder')
+        check_size(self._waiting, self._settings, self._recording.name)
+        self._shape = self._waiting.shape
+        self._start_ns = self._clock.now_ns()
+        self._last_ns = self._start_ns - 1
+        self._open = True
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """The next picture when it is due; None after the last one, unless it loops."""
+        if not self._open:
+            raise DeviceError(f'{self._recording.name} is closed; open it before reading')
+        if self._waiting is None and (picture := self._next()) is not None:
+            self._waiting = picture
+        if self._waiting is None:
+            return None
+        stamp_ns = self._wait_until_due(timeout_s)
+        frame = Frame(self._waiting, stamp_ns, self._sequence, 0)
+        self._waiting, self._last_ns = None, stamp_ns
+        self._sequence += 1
+        return frame
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._open:
+            self._open = False
+            self._recording.stop()
+
+    def _wait_until_due(self, timeout_s: float) -> int:
+        if self._settings.rate == 0:
+            return max(self._clock.now_ns(), self._last_ns + 1)
+        due_ns = self._start_ns + round(self._sequence * NS_PER_S / (self._recording.fps * self._settings.rate))
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        self._clock.sleep_until(min(due_ns, deadline_ns))
+        if due_ns > deadline_ns:
+            raise DeviceTimeoutError(f'the next picture of {self._recording.name} is not due within {timeout_s:g} s')
+        return due_ns
+
+    def _next(self) -> Picture | None:
+        picture = self._recording.next()
+        if picture is None and self._settings.loop:
+            self._recording.start()
+            picture = self._recording.next()
+        if picture is not None and picture.shape[:2] != self._shape[:2]:
+            raise ImageError(
+                f'{self._recording.name} mixes pictures of {self._shape[1]}x{self._shape[0]} and of '
+                f'{picture.shape[1]}x{picture.shape[0]}; put each size into a folder of its own'
+            )
+        return picture
+
+
+class VideoFile:
+    """A video, read through FFmpeg.
+
+    Args:
+        path: the file.
+        fps: what to assume where the file claims no rate, or an absurd one.
+    """
+
+    def __init__(self, path: Path, fps: float) -> None:
+        self.name = str(path)
+        self.fps = fps
+        self._path = path
+        self._claimed = 0.0
+        self._video: Any = None
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The file and the rate that it claims."""
+        return {'source': self.name, 'kind': 'video file', 'frames/s of the file': f'{self._claimed:g}'}
+
+    def start(self) -> None:
+        """Open the file at its first frame.
+
+        Opening again instead of seeking: to seek to frame 0 lands elsewhere in files without an index.
+        """
+        cv2 = opencv.load()
+        self.stop()
+        _check_readable(self._path)
+        self._video = cv2.VideoCapture(self.name, cv2.CAP_FFMPEG)
+        if not self._video.isOpened():
+            raise ImageError(f'{self.name} is no video that can be read here; convert it, to MP4 or AVI say')
+        self._claimed = self._video.get(cv2.CAP_PROP_FPS)
+        if 0 < self._claimed <= FASTEST_CLAIM:
+            self.fps = self._claimed
+        _check_rate(self.fps, self.name)
+
+    def next(self) -> Picture | None:
+        """The next frame, (h, w, 3)."""
+        good, image = self._video.read()
+        return image if good else None
+
+    def stop(self) -> None:
+        """Close the file."""
+        if self._video is not None:
+            self._video.release()
+            self._video = None
+
+
+class ImageFolder:
+    """The images of a folder: ``2.png`` before ``10.png``, other files passed over.
+
+    Args:
+        path: the folder.
+        fps: their rate, which a folder does not know.
+    """
+
+    def __init__(self, path: Path, fps: float) -> None:
+        self.name = str(path)
+        self.fps = fps
+        self._path = path
+        self._files: list[Path] = []
+        self._next = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The folder and the number of its images."""
+        return {'source': self.name, 'kind': 'folder of images', 'images': str(len(self._files))}
+
+    def start(self) -> None:
+        """List the folder."""
+        try:
+            files = [file for file in self._path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES]
+        except OSError as error:
+            raise ImageError(f'cannot list the folder {self.name} ({error.strerror})') from error
+        if not files:
+            known = ' '.join(sorted(IMAGE_SUFFIXES))
+            raise ImageError(f'the folder {self.name} holds no images; it may hold {known}')
+        _check_rate(self.fps, self.name)
+        self._files = sorted(files, key=lambda file: natural_key(file.name))
+        self._next = 0
+
+    def next(self) -> Picture | None:
+        """The next image: (h, w) if it is grey, else (h, w, 3); deeper pixels are cut to 8 bits."""
+        if self._next == len(self._files):
+            return None
+        self._next += 1
+        return read_image(self._files[self._next - 1])
+
+    def stop(self) -> None:
+        """Nothing is held between two images."""
+
+
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """Sorts names as people do: ``frame2`` before ``frame10``.
+
+    >>> sorted(['frame10', 'frame2', 'Frame1'], key=natural_key)
+    ['Frame1', 'frame2', 'frame10']
+    """
+    return [(int(part), '') if part.isdigit() else (-1, part.lower()) for part in re.split(r'([0-9]+)', name)]
+
+
+def read_image(path: Path) -> Picture:
+    """The image in a file, (h, w) or (h, w, 3) blue-green-red, uint8.
+
+    Raises:
+        ImageError: it cannot be read, or holds no image.
+    """
+    cv2 = opencv.load()
+    try:
+        data = np.frombuffer(read_plain(path, PICTURE_BYTES), np.uint8)
+    except OSError as error:
+        raise ImageError(f'cannot read the image {path} ({error.strerror})') from error
+    image = cv2.imdecode(data, cv2.IMREAD_ANYCOLOR) if data.size else None
+    if image is None:
+        raise ImageError(f'{path} holds no image that can be read; remove it or save it again as PNG')
+    return np.asarray(image, np.uint8)
+
+
+def _check_readable(path: Path) -> None:
+    try:
+        with open_plain(path):
+            pass
+    except OSError as error:
+        raise ImageError(f'cannot read the video {path} ({error.strerror}); check its permissions') from error
+
+
+def _check_rate(fps: float, name: str) -> None:
+    if fps <= 0:
+        raise ImageError(f'{name} does not say its frames per second; set fps of the camera')

@@ -1,0 +1,188 @@
+"""MJPEG over HTTP: ``multipart/x-mixed-replace`` as IP cameras, mjpg-streamer, ESP32-CAM and others send it.
+
+OpenCV can read such streams too, but notices a stall late, keeps old frames in a queue, and its time stamps are
+the frame's number divided by 25. So this driver reads the stream itself: a picture is stamped when its first bytes
+arrive, a silence of `stall_s` is a lost camera, and pictures that are not whole are counted and dropped. What the
+network adds to the age of a picture, arrival stamps cannot show.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import http.client
+import re
+import socket
+import urllib.parse
+from collections.abc import Mapping
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.camera import jpeg
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, check_size
+from tactile_nodes.drivers.camera.multipart import MultipartParser, Part
+from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceNotFoundError
+
+CONNECT_S = 3.0
+CHUNK = 64 * 1024
+RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a reader that was held up
+
+
+class MjpegCamera(LiveCamera):
+    """One connection to an MJPEG server; after it is lost, make another."""
+
+    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._url = _parse(settings.source)
+        super().__init__(without_password(self._url))
+        self._socket: socket.socket | None = None
+        self._size = ''
+        self._good_ns = 0
+        self._last_ns = 0
+        self._lost: DeviceError | None = None
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The address, the size of the pictures, and how they are stamped."""
+        return {'source': self.name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
+
+    @property
+    def health(self) -> Health:
+        """OK while pictures come; the frames lost are said."""
+        if self._reader is None:
+            return Health(Level.STALE, f'{self.name} is not open')
+        if self._lost is not None:
+            return Health(Level.ERROR, str(self._lost))
+        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+
+    def open(self) -> None:
+        """Connect, and wait for the first whole picture."""
+        response = self._request()
+        parser = MultipartParser(_boundary(response, self.name))
+        self._good_ns = self._clock.now_ns()
+        frame = self._drain(lambda slot: self._fetch(response, parser, slot), response.close, CONNECT_S)
+        self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
+
+    def read(self, timeout_s: float) -> Frame:
+        """The newest picture."""
+        try:
+            return super().read(timeout_s)
+        except DeviceLostError as error:
+            self._lost = error
+            raise
+
+    def _interrupt(self) -> None:
+        self._shut()  # the thread may be waiting for bytes
+
+    def _request(self) -> http.client.HTTPResponse:
+        secure = self._url.scheme == 'https'
+        kind = http.client.HTTPSConnection if secure else http.client.HTTPConnection
+        connection = kind(self._url.hostname or '', self._url.port, timeout=CONNECT_S)
+        try:
+            connection.connect()
+            self._socket = connection.sock
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            connection.request('GET', _path(self._url), headers=_headers(self._url))
+            response = connection.getresponse()
+            self._socket.settimeout(self._settings.stall_s)
+        except TimeoutError as error:
+            connection.close()
+            raise DeviceNotFoundError(
+                f'{self.name} does not answer within {CONNECT_S:g} s; check the address and the network'
+            ) from error
+        except (OSError, http.client.HTTPException) as error:
+            connection.close()
+            raise DeviceNotFoundError(
+                f'cannot connect to {self.name} ({_reason(error)}); check the address, and that the camera is on'
+            ) from error
+        return _accepted(response, self.name)
+
+    def _fetch(self, response: http.client.HTTPResponse, parser: MultipartParser, slot: NewestFrame) -> None:
+        for part in parser.feed(self._receive(response), self._clock.now_ns()):
+            self._put(part, slot)
+        if self._clock.now_ns() - self._good_ns > self._settings.stall_s * NS_PER_S:
+            raise DeviceLostError(f'{self.name} sends bytes and no whole JPEG pictures; check the address')
+
+    def _receive(self, response: http.client.HTTPResponse) -> bytes:
+        try:
+            data = response.read1(CHUNK)
+        except TimeoutError as error:
+            raise DeviceLostError(f'{self.name} has sent nothing for {self._settings.stall_s:g} s') from error
+        except (OSError, ValueError, http.client.HTTPException) as error:
+            raise DeviceLostError(f'the connection to {self.name} broke ({_reason(error)})') from error
+        if not data:
+            raise DeviceLostError(f'{self.name} has ended its stream')
+        return data
+
+    def _put(self, part: Part, slot: NewestFrame) -> None:
+        image = jpeg.decode(part.body)
+        if image is None:
+            slot.miss()
+            return
+        check_size(image, self._settings, self.name)
+        self._good_ns = self._clock.now_ns()
+        self._last_ns = max(part.arrival_ns, self._last_ns + 1)  # two parts may arrive in one piece
+        slot.put(image, self._last_ns)
+
+    def _shut(self) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):  # it may be down already
+                self._socket.shutdown(socket.SHUT_RDWR)
+
+
+def without_password(url: urllib.parse.SplitResult) -> str:
+    """The address as it may stand in logs: ``http://user:secret@host/`` becomes ``http://host/``."""
+    return url._replace(netloc=url.netloc.rpartition('@')[2]).geturl()
+
+
+def _parse(source: str) -> urllib.parse.SplitResult:
+    try:
+        url = urllib.parse.urlsplit(source.strip())
+        usable = bool(url.hostname) and url.port != 0
+    except ValueError as error:
+        raise ConfigurationError(f'{source!r} is no address of a camera ({error})') from error
+    if not usable:
+        raise ConfigurationError(f'{source!r} is no address of a camera; write http://host:port/path')
+    return url
+
+
+def _path(url: urllib.parse.SplitResult) -> str:
+    return (url.path or '/') + (f'?{url.query}' if url.query else '')
+
+
+def _headers(url: urllib.parse.SplitResult) -> dict[str, str]:
+    headers = {'Accept': 'multipart/x-mixed-replace, image/jpeg', 'User-Agent': 'tactile_nodes'}
+    if url.username is not None:
+        pair = f'{urllib.parse.unquote(url.username)}:{urllib.parse.unquote(url.password or "")}'
+        headers['Authorization'] = 'Basic ' + base64.b64encode(pair.encode()).decode()
+    return headers
+
+
+def _accepted(response: http.client.HTTPResponse, name: str) -> http.client.HTTPResponse:
+    if response.status == http.client.OK:
+        return response
+    target = response.getheader('Location')
+    response.close()
+    advice = f'it sends to {target}' if target else 'check the path'
+    if response.status == http.client.UNAUTHORIZED:
+        advice = 'give user and password as http://user:password@host/…'
+    raise DeviceNotFoundError(f'{name} answers {response.status} {response.reason}; {advice}')
+
+
+def _boundary(response: http.client.HTTPResponse, name: str) -> str:
+    kind = response.getheader('Content-Type', '')
+    found = re.search(r'boundary\s*=\s*("[^"]+"|[^\s;"]+)', kind, re.IGNORECASE)
+    if kind.lower().startswith('multipart/') and found is not None and found.group(1).strip('"-'):
+        return found.group(1)
+    response.close()
+    raise DeviceNotFoundError(
+        f'{name} sends {kind or "no Content-Type"} where an MJPEG stream is multipart/x-mixed-replace with a '
+        "boundary; look up the address of the stream in the camera's manual"
+    )
+
+
+def _reason(error: Exception) -> str:
+    text = error.strerror if isinstance(error, OSError) else None
+    return text or str(error) or type(error).__name__

@@ -1,0 +1,87 @@
+"""The choice of the camera that a SOURCE names.
+
+===========================================  ==================================================================
+source                                       camera
+===========================================  ==================================================================
+``simulated``                                the twin: a rendered gel (`camera.simulated`)
+``/dev/video0``, ``/dev/v4l/by-id/…``, ``0``  a V4L2 device (`camera.v4l2`); prefer by-id: indices change at boot
+``http://…``, ``https://…``                  MJPEG over HTTP (`camera.mjpeg`)
+``rtsp://…``                                 RTSP, through FFmpeg (`camera.rtsp`)
+a file                                       a recorded video (`camera.file`)
+a folder                                     its images in natural order (`camera.file`)
+===========================================  ==================================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.camera.contract import SIMULATED, Camera, CameraSettings
+from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
+
+
+def open_camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None = None) -> Camera:
+    """The camera that `settings.source` names, open; a live one reconnects by itself (`Reconnecting`).
+
+    `told` hears what the simulated one does where opening takes long.
+
+    Raises:
+        ConfigurationError: the source names no kind of camera.
+        DeviceError, ImageError: as `Camera.open`.
+    """
+    camera = _camera(settings, clock, told)
+    camera.open()
+    return camera
+
+
+def _camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None) -> Camera:
+    source = settings.source.strip()
+    if source == SIMULATED:
+        from tactile_nodes.drivers.camera.simulated import SimulatedCamera
+
+        return SimulatedCamera(settings, clock, told)
+    if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
+        return _stream(scheme.group(1).lower(), settings, clock)
+    if source.isdigit() or source.startswith('/dev/'):
+        return _device(settings, clock)
+    return _recording(Path(source).expanduser(), settings, clock)
+
+
+def _stream(scheme: str, settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera.reconnecting import Reconnecting
+
+    if scheme in {'http', 'https'}:
+        from tactile_nodes.drivers.camera.mjpeg import MjpegCamera
+
+        return Reconnecting(lambda: MjpegCamera(settings, clock), clock, settings)
+    if scheme in {'rtsp', 'rtsps'}:
+        from tactile_nodes.drivers.camera.rtsp import RtspCamera
+
+        return Reconnecting(lambda: RtspCamera(settings, clock), clock, settings)
+    raise ConfigurationError(
+        f'cannot read pictures from {settings.source}: the scheme {scheme}:// is not supported; '
+        'use http://, https:// (MJPEG) or rtsp://'
+    )
+
+
+def _device(settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera.reconnecting import Reconnecting
+    from tactile_nodes.drivers.camera.v4l2 import V4l2Camera
+
+    return Reconnecting(lambda: V4l2Camera(settings, clock), clock, settings)
+
+
+def _recording(path: Path, settings: CameraSettings, clock: Clock) -> Camera:
+    from tactile_nodes.drivers.camera.file import FileCamera, ImageFolder, VideoFile
+
+    if path.is_dir():
+        return FileCamera(settings, clock, ImageFolder(path, settings.fps))
+    if path.exists():
+        return FileCamera(settings, clock, VideoFile(path, settings.fps))
+    raise DeviceNotFoundError(
+        f'there is no camera, video or folder of images named {str(path)!r}; the source may be a device '
+        '(/dev/video0), a file, a folder, an http:// or rtsp:// address, or "simulated"'
+    )

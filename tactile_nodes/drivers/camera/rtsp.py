@@ -1,0 +1,92 @@
+"""RTSP cameras, through OpenCV and FFmpeg, over TCP.
+
+The stamps are arrival times: OpenCV's position on a network source is the frame's number over its nominal rate.
+FFmpeg holds some frames back to put them in order, so the age of a picture is what the network and this queue add,
+and arrival stamps cannot show it; where latency counts, take the camera's MJPEG address instead.
+"""
+
+from __future__ import annotations
+
+import socket
+import urllib.parse
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.camera import opencv
+from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
+from tactile_nodes.drivers.camera.mjpeg import without_password
+from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
+
+PORTS = {'rtsp': 554, 'rtsps': 322}
+CONNECT_S = 3.0
+
+
+class RtspCamera(LiveCamera):
+    """One session with an RTSP server; after it is lost, make another."""
+
+    def __init__(self, settings: CameraSettings, clock: Clock) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._url = urllib.parse.urlsplit(settings.source.strip())
+        super().__init__(without_password(self._url))
+        self._size = ''
+        self._last_ns = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The address, the size of the pictures, and how they are stamped."""
+        return {'source': self.name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
+
+    @property
+    def health(self) -> Health:
+        """OK while it is open; the frames lost are said."""
+        if self._reader is None:
+            return Health(Level.STALE, f'{self.name} is not open')
+        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+
+    def open(self) -> None:
+        """Start the session, and wait for the first picture."""
+        self._knock()
+        video = self._start()
+        frame = self._drain(lambda slot: self._fetch(video, slot), video.release, CONNECT_S)
+        self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
+
+    def _knock(self) -> None:
+        """FFmpeg fails without a reason; a plain connection gives one."""
+        try:
+            address = (self._url.hostname or '', self._url.port or PORTS[self._url.scheme.lower()])
+            socket.create_connection(address, timeout=CONNECT_S).close()
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            raise DeviceNotFoundError(
+                f'cannot connect to {self.name} ({reason}); check the address, and that the camera is on'
+            ) from error
+
+    def _start(self) -> Any:
+        cv2 = opencv.load()
+        limits = [
+            (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(CONNECT_S * 1000)),
+            (cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(self._settings.stall_s * 1000)),
+        ]
+        video = cv2.VideoCapture(
+            self._settings.source.strip(), cv2.CAP_FFMPEG, [value for pair in limits for value in pair]
+        )
+        if not video.isOpened():
+            raise DeviceNotFoundError(
+                f'{self.name} answers and gives no video; check the path, user and password: '
+                'rtsp://user:password@host/path'
+            )
+        return video
+
+    def _fetch(self, video: Any, slot: NewestFrame) -> None:
+        good, image = video.read()
+        if not good:
+            raise DeviceLostError(f'{self.name} has ended its stream or sent nothing for {self._settings.stall_s:g} s')
+        check_size(image, self._settings, self.name)
+        self._last_ns = max(self._clock.now_ns(), self._last_ns + 1)
+        slot.put(np.asarray(image, np.uint8), self._last_ns)

@@ -1,0 +1,174 @@
+"""The camera's twin: it renders the shared scene at its frame rate.
+
+The scene is a function of time, and the time is the frame's stamp on the host's time base; so another process that
+builds the same scene (`build_scene`) knows the truth for every frame from the frame's stamp alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSettings, check_size
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
+from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation import worlds
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Press
+from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldScene
+from tactile_nodes.simulation.touch.table import TouchTable
+from tactile_nodes.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
+
+NAME = 'the simulated camera'
+TIP, MIXED = 'tip', 'mixed'
+REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
+
+Told = Callable[[str], None]
+"""Hears, while a scene is built, what takes long."""
+
+
+class Untouched:
+    """What a camera sees until the world is there that it shall look at."""
+
+    def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
+        """Above the middle."""
+        return Press(0.0, 0.0, -1.0)
+
+
+class SimulatedCamera:
+    """Renders a frame when its time has come; frames that nobody was there to take are lost, as from a camera.
+
+    A camera that looks at a shared world (`scene.world`) shows the gel of that world as soon as there is one.
+    """
+
+    def __init__(self, settings: CameraSettings, clock: Clock, told: Told | None = None) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._told = told
+        self._scene: Scene | None = None
+        self._world: worlds.SharedWorld | None = None
+        self._start_ns = 0
+        self._sequence = -1
+        self._dropped = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The gel, the size and the rate."""
+        base = {'source': self._settings.source, 'kind': 'simulated camera', 'stamps': 'capture'}
+        if self._scene is None:
+            return base
+        gel = self._scene.gel
+        size = f'{gel.image_width}x{gel.image_height}'
+        return {**base, 'gel': gel.gel_id, 'size': size, 'frames/s': f'{self._settings.fps:g}'}
+
+    @property
+    def health(self) -> Health:
+        """OK while it is open; the frames lost are said."""
+        if self._scene is None:
+            return Health(Level.STALE, f'{NAME} is not open')
+        return Health(Level.OK, f'rendering, {self._dropped} frames lost')
+
+    def open(self) -> None:
+        """Build the scene and render once, so that the first frame comes as fast as the others.
+
+        A contact that nobody has solved yet is solved first, which takes some ten seconds and is told.
+        """
+        if self._settings.fps <= 0:
+            raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
+        scene = build_scene(self._settings.scene, self._told)
+        check_size(scene.render(0), self._settings, NAME)
+        self._start_ns = self._clock.now_ns()
+        if self._settings.scene.start_ns == 0:
+            begins_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
+            scene.schedule = _schedule(self._settings.scene, begins_ns, scene.bodies)
+        if self._settings.scene.world:
+            scene.schedule = Untouched()
+        self._scene, self._world = scene, None
+        self._sequence, self._dropped = -1, 0
+
+    @property
+    def bins(self) -> BinGrid:
+        """The bins that the truth is told in."""
+        return self._open_scene().bins
+
+    def truth(self, stamp_ns: int) -> Truth:
+        """The force on the gel at the time of a frame."""
+        return self._open_scene().truth(stamp_ns)
+
+    def read(self, timeout_s: float) -> Frame:
+        """The next frame when it is due; of frames that are overdue, the newest."""
+        scene = self._open_scene()
+        now_ns = self._clock.now_ns()
+        newest = int((now_ns - self._start_ns) * self._settings.fps / NS_PER_S)
+        sequence = max(newest, self._sequence + 1)
+        stamp_ns, deadline_ns = self._due_ns(sequence), now_ns + round(timeout_s * NS_PER_S)
+        self._clock.sleep_until(min(stamp_ns, deadline_ns))
+        if stamp_ns > deadline_ns:
+            raise DeviceTimeoutError(f'{NAME} makes no picture within {timeout_s:g} s at its rate')
+        self._dropped += sequence - self._sequence - 1
+        self._sequence = sequence
+        return Frame(np.asarray(scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
+
+    def close(self) -> None:
+        """Forget the scene."""
+        self._scene = None
+
+    def _open_scene(self) -> Scene:
+        if self._scene is None:
+            raise DeviceError(f'{NAME} is closed; open it before reading')
+        if self._settings.scene.world and (world := worlds.find(self._settings.scene.world)) is not self._world:
+            self._scene, self._world = (self._scene if world is None else WorldScene(world)), world
+        return self._scene
+
+    def _due_ns(self, sequence: int) -> int:
+        return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
+
+
+def build_scene(settings: SceneSettings, told: Told | None = None) -> Scene:
+    """The gel and what happens to it; the same settings give the same world in every process.
+
+    Raises:
+        ConfigurationError: a gel file that cannot be used, or a contact that cannot be solved.
+    """
+    gel = _gel(settings)
+    bodies = _bodies(settings.contact, gel, told)
+    return Scene(gel, _schedule(settings, settings.start_ns, bodies), table=contact_table(gel), bodies=bodies)
+
+
+def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
+    """What touches the gel beside its tip; a contact that nobody has solved yet takes some ten seconds."""
+    if contact in ('', TIP):
+        return {}
+    if contact == MIXED:
+        return ready_contacts(gel)
+    wanted = usual_contact(gel, contact) if contact in USUAL else Contact.named(contact)
+    return {contact: solved_contact(gel, wanted, told and _progress(contact, told))}
+
+
+def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
+    def tell(done: int, stages: int) -> None:
+        told(f'solving how the gel deforms under {contact}, once: {done} of {stages} stages')
+
+    return tell
+
+
+def _schedule(settings: SceneSettings, start_ns: int, bodies: Mapping[str, TouchTable]) -> TouchSchedule:
+    return TouchSchedule(
+        seed=settings.seed,
+        start_ns=start_ns,
+        period_s=settings.period_s,
+        shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
+        deepest_mm=settings.deepest_mm,
+        bodies=tuple((name, table.presses, table.stages) for name, table in bodies.items()),
+        every=2 if settings.contact == MIXED else 1,
+    )
+
+
+def _gel(settings: SceneSettings) -> Gel:
+    gel = load_gel(settings.gel)
+    return gel if settings.gel_seed < 0 else dataclasses.replace(gel, seed=settings.gel_seed)

@@ -1,0 +1,247 @@
+"""A UVC or other V4L2 camera, through OpenCV.
+
+What such devices do, and what is done about it here: ``set`` returns True and changes nothing, so everything is read
+back; setting the size resets the format, so the format comes first; a camera pulled out lets ``read`` return False at
+once while ``isOpened()`` stays True, so alive is who sent a good frame lately; a stalled one blocks ``grab``, so a
+thread of its own grabs; some take manual exposure only while they stream, so controls are set after the first frame
+and again a second later. Pictures in MJPG are taken raw, checked for their end, and decoded here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from tactile_nodes import clock as clocks
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.camera import jpeg, opencv, v4l2_controls
+from tactile_nodes.drivers.camera.contract import CameraSettings, Picture, check_size
+from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps
+from tactile_nodes.drivers.camera.v4l2_controls import Controls, KernelControls, Readback
+from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
+
+FIRST_FRAME_S = 5.0  # cameras with a cold sensor take seconds
+SETTLED_S = 1.0
+PAUSE_S = 0.005
+
+
+class Capture(Protocol):
+    """The part of `cv2.VideoCapture` that is used here."""
+
+    def isOpened(self) -> bool: ...  # noqa: N802, OpenCV's name
+    def get(self, prop: int, /) -> float: ...
+    def set(self, prop: int, value: float, /) -> bool: ...
+    def grab(self) -> bool: ...
+    def retrieve(self) -> tuple[bool, Any]: ...
+    def release(self) -> None: ...
+
+
+def open_capture(path: str) -> Capture:
+    """OpenCV's capture of a device, by V4L2 and nothing else: other back-ends would guess."""
+    cv2 = opencv.load()
+    capture: Capture = cv2.VideoCapture(path, cv2.CAP_V4L2)
+    return capture
+
+
+class V4l2Camera(LiveCamera):
+    """One connection to a device; after it is lost, make another.
+
+    Args:
+        settings: what to ask of it.
+        clock: the host's.
+        capture: opens the device's stream.
+        controls: opens the device's controls.
+        check: raises if the device cannot be a camera of this user.
+    """
+
+    def __init__(
+        self,
+        settings: CameraSettings,
+        clock: Clock,
+        capture: Callable[[str], Capture] = open_capture,
+        controls: Callable[[str], Controls] = KernelControls,
+        check: Callable[[str], None] = check_device,
+    ) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._open_capture = capture
+        self._open_controls = controls
+        self._check = check
+        super().__init__(device_path(settings.source))
+        self._device: _Device | None = None
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The format and the controls, as read back, with what was asked."""
+        base = {'source': self.name, 'kind': 'V4L2 camera'}
+        return base if self._device is None else {**base, **self._device.description}
+
+    @property
+    def health(self) -> Health:
+        """WARN if the camera did not take a setting."""
+        if self._device is None or self._reader is None:
+            return Health(Level.STALE, f'{self.name} is not open')
+        if complaints := self._device.complaints:
+            return Health(Level.WARN, f'{self.name}: {"; ".join(complaints)}')
+        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+
+    def open(self) -> None:
+        """Set the format, wait for the first frame, set the controls."""
+        self._check(self.name)
+        capture = self._open_capture(self.name)
+        if not capture.isOpened():
+            raise DeviceNotFoundError(
+                f'{self.name} is there and gives no video; another program may hold it '
+                f'(see: fuser -v {self.name}), or it is no camera (see: v4l2-ctl --list-devices)'
+            )
+        self._device = _Device(self.name, capture, self._settings, self._clock)
+        self._device.controls = self._control_access()
+        self._drain(self._device.fetch, self._device.release, FIRST_FRAME_S)
+
+    def _control_access(self) -> Controls | None:
+        with contextlib.suppress(OSError):  # no controls: what was asked of them is reported as not there
+            return self._open_controls(self.name)
+        return None
+
+
+class _Device:
+    """The open device, as the reader's thread sees it."""
+
+    def __init__(self, name: str, capture: Capture, settings: CameraSettings, clock: Clock) -> None:
+        self._name = name
+        self._capture = capture
+        self._settings = settings
+        self._clock = clock
+        self._stamps = KernelStamps()
+        self._format: dict[str, str] = {}
+        self._format_complaints: list[str] = []
+        self._readbacks: list[Readback] = []
+        self._pause = threading.Event()
+        self._raw = False
+        self._cadence = Cadence(0.0)
+        self._good_ns = clock.now_ns()
+        self._first_good_ns = 0
+        self._settled = False
+        self.controls: Controls | None = None
+        self._configure()
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        readbacks = {readback.name: str(readback) for readback in self._readbacks}
+        return {**self._format, **readbacks, 'stamps': self._stamps.source}
+
+    @property
+    def complaints(self) -> list[str]:
+        found = [*self._format_complaints, *(readback.complaint for readback in self._readbacks)]
+        found.append(self._cadence.complaint)
+        if self._stamps.complaint:
+            found.append(f'stamped on arrival, because {self._stamps.complaint}')
+        return [complaint for complaint in found if complaint]
+
+    def fetch(self, slot: NewestFrame) -> None:
+        """Wait for a frame and put it into the slot."""
+        if not self._capture.grab():
+            self._check_alive()
+            return
+        handed_ns = round(clocks.monotonic_s() * clocks.NS_PER_S)
+        stamp_ns = self._stamps.stamp(self._capture.get(opencv.load().CAP_PROP_POS_MSEC), handed_ns)
+        if missing := self._cadence.missing(stamp_ns):
+            slot.miss(missing)
+        image = self._picture()
+        if image is None:
+            slot.miss()
+            self._check_alive()
+            return
+        check_size(image, self._settings, self._name)
+        self._note_size(image)
+        self._good_ns = self._clock.now_ns()
+        self._set_controls()
+        slot.put(image, stamp_ns)
+
+    def release(self) -> None:
+        self._capture.release()
+        if self.controls is not None:
+            self.controls.close()
+
+    def _configure(self) -> None:
+        cv2, asked = opencv.load(), self._settings
+        if asked.fourcc:
+            self._capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*asked.fourcc.ljust(4)[:4]))
+        if asked.width and asked.height:
+            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, asked.width)
+            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, asked.height)
+        if asked.fps:
+            self._capture.set(cv2.CAP_PROP_FPS, asked.fps)
+        fourcc = fourcc_text(round(self._capture.get(cv2.CAP_PROP_FOURCC)))
+        fps = self._capture.get(cv2.CAP_PROP_FPS)
+        self._cadence = Cadence(fps)
+        self._take_raw(fourcc)
+        self._format = {
+            'format': f'{fourcc} (asked {asked.fourcc or "nothing"})',
+            'frames/s': f'{fps:g} (asked {asked.fps:g})',
+        }
+        if asked.fourcc and fourcc != asked.fourcc:
+            self._format_complaints.append(f'the pixel format is {fourcc}, asked for was {asked.fourcc}')
+        if asked.fps and abs(fps - asked.fps) > 0.01 * asked.fps:
+            self._format_complaints.append(f'it gives {fps:g} frames/s, asked for were {asked.fps:g}')
+
+    def _take_raw(self, fourcc: str) -> None:
+        convert = opencv.load().CAP_PROP_CONVERT_RGB
+        if fourcc == 'MJPG':
+            self._capture.set(convert, 0)
+            self._raw = self._capture.get(convert) == 0
+
+    def _picture(self) -> Picture | None:
+        """None: it did not arrive whole, or OpenCV cannot make a picture of what did."""
+        try:
+            good, image = self._capture.retrieve()
+        except opencv.load().error:
+            return None
+        if not good or image is None:
+            return None
+        if self._raw:
+            return jpeg.decode(np.asarray(image, np.uint8).tobytes())
+        return np.asarray(image, np.uint8)
+
+    def _note_size(self, image: Picture) -> None:
+        asked = f'{self._settings.width or "any"}x{self._settings.height or "any"}'
+        self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (asked {asked})'
+
+    def _set_controls(self) -> None:
+        """With the first frame, and once more when the camera has had time to forget."""
+        self._first_good_ns = self._first_good_ns or self._good_ns
+        settled = self._good_ns - self._first_good_ns >= SETTLED_S * clocks.NS_PER_S
+        if self._readbacks and (self._settled or not settled):
+            return
+        self._settled = settled
+        if self.controls is None:
+            asked = v4l2_controls.wishes(self._settings)
+            self._readbacks = [Readback(name, value, None, needed) for name, (value, needed) in asked.items()]
+            return
+        try:
+            self._readbacks = v4l2_controls.apply(self.controls, self._settings)
+        except OSError as error:
+            raise DeviceLostError(f'{self._name} is gone ({error.strerror}); plug it in again') from error
+
+    def _check_alive(self) -> None:
+        if not Path(self._name).exists():
+            raise DeviceLostError(f'{self._name} was unplugged; plug it in again')
+        silent_s = (self._clock.now_ns() - self._good_ns) / clocks.NS_PER_S
+        if self._first_good_ns and silent_s >= self._settings.stall_s:
+            raise DeviceLostError(
+                f'{self._name} has sent no whole picture for {silent_s:.1f} s; check its cable and its USB hub'
+            )
+        self._pause.wait(PAUSE_S)  # read() fails at once after an unplug: do not burn a core on it
+
+
+def fourcc_text(code: int) -> str:
+    """The four characters of a pixel format: 0x47504A4D is MJPG."""
+    return (code & 0xFFFFFFFF).to_bytes(4, 'little').decode('latin-1').strip('\0 ')

@@ -1,0 +1,130 @@
+"""The controls of a V4L2 device, through the kernel's own interface.
+
+OpenCV's ``set`` returns True for a gain that the running auto-gain overrides, and has no name for auto-gain and for
+the exposure that lowers the frame rate. The kernel's G_CTRL and S_CTRL say what is (Linux media documentation,
+part I, VIDIOC_G_CTRL; numbers from linux/videodev2.h and linux/v4l2-controls.h), and work while OpenCV streams.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import struct
+from dataclasses import dataclass
+from typing import Protocol
+
+from tactile_nodes.drivers.camera.contract import CameraSettings
+
+_G_CTRL = 0xC008561B
+_S_CTRL = 0xC008561C
+_CONTROL = struct.Struct('Ii')  # struct v4l2_control: id, value
+
+CONTROLS = {
+    'white_balance_automatic': 0x0098090C,
+    'autogain': 0x00980912,
+    'gain': 0x00980913,
+    'white_balance_temperature': 0x0098091A,  # K
+    'auto_exposure': 0x009A0901,  # 1 manual, 3 aperture priority
+    'exposure_time_absolute': 0x009A0902,  # 100 us
+    'exposure_dynamic_framerate': 0x009A0903,
+    'focus_automatic_continuous': 0x009A090C,
+}
+
+# In this order: a manual value is refused, or forgotten, while its automatic mode is on.
+_MANUAL = {
+    'auto_exposure': 1,
+    'exposure_dynamic_framerate': 0,
+    'autogain': 0,
+    'white_balance_automatic': 0,
+    'focus_automatic_continuous': 0,
+}
+
+
+class Controls(Protocol):
+    """Access to the controls of one device, by the names of `CONTROLS`."""
+
+    def get(self, name: str) -> int | None:
+        """The value; None if the device has no such control."""
+        ...
+
+    def set(self, name: str, value: int) -> None:
+        """Ask for a value; whether it was taken, `get` tells."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device."""
+        ...
+
+
+class KernelControls:
+    """Controls through ioctl, on a file descriptor of their own."""
+
+    def __init__(self, path: str) -> None:
+        self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def get(self, name: str) -> int | None:
+        """As `Controls.get`."""
+        try:
+            answer = fcntl.ioctl(self._file, _G_CTRL, _CONTROL.pack(CONTROLS[name], 0))
+        except OSError:  # EINVAL: no such control; EACCES: cannot be read; both mean that nobody knows
+            return None
+        return int(_CONTROL.unpack(answer)[1])
+
+    def set(self, name: str, value: int) -> None:
+        """As `Controls.set`; a refusal shows in what is read back."""
+        try:
+            fcntl.ioctl(self._file, _S_CTRL, _CONTROL.pack(CONTROLS[name], value))
+        except OSError as error:
+            if error.errno == errno.ENODEV:
+                raise
+
+    def close(self) -> None:
+        """As `Controls.close`."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+
+@dataclass(frozen=True)
+class Readback:
+    """What was asked of a control and what it is now; None: the device has no such control."""
+
+    name: str
+    asked: int
+    got: int | None
+    needed: bool
+
+    @property
+    def complaint(self) -> str:
+        """Why a person should look at it; empty if it is as asked, or if there was nothing to switch off."""
+        if self.got == self.asked or (self.got is None and not self.needed):
+            return ''
+        return f'{self.name} is {"not there" if self.got is None else self.got}, asked for was {self.asked}'
+
+    def __str__(self) -> str:
+        return 'not there' if self.got is None else f'{self.got} (asked {self.asked})'
+
+
+def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
+    """What to ask of which control, in the order to ask it, and whether its absence is worth a word.
+
+    An exposure of 15.6 ms is 156 units of `exposure_time_absolute`.
+    """
+    asked = {} if settings.keep_auto else {name: (value, False) for name, value in _MANUAL.items()}
+    if settings.exposure_ms > 0:
+        asked['exposure_time_absolute'] = (round(settings.exposure_ms * 10), True)
+    if settings.gain >= 0:
+        asked['gain'] = (settings.gain, True)
+    if settings.white_balance_k > 0:
+        asked['white_balance_temperature'] = (settings.white_balance_k, True)
+    return asked
+
+
+def apply(controls: Controls, settings: CameraSettings) -> list[Readback]:
+    """Set the controls that are not as asked, then read all of them."""
+    asked = wishes(settings)
+    for name, (value, _needed) in asked.items():
+        if controls.get(name) not in {None, value}:
+            controls.set(name, value)
+    return [Readback(name, value, controls.get(name), needed) for name, (value, needed) in asked.items()]

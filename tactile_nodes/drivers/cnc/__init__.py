@@ -1,0 +1,1 @@
+"""Machines that press: one contract, one file a kind."""

@@ -1,0 +1,106 @@
+"""Which moves are allowed: a box, and nothing sideways while the tip is low."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tactile_nodes.drivers.cnc.contract import CncSettings, Envelope, Place
+from tactile_nodes.errors import ConfigurationError
+
+TOLERANCE_MM = 0.002  # positions are reported to 0.001 mm
+AXES = 'xyz'
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The rules for one machine."""
+
+    envelope: Envelope
+    safe_z_mm: float
+    lateral_when_low: bool
+    fastest_mm_min: float
+
+    def check(self, start: Place, target: Place, feed: float) -> None:
+        """Refuse a move that must not be made.
+
+        Raises:
+            ConfigurationError: saying which rule it breaks.
+        """
+        self._check_feed(feed)
+        self._check_box(target)
+        lateral = max(abs(target[0] - start[0]), abs(target[1] - start[1]))
+        low = min(start[2], target[2])
+        if lateral > TOLERANCE_MM and low < self.safe_z_mm - TOLERANCE_MM and not self.lateral_when_low:
+            raise ConfigurationError(
+                f'will not move sideways by {lateral:g} mm at z {low:g} mm, below the safe height of '
+                f'{self.safe_z_mm:g} mm; go up first, or set lateral_when_low'
+            )
+
+    def check_up(self, way: Place, feed: float) -> None:
+        """Refuse any move from an unknown place but straight up.
+
+        Raises:
+            ConfigurationError: it leads elsewhere.
+        """
+        self._check_feed(feed)
+        if way[0] or way[1] or way[2] <= 0:
+            raise ConfigurationError('the position is not known, so the tip may only go straight up; home first')
+
+    def _check_feed(self, feed: float) -> None:
+        if not 0 < feed <= self.fastest_mm_min:
+            raise ConfigurationError(
+                f'will not move at {feed:g} mm/min; the feed must be above 0 and at most {self.fastest_mm_min:g}'
+            )
+
+    def _check_box(self, target: Place) -> None:
+        box = zip(AXES, target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
+        for axis, value, low, high in box:
+            if not low - TOLERANCE_MM <= value <= high + TOLERANCE_MM:
+                raise ConfigurationError(
+                    f'will not move to {axis} {value:g} mm; the machine may go from {low:g} to {high:g} there'
+                )
+
+
+def guard(settings: CncSettings, machine: Envelope | None) -> Guard:
+    """The rules from the settings and the machine's own limits: the smaller box of the two.
+
+    Raises:
+        ConfigurationError: no box at all, an empty one, or a safe height outside it.
+    """
+    lowest = as_place(settings.lowest_mm) or (machine.lowest_mm if machine else None)
+    highest = as_place(settings.highest_mm) or (machine.highest_mm if machine else None)
+    if lowest is None or highest is None:
+        raise ConfigurationError('this machine does not tell its limits; set lowest_mm and highest_mm')
+    if machine is not None:
+        lowest = _each(max, lowest, machine.lowest_mm)
+        highest = _each(min, highest, machine.highest_mm)
+    if not all(math.isfinite(low) and low < high for low, high in zip(lowest, highest, strict=True)):
+        raise ConfigurationError(f'no room is left to move in, from {lowest} to {highest} mm; mend lowest and highest')
+    if not lowest[2] <= settings.safe_z_mm <= highest[2]:
+        raise ConfigurationError(
+            f'safe_z_mm is {settings.safe_z_mm:g}, outside the heights that the machine may go to, '
+            f'{lowest[2]:g} to {highest[2]:g} mm; set it to a height clear of the gel'
+        )
+    return Guard(Envelope(lowest, highest), settings.safe_z_mm, settings.lateral_when_low, settings.fastest_mm_min)
+
+
+def as_place(values: tuple[float, ...]) -> Place | None:
+    """Three numbers, or none."""
+    return (values[0], values[1], values[2]) if len(values) == 3 else None
+
+
+def _each(choose: Callable[[float, float], float], a: Place, b: Place) -> Place:
+    x, y, z = (choose(one, other) for one, other in zip(a, b, strict=True))
+    return (x, y, z)
+
+
+def distance_mm(a: Place, b: Place) -> float:
+    """How far it is from one place to another."""
+    return math.dist(a, b)
+
+
+def told(place: Place) -> str:
+    """A place for a sentence."""
+    return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

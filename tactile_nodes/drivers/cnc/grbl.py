@@ -1,0 +1,276 @@
+"""Grbl 1.1, grblHAL and FluidNC over a serial line.
+
+Every motion line is absolute, in machine coordinates and complete (``G21 G90 G53 G1 X… F…``), so no modal state left
+by a probe or a reset can change its meaning. `wait_idle` after moves is ``G4 P0.01``, whose ``ok`` comes when the
+planner is empty; after jogs it is a report. `stop` cancels a jog with 0x85, else holds with ``!``, waits for rest, and
+resets with 0x18, which at rest keeps the place. No setting is written, and ``$X`` is never sent.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.cnc.contract import CncState, CncStatus, Place, Switched
+from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
+from tactile_nodes.drivers.cnc.envelope import AXES, guard
+from tactile_nodes.drivers.cnc.grbl_check import (
+    acceleration_of,
+    buffer_bytes,
+    check,
+    identity_of,
+    travel,
+    without_homing,
+)
+from tactile_nodes.drivers.cnc.grbl_dialogue import RESUME, GrblDialogue
+from tactile_nodes.drivers.cnc.grbl_hearing import HOLD, JOG_CANCEL
+from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
+from tactile_nodes.drivers.cnc.grbl_words import NEEDS_RESET, Report, inches, is_moving, setting_of
+from tactile_nodes.drivers.cnc.serial_line import SerialCnc
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
+
+PREAMBLE = 'G21 G90 G94 G17 G54'
+BARRIER = 'G4 P0.01'
+REST_S = 3.0  # within which any feed comes to rest
+RESET_S = 3.0
+POLL_S = 0.03
+OFFSET_S = 0.01
+
+
+class GrblCnc(SerialCnc[GrblDialogue]):
+    """One controller; the arguments are those of `SerialCnc`."""
+
+    _memory: Mapping[int, str] = MappingProxyType({})
+    _warnings: tuple[str, ...] = ()
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """Firmware, options, every setting of the controller."""
+        base = {'source': self._settings.source, 'kind': f'CNC, {self._identity.firmware} {self._identity.version}'}
+        said = {f'${number}': value for number, value in self._memory.items()}
+        return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **said}
+
+    def connect(self) -> None:
+        """As `Cnc.connect`."""
+        self.close()
+        self._homed = False
+        self._dialogue = dialogue = GrblDialogue(
+            self._open_port(),
+            self._clock,
+            self._settings,
+            self._motion,
+            self._place_lost,
+            self._traffic,
+            self._threaded,
+        )
+        self._greet(dialogue)
+        dialogue.expect_no_restart()
+        restarts = dialogue.restarts
+        try:
+            self._introduce(dialogue)
+        except DeviceFaultError:
+            if dialogue.restarts == restarts:
+                raise
+            dialogue.forgive()  # a board that restarted once more, as some do after their port was opened
+            self._introduce(dialogue)
+        dialogue.polling = True
+
+    def home(self) -> None:
+        """As `Cnc.home`."""
+        dialogue = self._talk()
+        if dialogue.fault or dialogue.busy:
+            dialogue.reset(RESET_S)  # ends what only a reset ends, and what is answered from now on is the answer
+        dialogue.forgive()
+        self._at_rest()
+        self._motion.forget()
+        if not without_homing(self._memory, self._settings):
+            self._find_switches(dialogue)
+        dialogue.ask(PREAMBLE, self._settings.answer_s)
+        dialogue.place_lost, dialogue.polling = False, True
+        self._homed = True
+        self._rests_at(self.status().position_mm)
+        up = f'$J=G21 G90 G53 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES])
+
+    def stop(self) -> None:
+        """As `Cnc.stop`: jog cancel, or hold, rest and reset."""
+        dialogue = self._talk()
+        self._stops += 1
+        dialogue.link.send(JOG_CANCEL if self._motion.jogging else HOLD)  # before anything else
+        dialogue.abandon('was broken off by a stop')
+        if dialogue.homing:
+            dialogue.reset(RESET_S)
+        elif dialogue.alarm is None:
+            self._come_to_rest(dialogue)
+        self._at_rest()
+        self._after_stop(dialogue)
+
+    def hold(self) -> None:
+        """As `Cnc.hold`."""
+        dialogue = self._talk()
+        dialogue.link.send(HOLD)
+        if not dialogue.poll_until(_resting, REST_S):
+            dialogue.require_sound()
+            raise DeviceTimeoutError(f'{self._name} does not come to rest after a hold; use the emergency stop')
+
+    def resume(self) -> None:
+        """As `Cnc.resume`."""
+        dialogue = self._talk()
+        dialogue.require_sound()
+        dialogue.link.send(RESUME)
+
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`."""
+        dialogue, stops = self._talk(), self._stops
+        self._require_ready()
+        patience_s = self._patience_s() if timeout_s is None else timeout_s
+        if self._motion.jogging:
+            over = dialogue.poll_until(lambda report: not is_moving(report), patience_s)
+            dialogue.require_sound()
+            if not over and stops == self._stops:
+                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+        else:
+            dialogue.ask(BARRIER, patience_s)
+        dialogue.require_sound()
+        if stops != self._stops:
+            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+        self._arrived()
+
+    def status(self) -> CncStatus:
+        """As `Cnc.status`."""
+        dialogue = self._talk()
+        report = dialogue.fresh_report(self._settings.answer_s)
+        reports = dialogue.reports
+        if reports.position is None:  # work coordinates, whose offset comes with every tenth or thirtieth report
+            dialogue.poll_until(lambda _: reports.position is not None, self._settings.answer_s, OFFSET_S)
+            report = reports.last or report
+        position = reports.position
+        if position is None:
+            raise DeviceFaultError(f'{self._name} reports no place in machine coordinates; set $10=1')
+        homed = self._homed and not dialogue.place_lost
+        return CncStatus(report.state, position, homed, reports.stamp_ns, reports.uncertainty_ns)
+
+    # Connecting.
+
+    def _greet(self, dialogue: GrblDialogue) -> None:
+        """Wait for the banner of a board that restarts when its port is opened; else see whether somebody is there."""
+        if not dialogue.link.wait(lambda: dialogue.restarts > 0, self._settings.boot_s):
+            try:
+                with contextlib.suppress(DeviceFaultError):  # '$' spoils what another host may have left half said
+                    dialogue.ask('$', self._settings.answer_s)
+            except DeviceTimeoutError as error:
+                raise DeviceTimeoutError(
+                    f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable, baud, and '
+                    'the setting dtr, as some boards are in reset while the port is open'
+                ) from error
+
+    def _introduce(self, dialogue: GrblDialogue) -> None:
+        """Who it is, what it does, and how it is set up."""
+        self._identity = identity_of(dialogue.ask('$I', self._settings.answer_s).lines, dialogue.banner)
+        report = dialogue.fresh_report(self._settings.answer_s)
+        if report.state not in {CncState.IDLE, CncState.ALARM}:
+            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+        self._read_settings(dialogue)
+        if report.state is not CncState.ALARM:
+            dialogue.ask(PREAMBLE, self._settings.answer_s)
+
+    def _read_settings(self, dialogue: GrblDialogue) -> None:
+        lines = dialogue.ask('$$', self._settings.answer_s).lines
+        self._memory = dict(pair for line in lines if (pair := setting_of(line)) is not None)
+        self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
+        self._guard = guard(self._settings, travel(self._identity, self._memory))
+        self._acceleration = acceleration_of(self._memory, self._acceleration)
+        dialogue.reports.factor = inches(self._memory.get(13, '0'))
+        if self._settings.streaming == 'character-counting':
+            dialogue.window = buffer_bytes(self._identity) - 1
+
+    def _find_switches(self, dialogue: GrblDialogue) -> None:
+        self._homed, dialogue.homing = False, True
+        try:
+            dialogue.ask(self._settings.home_command or '$H', self._settings.home_s)
+        finally:
+            dialogue.homing_over()
+
+    # Motion.
+
+    def _send_move(self, target: Place, feed: float) -> None:
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
+
+    def _send_jog(self, target: Place, feed: float) -> None:
+        """To a place, not by a distance: what a damaged line leads astray the next one leads back."""
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._talk().ask(f'$J=G21 G90 G53 {words} F{feed:.1f}', self._patience_s(), self._generation)
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        self._talk().ask(f'$J=G91 G21 Z{distance:.3f} F{feed:.1f}', self._patience_s(), self._generation)
+
+    def _send(self, line: str) -> None:
+        dialogue = self._talk()
+        if dialogue.window:
+            dialogue.post(line, self._patience_s(), generation=self._generation)
+        else:
+            dialogue.ask(line, self._patience_s(), self._generation)
+
+    def _switch(self, level: bool) -> Switched:
+        on, off = self._settings.line_on or 'M8', self._settings.line_off or 'M9'
+        request = self._talk().ask(on if level else off, self._settings.answer_s)
+        return Switched(level, request.sent_ns, request.answered_ns)
+
+    def _come_to_rest(self, dialogue: GrblDialogue) -> None:
+        if self._motion.jogging:
+            if self._cancel_jog(dialogue):
+                return
+            dialogue.link.send(HOLD)
+        dialogue.poll_until(_resting, REST_S)
+        dialogue.reset(RESET_S)  # at rest it keeps the place; else alarm 3 tells that it did not
+
+    def _cancel_jog(self, dialogue: GrblDialogue) -> bool:
+        """Cancel until it is idle: a jog may still have been in its buffer when the first cancel came.
+
+        A controller that says nothing is not waited for longer than one that moves would need.
+        """
+        deadline_ns = self._clock.now_ns() + round(REST_S * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns:
+            quiet = not dialogue.busy
+            with contextlib.suppress(DeviceTimeoutError):
+                state = dialogue.fresh_report(SILENT_S).state
+                if quiet and state is CncState.IDLE:
+                    return True
+            if dialogue.alarm is not None:
+                return False
+            dialogue.link.send(JOG_CANCEL)
+            dialogue.link.wait(lambda: dialogue.alarm is not None, POLL_S)
+        return False
+
+    def _after_stop(self, dialogue: GrblDialogue) -> None:
+        """Where it is now, and the modal state again."""
+        if dialogue.alarm in NEEDS_RESET:
+            return
+        place = self.status().position_mm
+        if self._motion.doubted:  # a damaged report, or a lost place
+            place = self.status().position_mm
+        dialogue.refusal = ''
+        if self._homed and not dialogue.place_lost:
+            self._rests_at(place)
+        report = dialogue.reports.last
+        if report is not None and report.state is CncState.ALARM and not dialogue.fault:
+            dialogue.lose_place('is locked after a stop; look at it, then home it')
+        if not dialogue.fault:
+            dialogue.ask(PREAMBLE, self._settings.answer_s)
+            dialogue.polling = True
+
+    def _health_of(self, dialogue: GrblDialogue) -> Health:
+        report = dialogue.reports.last
+        state = report.word if report is not None else 'connected'
+        where = state if self._homed else f'{state}, not homed'
+        return Health(
+            Level.WARN if self._warnings or not self._homed else Level.OK, '; '.join([where, *self._warnings])
+        )
+
+
+def _resting(report: Report) -> bool:
+    return report.held or not is_moving(report)

@@ -1,0 +1,115 @@
+"""Whether a Grbl is set up so that it may be trusted with a sensor. Settings are read, never written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tactile_nodes.drivers.cnc.contract import (
+    NO_HARD_LIMITS,
+    NO_HOMING,
+    NO_SOFT_LIMITS,
+    CncSettings,
+    Envelope,
+    Identity,
+)
+from tactile_nodes.errors import DeviceFaultError
+
+KEEP_MOTORS_ON = 255
+SMALLEST_BUFFER = 128
+GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
+
+
+def identity_of(lines: list[str], banner: str) -> Identity:
+    """Who answered ``$I``: by its answer, because banners can be set to anything."""
+    fields = [line.strip('[]') for line in lines]
+    version = next((field[4:].rstrip(':') for field in fields if field.startswith('VER:')), '')
+    text = ' '.join([*fields, banner])
+    firmware = 'grblHAL' if 'FIRMWARE:grblHAL' in text else 'FluidNC' if 'FluidNC' in text else 'Grbl'
+    options = tuple(field for field in fields if not field.startswith('VER:'))
+    return Identity(firmware, version, options)
+
+
+def buffer_bytes(identity: Identity) -> int:
+    """The size of the receive buffer from ``[OPT:V,15,128]``; the smallest if it does not tell."""
+    for option in identity.options:
+        parts = option.split(',')
+        if option.startswith('OPT:') and len(parts) > 2 and parts[2].isdigit():
+            return int(parts[2])
+    return SMALLEST_BUFFER
+
+
+def travel(identity: Identity, memory: Mapping[int, str]) -> Envelope | None:
+    """The machine's own box, from minus the travel to 0; None where its settings do not say (FluidNC).
+
+    grblHAL ($22 bit 3) and Grbl (compiled so, a Z among its options) may count up from the switch of an axis that homes
+    to its lower end ($23).
+    """
+    if identity.firmware == 'FluidNC' or not {130, 131, 132} <= memory.keys():
+        return None
+    counts_up = int(_number(memory, 23)) if _zero_at_switch(identity, memory) else 0
+    sizes = [_number(memory, number) for number in (130, 131, 132)]
+    up = [bool(counts_up & 1 << axis) for axis in range(3)]
+    low = [0.0 if each else -size for each, size in zip(up, sizes, strict=True)]
+    high = [size if each else 0.0 for each, size in zip(up, sizes, strict=True)]
+    return Envelope((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _zero_at_switch(identity: Identity, memory: Mapping[int, str]) -> bool:
+    if identity.firmware == 'grblHAL':
+        return bool(int(_number(memory, 22)) & 8)
+    letters = next((option[4:].partition(',')[0] for option in identity.options if option.startswith('OPT:')), '')
+    return 'Z' in letters
+
+
+def check(name: str, identity: Identity, memory: Mapping[int, str], settings: CncSettings) -> list[str]:
+    """Refuse what is dangerous; give what a person should know.
+
+    Raises:
+        DeviceFaultError: laser mode; no soft limits, no hard limits or no homing, unless accepted in words.
+    """
+    if identity.firmware == 'FluidNC':
+        return ['FluidNC keeps its settings in a file of its own: its limits are not checked here']
+    if _number(memory, 32):
+        raise DeviceFaultError(
+            f'{name} is in laser or lathe mode ($32={memory[32]}), where it moves otherwise than a mill; set $32=0'
+        )
+    warnings = []
+    for number, what, risk in GUARDS:
+        if not _is_on(memory, number):
+            _accepted(name, number, what, risk, settings)
+            warnings.append(f'{what} off (${number}={memory.get(number, "?")})')
+    if memory.get(1, '') != str(KEEP_MOTORS_ON):
+        warnings.append(f'$1={memory.get(1, "?")}: motors let go at rest and the place may be lost; set $1=255')
+    if _number(memory, 13):
+        warnings.append('reports in inches ($13=1), converted')
+    return warnings
+
+
+def _is_on(memory: Mapping[int, str], number: int) -> bool:
+    """By the lowest bit: on grblHAL $22 has more of them, which mean nothing without it."""
+    return bool(int(_number(memory, number)) & 1)
+
+
+def _accepted(name: str, number: int, what: str, risk: str, settings: CncSettings) -> None:
+    if risk not in settings.accept:
+        raise DeviceFaultError(
+            f"{name} has {what} switched off (${number}=0); switch it on, or put '{risk}' into the setting accept"
+        )
+
+
+def _number(memory: Mapping[int, str], number: int) -> float:
+    try:
+        return float(memory.get(number, '0'))
+    except ValueError:
+        return 0.0
+
+
+def acceleration_of(memory: Mapping[int, str], otherwise: float) -> float:
+    """The least acceleration of any axis in mm/s²."""
+    found = [_number(memory, number) for number in (120, 121, 122)]
+    return min((value for value in found if value > 0), default=otherwise)
+
+
+def without_homing(memory: Mapping[int, str], settings: CncSettings) -> bool:
+    """Whether this machine cannot home, and that is accepted."""
+    return NO_HOMING in settings.accept and not _is_on(memory, 22)

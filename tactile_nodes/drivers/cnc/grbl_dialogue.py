@@ -1,0 +1,116 @@
+"""The dialogue with Grbl: lines sent as its buffer has room, each with its answer; resets; reports of now."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.cnc.grbl_hearing import GrblHearing
+from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
+from tactile_nodes.drivers.cnc.grbl_words import Report, check_line
+from tactile_nodes.drivers.cnc.link import Request
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+
+RESET, RESUME = b'\x18', b'~'
+
+
+class GrblDialogue(GrblHearing):
+    """Everything that is said. The arguments are those of `GrblHearing`."""
+
+    def ask(self, line: str, timeout_s: float, generation: int | None = None) -> Request:
+        """Send a line and wait for its answer.
+
+        Args:
+            line: without its end.
+            timeout_s: for the answer.
+            generation: when what the line says was decided; none is sent that was decided before a stop.
+
+        Raises:
+            DeviceFaultError: it was refused, or an alarm, a stop or a restart came instead.
+            DeviceTimeoutError: no answer; the controller hangs.
+            DeviceLostError: the port is gone.
+        """
+        request = self.post(line, timeout_s, awaited=True, generation=generation)
+        self._settle(request, timeout_s)
+        return request
+
+    def post(self, line: str, timeout_s: float, awaited: bool = False, generation: int | None = None) -> Request:
+        """Send a line as soon as the controller's buffer has room for it; do not wait for the answer."""
+        check_line(line)
+        request = Request(line, awaited=awaited)
+        with self.link.changed:
+            generation = self.generation if generation is None else generation
+            if not self.link.wait(lambda: self._fits(line) or generation != self.generation, timeout_s):
+                raise self._hung(line, timeout_s)
+            if generation != self.generation:
+                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
+            self._unanswered.append(request)
+            self.braking = False
+            request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
+        return request
+
+    def reset(self, timeout_s: float) -> None:
+        """A soft reset; returns after the banner, or, as FluidNC's can be anything, with the next sign of life.
+
+        Raises:
+            DeviceTimeoutError: neither came.
+        """
+        with self.link.changed:
+            before = self.restarts
+            self._restart_expected = True
+            self.link.send(RESET)
+            if self.link.wait(lambda: self.restarts > before, timeout_s):
+                return
+            self.reports.open = False
+            self.reports.request()
+            if not self.link.wait(lambda: not self.reports.open, SILENT_S):
+                raise self._hung('the reset', timeout_s)
+            self._restarted(self.banner)
+
+    def fresh_report(self, timeout_s: float) -> Report:
+        """A report that was asked for after this call began.
+
+        Raises:
+            DeviceTimeoutError: none came.
+        """
+        with self.link.changed:
+            lost = self._lost_reports
+            came = lambda: not self.reports.open or self._lost_reports != lost  # noqa: E731
+            self.link.wait(came, SILENT_S)  # what is under way tells of the past
+            self.reports.request()
+            if not self.link.wait(came, timeout_s) or self.reports.last is None:
+                raise DeviceTimeoutError(
+                    f'{self.name} reports no position within {timeout_s:g} s; cut its power and start again'
+                )
+            if self._lost_reports != lost:
+                raise DeviceTimeoutError(f'{self.name} {self.refusal or "reports no position"}')
+            return self.reports.last
+
+    def poll_until(self, done: Callable[[Report], bool], timeout_s: float, every_s: float = 0.05) -> bool:
+        """Ask for reports until one satisfies; False: none did, or all was broken off."""
+        deadline_ns, generation = self._clock.now_ns() + round(timeout_s * NS_PER_S), self.generation
+        while self.alarm is None and generation == self.generation and self._clock.now_ns() < deadline_ns:
+            with contextlib.suppress(DeviceTimeoutError):  # an answer that was lost; the deadline decides
+                if done(self.fresh_report(SILENT_S)):
+                    return True
+            self.link.wait(lambda: self.alarm is not None, every_s)
+        return False
+
+    def _settle(self, request: Request, timeout_s: float) -> None:
+        if not self.link.wait(lambda: request.done, timeout_s):
+            raise self._hung(request.text, timeout_s)
+        if request.error is not None:
+            raise request.error
+
+    def _hung(self, line: str, timeout_s: float) -> DeviceError:
+        self.lose_place('stopped answering, so its place is not known; cut its power, look at it, and connect again')
+        return DeviceTimeoutError(
+            f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; it hangs: cut its power and connect again'
+        )
+
+    def _fits(self, line: str) -> bool:
+        if not self._unanswered:
+            return True
+        flying = sum(len(request.text) + 1 for request in self._unanswered)
+        return flying + len(line) + 1 <= self.window

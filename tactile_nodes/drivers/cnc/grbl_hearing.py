@@ -1,0 +1,235 @@
+"""What a Grbl says, and what it means for who waits: answers, reports, alarms, restarts, silence."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, Place, Traffic
+from tactile_nodes.drivers.cnc.envelope import told
+from tactile_nodes.drivers.cnc.grbl_reports import Reports
+from tactile_nodes.drivers.cnc.grbl_words import (
+    BANNER,
+    HOMING_REQUIRED,
+    KEEPS_PLACE,
+    NEEDS_RESET,
+    alarm_text,
+    error_text,
+    is_moving,
+    number_of,
+)
+from tactile_nodes.drivers.cnc.link import Link, Request
+from tactile_nodes.drivers.cnc.motion import Motion, Verdict
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import DeviceFaultError
+
+JOG_CANCEL, HOLD, REPORT = b'\x85', b'!', b'?'
+
+
+class GrblHearing:
+    """The listening side. Nothing here decides to move anything, but to stop it.
+
+    Args:
+        port: open.
+        clock: the host's.
+        settings: how often reports are asked for.
+        motion: what was asked for, which reports have to agree with.
+        on_lost: told when the place is lost.
+        traffic: told every byte.
+        threaded: as of `Link`.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        settings: CncSettings,
+        motion: Motion,
+        on_lost: Callable[[], None],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        self._clock = clock
+        self._motion = motion
+        self._on_lost = on_lost
+        self._unanswered: deque[Request] = deque()
+        self._restart_expected = True
+        self._lost_reports = 0
+        self.name = port.name
+        self.window = 0  # bytes that may be unanswered; 0: one line
+        self.banner = ''
+        self.restarts = 0
+        self.garbled = 0
+        self.homing = False
+        self.polling = False
+        self.alarm: int | None = None
+        self.fault = ''  # until a person homes it
+        self.refusal = ''  # until it is stopped
+        self.braking = False  # what moves has to stop, until something new is sent
+        self.generation = 0  # counts what broke off all that was asked for
+        self.place_lost = False
+        self.obeys_upwards = False  # the fault concerns the place alone
+        self.reports = Reports(lambda: self.link.send(REPORT), 1 / settings.report_hz)
+        self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
+        self.link.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether lines are unanswered."""
+        return bool(self._unanswered)
+
+    @property
+    def silent(self) -> bool:
+        """Whether it owes a report for longer than it may."""
+        return self.reports.silent and not self.homing
+
+    def expect_no_restart(self) -> None:
+        """It has answered: a board that restarts when its port is opened has done so, and this one did not."""
+        with self.link.changed:
+            self._restart_expected = False
+
+    def abandon(self, why: str) -> None:
+        """Whoever waits for an answer shall not wait on."""
+        with self.link.changed:
+            self.generation += 1
+            for request in self._unanswered:
+                request.error = request.error or DeviceFaultError(f'{self.name}: {request.text!r} {why}')
+            self.link.changed.notify_all()
+
+    def homing_over(self) -> None:
+        """A report that was asked for before it homed is not late: while it homes it answers none."""
+        with self.link.changed:
+            self.homing = False
+            self.reports.excuse(self._clock.now_ns())
+
+    def require_sound(self, up: bool = False) -> None:
+        """Raise what is wrong, if something is; for the way `up`, what is wrong besides the place."""
+        if wrong := ('' if up and self.obeys_upwards else self.fault) or self.refusal:
+            raise DeviceFaultError(f'{self.name} {wrong}')
+
+    def lose_place(self, fault: str, obeys_upwards: bool = False) -> None:
+        """From now on nobody knows where the tip is."""
+        with self.link.changed:
+            self.fault, self.place_lost, self.obeys_upwards = fault, True, obeys_upwards
+            self._on_lost()
+
+    def forgive(self) -> None:
+        """A person has asked to begin anew: forget alarm and fault."""
+        with self.link.changed:
+            self.fault, self.refusal, self.alarm = '', '', None
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self.abandon('was given up because the port was closed')
+        self.link.close()
+
+    # Listening; all under the link's lock.
+
+    def _hear(self, line: str, stamp_ns: int) -> None:
+        if line == 'ok' or line.startswith('error:'):
+            self._answered(line, stamp_ns)
+        elif line.startswith('<'):
+            self._reported(line, stamp_ns)
+        elif line.startswith('ALARM:'):
+            self._alarmed(number_of(line))
+        elif line.startswith('[echo:'):
+            self._echoed(line[6:-1])
+        elif line[0] not in '[$>' and BANNER.search(line):  # noise of a supply that failed may stand before it
+            self._restarted(line)
+        elif line[0] in '[$':
+            if self._unanswered:
+                self._unanswered[0].lines.append(line)
+        elif line[0] != '>':
+            self.garbled += 1
+
+    def _answered(self, line: str, stamp_ns: int) -> None:
+        if not self._unanswered:
+            return
+        request = self._unanswered.popleft()
+        request.answered_ns = stamp_ns
+        if line != 'ok' and request.error is None:
+            request.error = DeviceFaultError(f'{self.name} refused {request.text!r}: {error_text(line)}')
+            if not request.awaited:  # what was sent after it would run on without it
+                self._brake(f'refused {request.text!r}: {error_text(line)}; stop it, then look at the plan')
+
+    def _echoed(self, heard: str) -> None:
+        """Some builds repeat each line that they have heard, without blanks: what was sent can be read back."""
+        sent = self._unanswered[0].text if self._unanswered else ''
+        if heard.replace(' ', '').upper() != sent.replace(' ', '').upper():
+            self._brake(f'has heard {heard.strip()!r} where {sent!r} was sent; look at its cable')
+
+    def _reported(self, line: str, stamp_ns: int) -> None:
+        if not self.reports.take(line, stamp_ns):
+            self.garbled += 1
+            return
+        place, report = self.reports.position, self.reports.last
+        if self.braking and report is not None and is_moving(report):
+            self._send_brake()  # what was on its way to it when it was told to stop has set it going again
+        if place is None or report is None or self.homing or self.fault or not self._motion.is_known:
+            return
+        if report.state is CncState.ALARM and self.alarm is None:
+            self._doubt('is locked though it told no alarm: it has restarted', obeys_upwards=False)
+        else:
+            self._judge(place, stamp_ns, report.feed_mm_min)
+
+    def _judge(self, place: Place, stamp_ns: int, feed_mm_min: float) -> None:
+        """Compare a report with what was asked for."""
+        verdict = self._motion.judge(place, stamp_ns, feed_mm_min)
+        if verdict is Verdict.STRAYED:
+            self._brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+        elif verdict is Verdict.HASTY:
+            self._brake(f'goes at {feed_mm_min:g} mm/min, faster than it was sent; look at its cable')
+        elif verdict is Verdict.DOUBTFUL:
+            self.reports.request()
+        elif verdict is Verdict.LOST:
+            self._doubt(f'says that it is at {told(place)}, where it cannot have gone', obeys_upwards=True)
+
+    def _doubt(self, why: str, obeys_upwards: bool) -> None:
+        self.lose_place(f'{why}, so its place is not known; look at it, then home it', obeys_upwards)
+        self._brake('')
+
+    def _brake(self, refusal: str) -> None:
+        """Stop what moves at once; whoever commands it has to `stop` it before it goes on."""
+        self.refusal, self.braking = self.refusal or refusal, True
+        if self._motion.moving:
+            self._send_brake()
+        self.abandon(f'was broken off, because the machine {self.fault or self.refusal}')
+
+    def _send_brake(self) -> None:
+        self.link.send(JOG_CANCEL if self._motion.jogging else HOLD)
+
+    def _alarmed(self, number: int) -> None:
+        if number == HOMING_REQUIRED:  # breaks nothing off: so grblHAL says after a start that it is locked
+            return
+        self.alarm = number
+        fault = f'is locked by {alarm_text(number)}; look at it, then home it'
+        if number in KEEPS_PLACE:
+            self.fault, self.obeys_upwards = fault, False
+        else:
+            self.lose_place(fault)
+        self.abandon(f'was broken off by {alarm_text(number)}')
+
+    def _restarted(self, line: str) -> None:
+        self.banner = line
+        self.restarts += 1
+        why = 'was restarted'
+        if not self._restart_expected:
+            why = 'restarted by itself, so its place is not known; look at its supply, then home it'
+            self.lose_place(why, obeys_upwards=True)
+            self._brake('')
+        self.abandon(f'was lost, because the machine {why}')
+        self._unanswered.clear()
+        self._restart_expected = self.reports.open = False
+
+    def _idle(self) -> None:
+        now_ns, moving = self._clock.now_ns(), self._motion.moving
+        self.reports.listened(now_ns)
+        if moving and self.silent and not self.fault and not self.refusal:
+            self._lost_reports += 1
+            self._brake('is silent while it moves; look at its cable and power')
+        mute = self.homing or self.alarm in NEEDS_RESET  # then it answers no report
+        if self.polling and not mute and self.reports.is_due(now_ns, moving):
+            self.reports.request()
+            if self.braking and self.silent:
+                self._send_brake()

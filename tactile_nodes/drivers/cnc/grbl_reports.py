@@ -1,0 +1,81 @@
+"""The status reports of a Grbl: asked for one at a time, and missed when they stay away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.cnc.contract import Place
+from tactile_nodes.drivers.cnc.grbl_words import Report, parse_report
+from tactile_nodes.drivers.cnc.link import Silence
+
+MOVING_S = 0.1  # between two questions while something moves
+SILENT_S = 0.3  # with it, and the listener's period, a controller that falls silent in motion is noticed within 0.5 s
+
+
+class Reports:
+    """What was asked and what came. Used under the link's lock.
+
+    Args:
+        ask: sends the question; gives its stamp.
+        period_s: between two questions at rest.
+    """
+
+    def __init__(self, ask: Callable[[], int], period_s: float) -> None:
+        self._ask = ask
+        self._period_s = period_s
+        self._offset: Place | None = None
+        self._owed_ns = 0
+        self._silence = Silence()
+        self.asked_ns = 0
+        self.open = False
+        self.factor = 1.0  # mm in a unit of the reports
+        self.last: Report | None = None
+        self.stamp_ns = self.uncertainty_ns = 0
+
+    @property
+    def position(self) -> Place | None:
+        """Machine coordinates in the last report."""
+        report = self.last
+        if report is None:
+            return None
+        if report.machine is not None or report.work is None or self._offset is None:
+            return report.machine
+        work, offset = report.work, self._offset
+        return (work[0] + offset[0], work[1] + offset[1], work[2] + offset[2])
+
+    @property
+    def silent(self) -> bool:
+        """Whether a report is owed for longer than it may."""
+        return self.open and self._silence.is_over(SILENT_S)
+
+    def request(self) -> None:
+        """Ask for one."""
+        self.asked_ns = self._ask()
+        if not self.open:
+            self.open, self._owed_ns = True, self.asked_ns
+
+    def listened(self, now_ns: int) -> None:
+        """All that had come by now was read."""
+        self._silence.look(self._owed_ns if self.open else None, now_ns)
+
+    def excuse(self, now_ns: int) -> None:
+        """What is owed counts from now on."""
+        self._owed_ns = now_ns
+
+    def is_due(self, now_ns: int, moving: bool) -> bool:
+        """Whether it is time for a question; a second one overtakes nothing."""
+        since_s = (now_ns - self.asked_ns) / NS_PER_S
+        period_s = min(self._period_s, MOVING_S) if moving else self._period_s
+        return since_s >= (max(period_s, SILENT_S) if self.open else period_s)
+
+    def take(self, line: str, arrival_ns: int) -> bool:
+        """A report has come; False: it is damaged."""
+        report = parse_report(line, self.factor)
+        if report is None:
+            return False
+        self._offset = report.offset or self._offset
+        self.last, self.open = report, False
+        self.uncertainty_ns = max(0, arrival_ns - self.asked_ns) // 2
+        self.stamp_ns = arrival_ns - self.uncertainty_ns
+        return True

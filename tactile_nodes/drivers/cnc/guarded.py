@@ -1,0 +1,206 @@
+"""What all machines share: the rules of motion, where the tip will be, how long it may take, and the retract."""
+
+from __future__ import annotations
+
+import contextlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Envelope, Place, Switched
+from tactile_nodes.drivers.cnc.envelope import Guard, distance_mm, told
+from tactile_nodes.drivers.cnc.motion import Motion
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+
+ARRIVED_MM = 0.02
+UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time that motion may take
+MARGIN = 1.5
+
+
+class GuardedCnc(ABC):
+    """A machine whose every move is checked first. What is abstract here speaks to the machine."""
+
+    def __init__(self, settings: CncSettings, clock: Clock, name: str) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._name = name
+        self._guard: Guard | None = None
+        self._homed = False
+        self._target: Place | None = None
+        self._motion = Motion()
+        self._busy_until_ns = 0
+        self._cruising_until_ns = 0
+        self._acceleration = UNKNOWN_ACCELERATION
+
+    @property
+    def limits(self) -> Envelope:
+        """As `Cnc.limits`."""
+        return self._rules().envelope
+
+    @property
+    def blind_step_mm(self) -> float | None:
+        """As `Cnc.blind_step_mm`."""
+        return None
+
+    def move(self, x: float | None = None, y: float | None = None, z: float | None = None, *, feed: float) -> None:
+        """As `Cnc.move`."""
+        rules, start = self._rules(), self._known_place()
+        target = (start[0] if x is None else x, start[1] if y is None else y, start[2] if z is None else z)
+        rules.check(start, target, feed)
+        if self._motion.jogging:
+            self.wait_idle()
+        self._motion.moving = True
+        self._expect(distance_mm(start, target), feed)
+        with self._sent_on(start, target, feed):
+            self._send_move(target, feed)
+        self._target = target
+
+    def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        """As `Cnc.jog`."""
+        rules, way = self._rules(), (dx, dy, dz)
+        length = distance_mm((0.0, 0.0, 0.0), way)
+        self._check_blind(length)
+        self._require_ready(up=not (dx or dy) and dz > 0)
+        if not self._homed:
+            rules.check_up(way, feed)
+            self._expect_jog(length, feed)
+            self._send_up(dz, feed)
+            return
+        start = self._known_place()
+        target = (start[0] + dx, start[1] + dy, start[2] + dz)
+        rules.check(start, target, feed)
+        if self._motion.moving and not self._motion.jogging:
+            self.wait_idle()
+        self._expect_jog(length, feed)
+        with self._sent_on(start, target, feed):
+            self._send_jog(target, feed)
+        self._target = target
+
+    def retract(self) -> None:
+        """As `Cnc.retract`."""
+        rules = self._rules()
+        self.stop()
+        self._require_ready()
+        z = self._known_place()[2]
+        if z < rules.safe_z_mm:
+            self._go_up(rules.safe_z_mm - z, self._settings.retract_mm_min)
+            self.wait_idle()
+
+    def set_line(self, level: bool) -> Switched:
+        """As `Cnc.set_line`."""
+        if self._motion.moving:
+            self.wait_idle()
+        self._require_ready()
+        return self._switch(level)
+
+    @abstractmethod
+    def stop(self) -> None:
+        """As `Cnc.stop`."""
+
+    @abstractmethod
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`."""
+
+    @abstractmethod
+    def status(self) -> CncStatus:
+        """As `Cnc.status`."""
+
+    @abstractmethod
+    def _require_ready(self, up: bool = False) -> None:
+        """Raise what keeps the machine from obeying; for a jog straight `up`, what does besides an unknown place."""
+
+    @abstractmethod
+    def _send_move(self, target: Place, feed: float) -> None: ...
+
+    @abstractmethod
+    def _send_jog(self, target: Place, feed: float) -> None: ...
+
+    @abstractmethod
+    def _send_up(self, distance: float, feed: float) -> None:
+        """A jog straight up from an unknown place."""
+
+    @abstractmethod
+    def _switch(self, level: bool) -> Switched: ...
+
+    def _go_up(self, distance: float, feed: float) -> None:
+        self.jog(dz=distance, feed=feed)
+
+    def _rules(self) -> Guard:
+        if self._guard is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._guard
+
+    def _known_place(self) -> Place:
+        """Where the tip will be when all that was asked for is done."""
+        self._require_ready()
+        if not self._homed or self._target is None:
+            raise DeviceFaultError(f'{self._name} does not know where it is; home it first')
+        return self._target
+
+    def _check_blind(self, length: float) -> None:
+        longest = self.blind_step_mm
+        if longest is not None and length > longest + 1e-9:
+            raise ConfigurationError(
+                f'{self._name} could not stop a jog of {length:g} mm in time; jog at most {longest:g} mm, '
+                'then wait and look at the force'
+            )
+
+    @contextlib.contextmanager
+    def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
+        """The path is known before the line is sent, as motion may begin at once; what was not sent is not expected."""
+        self._motion.add(start, target, feed)
+        try:
+            yield
+        except BaseException:
+            self._motion.take_back()
+            raise
+
+    def _expect_jog(self, length: float, feed: float) -> None:
+        self._motion.moving = self._motion.jogging = True
+        self._expect(length, feed)
+
+    def _expect(self, length: float, feed: float) -> None:
+        speed = feed / 60
+        duration_s = length / speed + speed / self._acceleration
+        now_ns = self._clock.now_ns()
+        self._busy_until_ns = max(now_ns, self._busy_until_ns) + round(duration_s * NS_PER_S)
+        self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)
+
+    @property
+    def _surely_moving(self) -> bool:
+        """Whether what was asked for cannot be done yet, were it done at its feed from the first moment."""
+        return self._clock.now_ns() < self._cruising_until_ns
+
+    def _patience_s(self) -> float:
+        """How long an answer may take that comes when the motion is done."""
+        left_s = max(0, self._busy_until_ns - self._clock.now_ns()) / NS_PER_S
+        return MARGIN * left_s + self._settings.answer_s
+
+    def _arrived(self) -> None:
+        """Motion is over: it must have led where it was sent.
+
+        Raises:
+            DeviceFaultError: it did not; lines were lost, or somebody else moves the machine.
+        """
+        status, target = self.status(), self._target
+        self._at_rest()
+        if target is None or not self._homed:
+            return
+        if distance_mm(status.position_mm, target) <= ARRIVED_MM:
+            self._motion.rest(target, self._clock.now_ns())
+            return
+        self._rests_at(status.position_mm)
+        raise DeviceFaultError(
+            f'{self._name} came to rest at {told(status.position_mm)} instead of {told(target)}; '
+            'commands were lost or somebody else moves it: look at it, then home it'
+        )
+
+    def _rests_at(self, place: Place) -> None:
+        """It is known where it is, and nothing is asked for any more."""
+        self._at_rest()
+        self._target = place
+        self._motion.rest(place, self._clock.now_ns())
+
+    def _at_rest(self) -> None:
+        self._motion.moving = self._motion.jogging = False
+        self._busy_until_ns = self._cruising_until_ns = 0

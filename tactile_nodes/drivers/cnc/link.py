@@ -1,0 +1,182 @@
+"""Lines of text to and from a controller: read all the time, so that nothing waits unread, stamped on arrival.
+
+With a thread, `wait` waits for what the thread hears. Without one (`threaded` false) whoever waits also listens,
+which makes a dialogue with an emulator in the same thread exactly repeatable.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc.contract import Traffic
+from tactile_nodes.drivers.serial_port import Port, SerialPort
+from tactile_nodes.errors import DeviceError, DeviceLostError
+
+READ_S = 0.05
+LONGEST_LOOK_NS = 60_000_000
+LONGEST_LINE = 4096
+
+
+@dataclass
+class Request:
+    """A line that was sent and what became of it."""
+
+    text: str
+    sent_ns: int = 0
+    answered_ns: int = 0
+    error: DeviceError | None = None
+    lines: list[str] = field(default_factory=list)
+    awaited: bool = True
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing left to wait for."""
+        return bool(self.answered_ns) or self.error is not None
+
+
+class Silence:
+    """How long an answer is owed, as its listener feels it.
+
+    A busy computer lets the listener, and a device that it emulates, wait: no longer than a look should take is counted
+    for each look. What waits unread is not missing: only who has just read looks.
+    """
+
+    def __init__(self) -> None:
+        self._since_ns: int | None = None
+        self._looked_ns = self._felt_ns = 0
+
+    def look(self, since_ns: int | None, now_ns: int) -> None:
+        """All that had come was read; an answer is owed since then, or none."""
+        if since_ns != self._since_ns:
+            self._since_ns, self._felt_ns, self._looked_ns = since_ns, 0, since_ns or now_ns
+        self._felt_ns += min(now_ns - self._looked_ns, LONGEST_LOOK_NS)
+        self._looked_ns = now_ns
+
+    def is_over(self, limit_s: float) -> bool:
+        """Whether it is owed for longer."""
+        return self._since_ns is not None and self._felt_ns > limit_s * NS_PER_S
+
+
+class Link:
+    """A port with a listener.
+
+    Args:
+        port: open.
+        clock: stamps and deadlines.
+        heard: called with every line and its stamp, under `changed`.
+        idle: called many times a second, under `changed`: the place to ask for reports.
+        traffic: told every byte.
+        threaded: listen in a thread of its own.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        heard: Callable[[str, int], None],
+        idle: Callable[[], None],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        self._port = port
+        self._clock = clock
+        self._heard = heard
+        self._idle = idle
+        self._traffic = traffic
+        self._partial = bytearray()
+        self._closing = False
+        self.lost: DeviceLostError | None = None
+        self.changed = threading.Condition(threading.RLock())
+        self._thread = threading.Thread(target=self._listen, name=f'cnc {port.name}', daemon=True) if threaded else None
+
+    @property
+    def descriptor(self) -> int | None:
+        """Of the port, if it is one of the operating system."""
+        return self._port.descriptor if isinstance(self._port, SerialPort) else None
+
+    def start(self) -> None:
+        """Begin to listen."""
+        if self._thread is not None:
+            self._thread.start()
+
+    def send(self, data: bytes) -> int:
+        """Put bytes on the line, past anything that waits; gives the stamp.
+
+        Raises:
+            DeviceLostError: the port is gone.
+        """
+        with self.changed:
+            self._check()
+            stamp_ns = self._clock.now_ns()
+            try:
+                self._port.write(data)
+            except DeviceLostError as error:
+                self.lost = error
+                raise
+            if self._traffic is not None:
+                self._traffic('>', stamp_ns, data)
+            return stamp_ns
+
+    def wait(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Listen until a condition holds; False: it did not within the time.
+
+        Raises:
+            DeviceLostError: the port is gone.
+        """
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        with self.changed:
+            while not done():
+                self._check()
+                left_s = (deadline_ns - self._clock.now_ns()) / NS_PER_S
+                if left_s <= 0:
+                    return False
+                if self._thread is not None:
+                    self.changed.wait(min(left_s, READ_S))
+                else:
+                    self._pump(min(left_s, READ_S))
+            return True
+
+    def close(self) -> None:
+        """Stop listening and let go of the port."""
+        self._closing = True
+        if self._thread is not None and self._thread.is_alive():
+            self._thread.join()
+        self._port.close()
+
+    def _listen(self) -> None:
+        while not self._closing and self.lost is None:
+            self._pump(READ_S)
+
+    def _pump(self, timeout_s: float) -> None:
+        try:
+            data = self._port.read(timeout_s)
+            with self.changed:
+                if data:
+                    self._take(data)
+                    self.changed.notify_all()
+                if not self._closing:
+                    self._idle()
+        except DeviceLostError as error:
+            with self.changed:
+                self.lost = error
+                self.changed.notify_all()
+
+    def _take(self, data: bytes) -> None:
+        stamp_ns = self._clock.now_ns()
+        if self._traffic is not None:
+            self._traffic('<', stamp_ns, data)
+        self._partial += data
+        *lines, rest = self._partial.split(b'\n')
+        self._partial = bytearray(rest[-LONGEST_LINE:])
+        for line in lines:
+            if text := line.decode('ascii', 'replace').strip():
+                self._heard(text, stamp_ns)
+
+    def _check(self) -> None:
+        if self.lost is not None:
+            raise DeviceLostError(str(self.lost)) from self.lost
+        if self._closing:
+            raise DeviceLostError(f'{self._port.name} is closed; connect again')

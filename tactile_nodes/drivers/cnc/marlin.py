@@ -1,0 +1,289 @@
+"""Marlin over a serial line: 3D printers as rigs.
+
+What differs from Grbl. Marlin does not tell its limits, so the box must be given. Its ``G28`` may drive the tip into
+the gel, so the homing command must be given. It deals with one line after the other, and ``M400`` keeps it until it has
+come to rest; so `wait_idle` sends that only when the motion can be over, and `status` is answered meanwhile: with the
+real place by a Marlin with M114_REALTIME, else with the target. It has no feed hold. Only with its emergency parser
+does ``M410`` stop it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps
+of 0.05 mm; and where these are fewer than 6 steps of every axis, in none, as Marlin drops such moves without a word.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Mapping
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.cnc.contract import (
+    BLIND_STEP_MM,
+    NO_HOMING,
+    CncState,
+    CncStatus,
+    Identity,
+    Place,
+    Switched,
+)
+from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
+from tactile_nodes.drivers.cnc.envelope import AXES, guard, told
+from tactile_nodes.drivers.cnc.marlin_dialogue import PLACE, STOP, MarlinDialogue
+from tactile_nodes.drivers.cnc.motion import Motion, Verdict
+from tactile_nodes.drivers.cnc.serial_line import SerialCnc
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
+
+PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
+STOP_S = 10.0
+NUMBER = r'-?\d{1,6}(?:\.\d*)?'
+FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
+FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
+
+
+class MarlinCnc(SerialCnc[MarlinDialogue]):
+    """One controller; the arguments are those of `SerialCnc`."""
+
+    _queued = 0
+    _steps_per_mm: Place | None = None  # asked for where it matters
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """Firmware and capabilities."""
+        kind = f'CNC, {self._identity.firmware} {self._identity.version}'
+        return {'source': self._settings.source, 'kind': kind, 'options': ' '.join(self._identity.options)}
+
+    @property
+    def blind_step_mm(self) -> float | None:
+        """As `Cnc.blind_step_mm`: a step, unless the emergency parser is there."""
+        return None if 'EMERGENCY_PARSER:1' in self._identity.options else BLIND_STEP_MM
+
+    def connect(self) -> None:
+        """As `Cnc.connect`."""
+        self.close()
+        self._motion = Motion(follows=False)  # most tell where they are sent
+        self._homed = False
+        self._guard = guard(self._settings, None)
+        self._dialogue = dialogue = MarlinDialogue(
+            self._open_port(),
+            self._clock,
+            lambda: self._surely_moving,
+            1 / self._settings.report_hz,
+            self._placed,
+            self._place_lost,
+            self._traffic,
+            self._threaded,
+        )
+        dialogue.link.wait(lambda: dialogue.starts > 0, self._settings.boot_s)
+        try:
+            dialogue.begin(self._settings.answer_s)
+        except DeviceTimeoutError as error:
+            raise DeviceTimeoutError(
+                f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable and baud '
+                '(Marlin often has 250000)'
+            ) from error
+        dialogue.connected = True
+        self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
+        for line in PREAMBLE:
+            dialogue.ask(line, self._settings.answer_s)
+        if self.blind_step_mm is not None:
+            self._ask_steps(dialogue)
+        dialogue.polling = True
+
+    def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
+        """As `Cnc.jog`.
+
+        Raises:
+            ConfigurationError: besides, one of so few steps that Marlin would drop it.
+        """
+        steps = self._steps((dx, dy, dz))
+        if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
+            raise ConfigurationError(
+                f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
+                'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
+            )
+        super().jog(dx, dy, dz, feed=feed)
+
+    def home(self) -> None:
+        """As `Cnc.home`, with the command that the settings give."""
+        dialogue = self._talk()
+        dialogue.require_sound()
+        if self._settings.home_command:
+            dialogue.ask(self._settings.home_command, self._settings.home_s, prompt=False)
+        elif NO_HOMING not in self._settings.accept:
+            raise ConfigurationError(
+                f'{self._name} has no homing command, as G28 may drive the tip into the gel; set home_command to one '
+                'that is safe on this machine'
+            )
+        dialogue.place_lost = False
+        self._homed = True
+        self._motion.forget()
+        self._rests_at(self.status().position_mm)
+        up = f'G90\nG1 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        self._keep_watch([(ALONE_S, up)] * ALONE_TIMES)
+
+    def stop(self) -> None:
+        """As `Cnc.stop`: M410, which is at once with the emergency parser and after the buffers without."""
+        dialogue = self._talk()
+        self._stops += 1
+        if not dialogue.fault:
+            dialogue.interrupt(STOP, STOP_S)
+            dialogue.ask('M400', STOP_S, prompt=False)
+            dialogue.ask('G90', STOP_S)
+        self._at_rest()
+        if self._homed and not dialogue.fault:
+            self._after_stop(dialogue)
+
+    def _after_stop(self, dialogue: MarlinDialogue) -> None:
+        """Where it is now; a leap may be a damaged answer, so it is asked once more."""
+        place = self.status().position_mm
+        if self._motion.doubted:
+            place = self.status().position_mm
+        dialogue.refusal = ''
+        if not dialogue.place_lost:
+            self._rests_at(place)
+
+    def hold(self) -> None:
+        """Marlin cannot pause.
+
+        Raises:
+            DeviceFaultError: always.
+        """
+        raise DeviceFaultError(f'{self._name} cannot pause a motion; stop it instead')
+
+    def resume(self) -> None:
+        """As `hold`.
+
+        Raises:
+            DeviceFaultError: always.
+        """
+        raise DeviceFaultError(f'{self._name} was not paused, as Marlin cannot; send it on with a new move')
+
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`: M400, when that keeps it from answering for a moment only."""
+        dialogue, stops = self._talk(), self._stops
+        self._require_ready()
+        patience_s = self._patience_s() if timeout_s is None else timeout_s
+        moving_s = max(0, self._cruising_until_ns - self._clock.now_ns()) / NS_PER_S
+        dialogue.link.wait(lambda: bool(dialogue.fault) or stops != self._stops, min(moving_s, patience_s))
+        dialogue.require_sound()
+        if stops == self._stops:
+            if moving_s > patience_s:
+                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+            dialogue.ask('M400', max(patience_s - moving_s, self._settings.answer_s), prompt=False)
+        if stops != self._stops:
+            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+        self._arrived()
+
+    def status(self) -> CncStatus:
+        """As `Cnc.status`: M114."""
+        dialogue = self._talk()
+        request = dialogue.ask(PLACE, self._patience_s())
+        place = _place_in(request.lines)
+        if place is None:
+            raise DeviceFaultError(f'{self._name} did not tell its place when asked with M114; look at its firmware')
+        stamp_ns = (request.sent_ns + request.answered_ns) // 2
+        homed = self._homed and not dialogue.place_lost
+        return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
+
+    def _arrived(self) -> None:
+        """As of every machine; but what would have been too few steps was dropped, and it is known where the tip is."""
+        target = self._target
+        try:
+            super()._arrived()
+        except DeviceFaultError:
+            place, dialogue = self._target, self._talk()
+            if self._steps_per_mm is None:
+                self._ask_steps(dialogue)
+            left = None if target is None or place is None else self._steps(_way(place, target))
+            if left is None or left >= FEWEST_STEPS:
+                raise
+
+    def _ask_steps(self, dialogue: MarlinDialogue) -> None:
+        """Marlin 1 does not tell them, and others do not know the question."""
+        with contextlib.suppress(DeviceFaultError):
+            self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
+
+    def _steps(self, way: Place) -> int | None:
+        """Of the axis with the most on a way; None: nobody knows."""
+        if self._steps_per_mm is None:
+            return None
+        return max(round(abs(mm) * each) for mm, each in zip(way, self._steps_per_mm, strict=True))
+
+    def _placed(self, lines: list[str], stamp_ns: int) -> None:
+        """Compare what it tells with where it was sent; in the thread that listens."""
+        dialogue, place = self._dialogue, _place_in(lines)
+        if dialogue is None or place is None or dialogue.fault or not self._motion.is_known:
+            return
+        verdict = self._motion.judge(place, stamp_ns)
+        if verdict is Verdict.LOST:
+            dialogue.lose_place(
+                f'says that it is at {told(place)}, where it cannot have gone, so its place is not known; look at it, '
+                'then connect again'
+            )
+        if verdict in {Verdict.STRAYED, Verdict.LOST}:
+            dialogue.brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+
+    def _state(self) -> CncState:
+        if self._dialogue is not None and self._dialogue.killed:
+            return CncState.ALARM
+        if not self._motion.moving:
+            return CncState.IDLE
+        return CncState.JOG if self._motion.jogging else CncState.RUN
+
+    def _send_move(self, target: Place, feed: float) -> None:
+        words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
+        self._queued += 1
+        prompt = self._queued <= FEWEST_BLOCKS
+        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), prompt, self._generation)
+
+    def _send_jog(self, target: Place, feed: float) -> None:
+        self._send_move(target, feed)  # absolute, so that whatever comes in between, G91 is not left behind
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        for line in ('G91', f'G1 Z{distance:.3f} F{feed:.1f}', 'G90'):
+            self._talk().ask(line, self._patience_s())
+
+    def _at_rest(self) -> None:
+        super()._at_rest()
+        self._queued = 0
+
+    def _switch(self, level: bool) -> Switched:
+        on, off = self._settings.line_on or 'M106 S255', self._settings.line_off or 'M107'
+        request = self._talk().ask(on if level else off, self._settings.answer_s)
+        return Switched(level, request.sent_ns, request.answered_ns)
+
+    def _go_up(self, distance: float, feed: float) -> None:
+        """As a move: upwards it need not be stopped, so it needs no steps."""
+        self.move(z=self._known_place()[2] + distance, feed=feed)
+
+    def _health_of(self, dialogue: MarlinDialogue) -> Health:  # noqa: ARG002
+        state = self._state().value
+        return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
+
+
+def _way(a: Place, b: Place) -> Place:
+    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+
+
+def marlin_identity(lines: list[str]) -> Identity:
+    """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
+    text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
+    match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
+    name, version = match.groups() if match else ('Marlin', '')
+    return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
+
+
+def marlin_steps(lines: list[str]) -> Place | None:
+    """Steps per mm of x, y, z in ``M92 X80.00 Y80.00 Z400.00 E500.00``; None: it is not told."""
+    found = (re.search(rf'M92 X({NUMBER}) Y({NUMBER}) Z({NUMBER})', line) for line in lines)
+    match = next((each for each in found if each is not None), None)
+    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None
+
+
+def _place_in(lines: list[str]) -> Place | None:
+    return next((found for line in lines if (found := marlin_place(line)) is not None), None)
+
+
+def marlin_place(line: str) -> Place | None:
+    """The place in ``X:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000``; None: it is no such line."""
+    match = re.match(rf'X:\s*({NUMBER}) Y:\s*({NUMBER}) Z:\s*({NUMBER})(?![\d.])', line)
+    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None

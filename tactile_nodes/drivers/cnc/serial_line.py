@@ -1,0 +1,136 @@
+"""What controllers at the other end of a serial line have in common: a port that is opened, and a dialogue over it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Generic, Protocol, TypeVar
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.cnc.contract import CncSettings, Identity, Traffic
+from tactile_nodes.drivers.cnc.dead_man import DeadMan, Step
+from tactile_nodes.drivers.cnc.guarded import GuardedCnc
+from tactile_nodes.drivers.cnc.link import Link
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.serial_port import Port
+from tactile_nodes.errors import DeviceError
+
+SILENT = 'is silent; look at its cable and power'
+
+
+class Dialogue(Protocol):
+    """What is said, and what it means for who waits."""
+
+    link: Link
+    fault: str
+    refusal: str
+    generation: int
+    place_lost: bool
+
+    @property
+    def silent(self) -> bool:
+        """Whether it owes an answer for longer than it may."""
+        ...
+
+    def require_sound(self, up: bool = False) -> None:
+        """Raise what is wrong, if something is; for the way `up`, what is wrong besides the place."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the port."""
+        ...
+
+
+Spoken = TypeVar('Spoken', bound=Dialogue)
+
+
+class SerialCnc(GuardedCnc, Generic[Spoken]):
+    """One controller.
+
+    Args:
+        settings: what it may do.
+        clock: the host's.
+        port: opens the port.
+        traffic: told every byte.
+        threaded: false lets whoever waits listen, for emulators in the same thread.
+    """
+
+    def __init__(
+        self,
+        settings: CncSettings,
+        clock: Clock,
+        port: Callable[[], Port],
+        traffic: Traffic | None = None,
+        threaded: bool = True,
+    ) -> None:
+        super().__init__(settings, clock, settings.source)
+        self._open_port = port
+        self._traffic = traffic
+        self._threaded = threaded
+        self._dialogue: Spoken | None = None
+        self._identity = Identity('unknown', '')
+        self._stops = 0
+        self._generation = 0  # of the dialogue, when the motion that is being asked for was decided
+        self._dead_man: DeadMan | None = None
+
+    @property
+    def health(self) -> Health:
+        """ERROR when lost, locked, halted, restarted, hung or silent."""
+        dialogue = self._dialogue
+        if dialogue is None:
+            return Health(Level.STALE, f'{self._name} is not connected')
+        if dialogue.link.lost is not None:
+            return Health(Level.ERROR, str(dialogue.link.lost))
+        if wrong := dialogue.fault or dialogue.refusal or (SILENT if dialogue.silent else ''):
+            return Health(Level.ERROR, f'{self._name} {wrong}')
+        return self._health_of(dialogue)
+
+    def identify(self) -> Identity:
+        """As `Cnc.identify`."""
+        self._talk()
+        return self._identity
+
+    def close(self) -> None:
+        """As `Cnc.close`."""
+        self._dismiss()
+        if self._dialogue is not None:
+            self._dialogue.close()
+            self._dialogue = None
+            self._homed = False
+        self._at_rest()
+        self._motion.forget()
+
+    def _keep_watch(self, steps: Sequence[Step]) -> None:
+        """From now on the tip goes up when this process is gone; needs a port of the operating system."""
+        descriptor = self._talk().link.descriptor
+        if self._dead_man is not None and not self._dead_man.on_watch:
+            self._dismiss()
+        if self._dead_man is None and descriptor is not None:
+            self._dead_man = DeadMan(descriptor, steps)
+
+    def _dismiss(self) -> None:
+        if self._dead_man is not None:
+            self._dead_man.dismiss()
+            self._dead_man = None
+
+    @abstractmethod
+    def _health_of(self, dialogue: Spoken) -> Health:
+        """How it is when it can be talked to."""
+
+    def _require_ready(self, up: bool = False) -> None:
+        dialogue = self._talk()
+        if dialogue.place_lost:
+            self._homed = False
+        self._generation = dialogue.generation
+        dialogue.require_sound(up)
+
+    def _place_lost(self) -> None:
+        """Nobody knows where the tip is: nothing is expected, and no way to an absolute height leads surely up."""
+        self._motion.forget()
+        if (dead_man := self._dead_man) is not None:
+            dead_man.say_farewell()
+
+    def _talk(self) -> Spoken:
+        if self._dialogue is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+        return self._dialogue

@@ -1,0 +1,192 @@
+"""The CNC's twin: it moves a simulated machine directly, without any wire protocol.
+
+It waits by the clock that is handed in; a clock that jumps over what is slept makes a whole plan take no time. The
+machine is anything with `Machine`'s verbs, as the emulators' `World` has, so that drivers need not know the emulators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, CncStatus, Envelope, Identity, Place, Switched
+from tactile_nodes.drivers.cnc.envelope import guard
+from tactile_nodes.drivers.cnc.guarded import GuardedCnc
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+
+SLICE_NS = 20_000_000  # how late a stop by another thread is noticed
+DECELERATION = 200.0
+HOMING_MM_S = 25.0
+PULL_OFF_MM = 1.0
+
+
+class Machine(Protocol):
+    """What the twin moves; coordinates have their zero at the upper end switches."""
+
+    @property
+    def room_mm(self) -> Place:
+        """The way from the lower to the upper end switch of each axis."""
+        ...
+
+    def go(self, target: Place, feed_mm_s: float, time_ns: int) -> int:
+        """Go on to a place after all earlier ones; gives the time of arrival."""
+        ...
+
+    def brake(self, time_ns: int, deceleration: float | None = None) -> int:
+        """Come to rest and forget what is to come; gives the time of rest."""
+        ...
+
+    def motor_at(self, time_ns: int) -> Place:
+        """Where the motors are."""
+        ...
+
+    def set_line(self, level: bool, time_ns: int) -> None:
+        """Switch the digital line."""
+        ...
+
+
+class SimulatedCnc(GuardedCnc):
+    """A machine that does what it is told, at the speed it is told."""
+
+    def __init__(self, settings: CncSettings, clock: Clock, machine: Machine) -> None:
+        super().__init__(settings, clock, 'the simulated CNC')
+        self._machine = machine
+        self._origin: Place = (0.0, 0.0, 0.0)
+        self._arrival_ns = 0
+        self._stops = 0
+        self._held: list[tuple[Place, float]] | None = None  # what is left to do, while it is held
+        self._path: list[tuple[int, Place, float]] = []
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """That it is simulated."""
+        return {'source': self._settings.source, 'kind': 'simulated CNC'}
+
+    @property
+    def health(self) -> Health:
+        """OK once it is homed."""
+        if self._guard is None:
+            return Health(Level.STALE, f'{self._name} is not connected')
+        state = self._state().value
+        return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
+
+    def connect(self) -> None:
+        """As `Cnc.connect`; its place is its zero until it is homed."""
+        room = self._machine.room_mm
+        self._guard = guard(self._settings, Envelope((-room[0], -room[1], -room[2]), (0.0, 0.0, 0.0)))
+        self._origin = self._machine.motor_at(self._clock.now_ns())
+        self._homed = False
+
+    def identify(self) -> Identity:
+        """As `Cnc.identify`."""
+        self._rules()
+        return Identity('simulated', '1')
+
+    def home(self) -> None:
+        """As `Cnc.home`: up, then to the upper ends, then off the switches."""
+        self._rules()
+        self._path.clear()
+        self._held = None
+        here = self._machine.motor_at(self._clock.now_ns())
+        off = -PULL_OFF_MM
+        for target in ((here[0], here[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):
+            self._arrival_ns = self._machine.go(target, HOMING_MM_S, self._clock.now_ns())
+        self._wait_until_arrived(None)
+        self._origin, self._target, self._homed = (0.0, 0.0, 0.0), (off, off, off), True
+        self._at_rest()
+
+    def stop(self) -> None:
+        """As `Cnc.stop`."""
+        self._rules()
+        self._stops += 1
+        self._held = None
+        self._path.clear()
+        self._arrival_ns = self._machine.brake(self._clock.now_ns(), DECELERATION)
+        self._clock.sleep_until(self._arrival_ns)
+        self._at_rest()
+        self._target = self._place() if self._homed else None
+
+    def hold(self) -> None:
+        """As `Cnc.hold`."""
+        self._rules()
+        now_ns = self._clock.now_ns()
+        if self._held is None:
+            self._held = [(target, feed) for end_ns, target, feed in self._path if end_ns > now_ns]
+        self._path = []
+        self._clock.sleep_until(self._machine.brake(now_ns, DECELERATION))
+
+    def resume(self) -> None:
+        """As `Cnc.resume`."""
+        self._rules()
+        left, self._held = self._held or [], None
+        for target, feed in left:
+            self._go(target, feed)
+
+    def wait_idle(self, timeout_s: float | None = None) -> None:
+        """As `Cnc.wait_idle`."""
+        self._require_ready()
+        self._wait_until_arrived(timeout_s)
+        self._arrived()
+
+    def status(self) -> CncStatus:
+        """As `Cnc.status`."""
+        self._rules()
+        return CncStatus(self._state(), self._place(), self._homed, self._clock.now_ns(), 0)
+
+    def close(self) -> None:
+        """As `Cnc.close`."""
+        self._guard = None
+        self._homed = False
+
+    def _wait_until_arrived(self, timeout_s: float | None) -> None:
+        stops, start_ns = self._stops, self._clock.now_ns()
+        while self._held is not None or self._clock.now_ns() < self._arrival_ns:
+            now_ns = self._clock.now_ns()
+            if timeout_s is not None and now_ns - start_ns >= timeout_s * NS_PER_S:
+                raise DeviceTimeoutError(f'{self._name} still moves after {timeout_s:g} s; stop it')
+            self._clock.sleep_until(
+                now_ns + SLICE_NS if self._held is not None else min(self._arrival_ns, now_ns + SLICE_NS)
+            )
+            if stops != self._stops:
+                raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+
+    def _state(self) -> CncState:
+        if self._held is not None:
+            return CncState.HOLD
+        if self._clock.now_ns() >= self._arrival_ns:
+            return CncState.IDLE
+        return CncState.JOG if self._motion.jogging else CncState.RUN
+
+    def _place(self) -> Place:
+        motor, origin = self._machine.motor_at(self._clock.now_ns()), self._origin
+        return (motor[0] - origin[0], motor[1] - origin[1], motor[2] - origin[2])
+
+    def _require_ready(self, up: bool = False) -> None:  # noqa: ARG002
+        if self._guard is None:
+            raise DeviceError(f'{self._name} is not connected; connect it first')
+
+    def _send_move(self, target: Place, feed: float) -> None:
+        self._go((target[0] + self._origin[0], target[1] + self._origin[1], target[2] + self._origin[2]), feed)
+
+    def _send_jog(self, target: Place, feed: float) -> None:
+        self._send_move(target, feed)
+
+    def _send_up(self, distance: float, feed: float) -> None:
+        x, y, z = self._path[-1][1] if self._path else self._machine.motor_at(self._clock.now_ns())
+        self._go((x, y, z + distance), feed)
+
+    def _go(self, target: Place, feed: float) -> None:
+        if self._held is not None:
+            self._held.append((target, feed))
+            return
+        now_ns = self._clock.now_ns()
+        self._path = [each for each in self._path if each[0] > now_ns]
+        self._arrival_ns = self._machine.go(target, feed / 60, now_ns)
+        self._path.append((self._arrival_ns, target, feed))
+
+    def _switch(self, level: bool) -> Switched:
+        now_ns = self._clock.now_ns()
+        self._machine.set_line(level, now_ns)
+        return Switched(level, now_ns, now_ns)

@@ -1,0 +1,196 @@
+"""When a sample was measured, from the sensor's own counter and the times at which samples arrived.
+
+A sample arrives late by a constant and by what the network, the USB adapter and the scheduler add, which is never
+negative. So the arrivals, drawn over the counter, lie above a straight line, and touch it when nothing was in the way:
+the lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of
+clock skew from network delay measurements", 1999.)
+
+A counter whose rate is not the one that was announced would lead the line away from the arrivals, evenly from the
+first second on. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it
+is said. Delays that grow later, or at once, are no such thing: something holds the samples up, and their stamps say
+since when. A counter that jumps ahead of the line begins a new one: no sample arrives before it was measured.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.drivers.force_torque.contract import Flag
+from tactile_nodes.sensing.sync.envelope import lower_line
+
+BLOCK_NS = 250_000_000
+WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the warming of a crystal
+SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
+RECENT_BLOCKS = 8
+MOST_DRIFT = 500e-6
+EARLY_BLOCKS = 8
+EDGE_BLOCKS = 4  # a second: the least delay in it is small unless the host stands still
+JITTER_NS = 10e6
+JUMP_NS = 20e6
+EVEN = 0.15  # of the growth: so far its half may be from half of it
+EARLY_JITTER_NS = 200e6
+SETTLED_AFTER = 8  # samples
+SETTLED_AFTER_NS = 100_000_000
+SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, where the counter hardly moves
+
+
+class TickClock:
+    """Turns counter readings into stamps on the host's time base.
+
+    Args:
+        rate_hz: nominal ticks a second.
+        bits: width of the counter, which wraps.
+        delay_ns: constant time from measurement to arrival, taken off every stamp.
+        most_drift: how far the rate may be from the nominal one, as a share; a crystal keeps to 100 ppm, a ceramic
+            resonator to 5000.
+    """
+
+    def __init__(self, rate_hz: float, bits: int = 32, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
+        self._ns_per_tick = NS_PER_S / rate_hz
+        self._modulus = 1 << bits
+        self._delay_ns = delay_ns
+        self._most_drift = most_drift
+        self._keeps_time = self._is_timed = True
+        self._x = 0.0
+        self._first_ns = self._arrived_ns = 0
+        self._settled = False
+        self._ticks: int | None = None
+        self._origin = (0, 0)
+        self._seen = 0
+        self._blocks: deque[tuple[float, float]] = deque(maxlen=WINDOW_BLOCKS)
+        self._block: tuple[float, float] | None = None
+        self._block_ends = 0.0
+        self._line = (0.0, 0.0)
+        self._stamp_ns = 0
+
+    @property
+    def settled(self) -> bool:
+        """Whether enough samples were seen for the stamps to be good; once they were, they are."""
+        return self._settled
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much too fast the sensor's clock runs against the host's, as far as seen."""
+        return -self._line[1] * 1e6
+
+    @property
+    def complaint(self) -> str:
+        """What a person should know of the stamps; empty: nothing."""
+        return '' if self._keeps_time else 'its counter does not keep the announced rate: samples carry their arrival'
+
+    @property
+    def flags(self) -> int:
+        """What is to be known of a stamp, as `Flag`."""
+        return int(Flag(0) if self._is_timed else Flag.UNTIMED)
+
+    @property
+    def told(self) -> str:
+        """The drift for a description."""
+        return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
+
+    def unwrapped(self, reading: int) -> int:
+        """The reading as a number that goes on where the counter wraps; of a late one, the smaller number.
+
+        After 2³² - 1, a reading of 1 is 2³² + 1.
+        """
+        if self._ticks is None:
+            self._ticks = reading
+            return reading
+        ahead = (reading - self._ticks) % self._modulus
+        if ahead >= self._modulus // 2:
+            return self._ticks - (self._modulus - ahead)
+        self._ticks += ahead
+        return self._ticks
+
+    def stamp(self, ticks: int, arrival_ns: int) -> int:
+        """When the sample with these unwrapped ticks was measured; later than the one before, never after arrival."""
+        if self._seen == 0:
+            self._first_ns = arrival_ns
+            self._begin(ticks, arrival_ns)
+        x, y = self._place(ticks, arrival_ns)
+        if self._is_ahead(x, y):
+            self._begin(ticks, arrival_ns)
+            x, y = 0.0, 0.0
+        self._seen += 1
+        self._arrived_ns = arrival_ns - self._first_ns
+        self._observe(x, y)
+        late = min(y, self._line[0] + self._line[1] * x) if self._keeps_time else y
+        line_ns = self._origin[1] + round(x + late) - self._delay_ns
+        self._stamp_ns = max(self._stamp_ns + 1, line_ns)
+        self._is_timed = self._keeps_time and self._stamp_ns - line_ns < JUMP_NS
+        self._settled = self._settled or self._has_seen_enough()
+        return self._stamp_ns
+
+    def _has_seen_enough(self) -> bool:
+        long_enough = min(self._elapsed_ns(), self._arrived_ns) >= SETTLED_AFTER_NS
+        return self._seen >= SETTLED_AFTER and (long_enough or self._arrived_ns >= SETTLED_AT_LAST_NS)
+
+    def _observe(self, x: float, y: float) -> None:
+        if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
+            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x
+        self._x = x
+        if self._block is None or x >= self._block_ends:
+            self._end_block()
+            self._block, self._block_ends = (x, y), x + BLOCK_NS
+            self._refit()
+        elif y < self._block[1]:
+            self._block = (x, y)
+            self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
+
+    def _is_ahead(self, x: float, y: float) -> bool:
+        """Whether the counter has jumped, or what comes first had waited somewhere."""
+        if not self._settled:
+            return y < -JUMP_NS
+        return self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS
+
+    def _begin(self, ticks: int, arrival_ns: int) -> None:
+        """Lay the line anew from here."""
+        self._origin = (ticks, arrival_ns)
+        self._blocks.clear()
+        self._block, self._line = None, (0.0, 0.0)
+        self._x = 0.0
+        self._keeps_time = True
+
+    def _place(self, ticks: int, arrival_ns: int) -> tuple[float, float]:
+        """The counter since the origin in ns, and how much later it arrived."""
+        x = (ticks - self._origin[0]) * self._ns_per_tick
+        return x, arrival_ns - self._origin[1] - x
+
+    def _end_block(self) -> None:
+        if self._block is not None:
+            self._blocks.append(self._block)
+
+    def _refit(self) -> None:
+        points = [*self._blocks, *([self._block] if self._block else [])]
+        if len(self._blocks) >= EARLY_BLOCKS:
+            self._keeps_time = self._kept(points)
+        if not self._keeps_time:
+            return
+        if len(self._blocks) < SLOPE_AFTER_BLOCKS:
+            self._line = (self._recent(points), 0.0)
+            return
+        array = np.array(points)
+        at, slope = lower_line(array[:, 0], array[:, 1], self._most_drift)
+        self._line = (at, slope)
+
+    def _recent(self, points: list[tuple[float, float]]) -> float:
+        """The least delay of late, which no drift makes much longer than that of all."""
+        x, y = min(points, key=lambda point: point[1])
+        return min(*(y for _, y in points[-RECENT_BLOCKS:]), y + self._most_drift * max(0.0, points[-1][0] - x))
+
+    def _kept(self, points: list[tuple[float, float]]) -> bool:
+        """Whether the least delays do not grow evenly by more than the drift allows."""
+        middle = (len(points) - EDGE_BLOCKS) // 2
+        edges = (points[:EDGE_BLOCKS], points[middle : middle + EDGE_BLOCKS], points[-EDGE_BLOCKS:])
+        first, half, last = (min(edge, key=lambda point: point[1]) for edge in edges)
+        growth, span = last[1] - first[1], last[0] - first[0]
+        if abs(growth) <= 2 * self._most_drift * abs(span) + JITTER_NS:
+            return True
+        even = first[1] + growth * (half[0] - first[0]) / span
+        return abs(half[1] - even) > EVEN * abs(growth)
+
+    def _elapsed_ns(self) -> float:
+        return 0.0 if self._ticks is None else (self._ticks - self._origin[0]) * self._ns_per_tick

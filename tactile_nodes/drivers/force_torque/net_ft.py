@@ -1,0 +1,251 @@
+"""An ATI Net F/T box: every record over UDP, in N and N·m, stamped by the box's own sample counter.
+
+The box stops by itself when this host dies: it is asked for a finite number of records, and asked again before they
+are sent. Nothing in the box is changed: no bias (tare on the host instead, `force_torque.tare`), no filter; the output
+rate only if the settings say so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import socket
+from collections.abc import Mapping
+
+from tactile_nodes import clock as clocks
+from tactile_nodes.clock import Clock
+from tactile_nodes.drivers.force_torque import net_ft_config as configs
+from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque.clock import TickClock
+from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings
+from tactile_nodes.drivers.force_torque.net_ft_config import BoxConfig
+from tactile_nodes.drivers.force_torque.net_ft_status import flags_of
+from tactile_nodes.drivers.force_torque.queue import SampleQueue
+from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceLostError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
+
+RECEIVE_BUFFER = 4 << 20  # five seconds of records at 7000 Hz, bookkeeping of the kernel included
+WAIT_S = 0.05
+TRY_S = 0.1
+PERIODS_OF_A_TRY = 3  # a box that begins anew with every request must have time for a record
+LARGEST_DATAGRAM = 65_535
+
+
+class NetFtConnection:
+    """A box that streams to us.
+
+    Raises:
+        DeviceError: as `net_ft_config.read_config`; or RDT is switched off in the box.
+        DeviceTimeoutError: it does not start.
+    """
+
+    def __init__(self, host: str, settings: ForceTorqueSettings, clock: Clock) -> None:
+        self._host = host
+        self._settings = settings
+        self._clock = clock
+        self.config = _configured(host, settings)
+        self.tracker = rdt.StreamTracker()
+        self._ticks = self._new_clock()
+        self._stalls = 0
+        self._renew_at_s = 0.0
+        self._first: tuple[bytes, int] | None = None
+        self._address = _address(host)
+        self._socket = _socket(host)
+        try:
+            self._start()
+        except BaseException:
+            self._socket.close()
+            raise
+
+    @property
+    def rate_hz(self) -> float:
+        """As the box's counters show; before that, as the box says."""
+        if self.tracker.step and not (self.config.rate_hz and self._ticks.complaint):
+            return self.config.internal_rate_hz / self.tracker.step
+        return self.config.rate_hz
+
+    @property
+    def announced_hz(self) -> float:
+        """As the box says."""
+        return self.config.rate_hz
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """The box's configuration and what became of its records."""
+        fields, counters = self.config.fields, self.tracker.counters
+        return {
+            'kind': 'ATI Net F/T',
+            'address': self._host,
+            'calibration': fields.get('cfgcalsn', ''),
+            'counts per unit': f'{fields.get("cfgcpf")} per {fields.get("scfgfu")}, '
+            f'{fields.get("cfgcpt")} per {fields.get("scfgtu")}',
+            'ranges': fields.get('cfgmr', ''),
+            'filter': fields.get('setuserfilter', ''),
+            'bias in the box': fields.get('setbias', ''),
+            'rate': f'{self.rate_hz:.0f}',
+            'clock drift': self._ticks.told,
+            'records lost, doubled, late, malformed': f'{counters.lost}, {counters.duplicates}, '
+            f'{counters.out_of_order}, {counters.malformed}',
+            'times stalled': str(self._stalls),
+        }
+
+    @property
+    def complaint(self) -> str:
+        """A rate that is not the one asked for, or a counter that does not keep time."""
+        asked = self._settings.rate_hz
+        if asked > 0 and self.rate_hz and not _near(asked, self.rate_hz, self.config.internal_rate_hz):
+            return f'asked for {asked:g} samples/s, the box gives {self.rate_hz:.0f}; see its Communications page'
+        return self._ticks.complaint
+
+    def fetch(self, queue: SampleQueue) -> None:
+        """Receive a datagram, and renew the request when it is time."""
+        if clocks.monotonic_s() >= self._renew_at_s:
+            self._request()
+        datagram, self._first = (self._first or self._receive()), None
+        if datagram is None:
+            return
+        data, arrival_ns = datagram
+        records = rdt.records(data)
+        if records is None:
+            self.tracker.counters.malformed += 1
+            return
+        expecting = not self.tracker.renewed
+        for record in records:
+            self._put(record, arrival_ns, queue)
+        if expecting and self.tracker.renewed:
+            self._renew_at_s = clocks.monotonic_s() + self._settings.net_ft.renew_s
+
+    def close(self) -> None:
+        """Have the box stop; it would by itself."""
+        with contextlib.suppress(OSError):
+            self._send(rdt.request(rdt.STOP))
+        self._socket.close()
+
+    def _put(self, record: rdt.Record, arrival_ns: int, queue: SampleQueue) -> None:
+        accepted = self.tracker.accept(record)
+        if accepted is None:
+            return
+        flags = flags_of(record.status)
+        if accepted.rebooted:
+            self._ticks = self._new_clock()
+            flags |= Flag.RESTARTED
+        if accepted.stalled:
+            self._stalls += 1
+            flags |= Flag.STALLED
+        ticks = self._ticks.unwrapped(record.ft_sequence)
+        stamp_ns = self._ticks.stamp(ticks, arrival_ns)
+        flags |= self._ticks.flags
+        if not self._ticks.settled and not accepted.stalled:
+            return
+        a, b, c, d, e, f = (
+            count * unit for count, unit in zip(record.counts, self.config.units_per_count, strict=True)
+        )
+        queue.put(
+            (a, b, c, d, e, f), record.counts, stamp_ns, arrival_ns, ticks, flags, record.status, accepted.missing
+        )
+
+    def _new_clock(self) -> TickClock:
+        return TickClock(self.config.internal_rate_hz, delay_ns=round(self._settings.delay_ms * 1e6))
+
+    def _start(self) -> None:
+        """Ask until a record comes: the box acknowledges nothing, and a request can get lost."""
+        for _ in range(self._settings.net_ft.start_tries):
+            self._request()
+            self._socket.settimeout(self._try_s)
+            if (datagram := self._receive()) is not None:
+                self._first = datagram
+                self._socket.settimeout(WAIT_S)
+                return
+        raise DeviceTimeoutError(
+            f'the box at {self._host} sends no records to port {self._settings.net_ft.rdt_port} requests; check that '
+            'no firewall holds UDP back and that no other program uses the box'
+        )
+
+    @property
+    def _try_s(self) -> float:
+        """Until the next request, if the new stream is not seen to begin."""
+        return max(TRY_S, PERIODS_OF_A_TRY / self.rate_hz if self.rate_hz else 0.0)
+
+    def _request(self) -> None:
+        """Ask for records, and again soon until the new stream begins, or, where it never does, the old one ends."""
+        self.tracker.requested()
+        net_ft = self._settings.net_ft
+        most_hz = max(self.rate_hz, self.config.rate_hz) or self.config.internal_rate_hz
+        count = math.ceil(net_ft.count_s * most_hz)
+        try:
+            self._send(rdt.request(rdt.START_BUFFERED if net_ft.buffered else rdt.START_REALTIME, count))
+        except OSError as error:
+            raise DeviceLostError(
+                f'cannot reach the box at {self._host} ({error.strerror or error}); check the network of this computer'
+            ) from error
+        self._renew_at_s = clocks.monotonic_s() + self._try_s
+
+    def _send(self, request: bytes) -> None:
+        self._socket.sendto(request, (self._address, self._settings.net_ft.rdt_port))
+
+    def _receive(self) -> tuple[bytes, int] | None:
+        """What the box sends, from whatever port; what others send is dropped."""
+        try:
+            data, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
+        except (TimeoutError, ConnectionRefusedError):
+            return None
+        return (data, self._clock.now_ns()) if sender[0] == self._address else None
+
+
+def _near(asked: float, given: float, internal: float) -> bool:
+    """Whether a rate is the next that the box can give: the internal one divided by a whole number."""
+    return asked <= given * 1.001 and given <= internal / max(1, internal // asked) * 1.001
+
+
+def _configured(host: str, settings: ForceTorqueSettings) -> BoxConfig:
+    port = settings.net_ft.http_port
+    config = configs.read_config(host, port)
+    wanted = settings.rate_hz if settings.net_ft.set_rate else 0.0
+    if wanted > 0 and not _near(wanted, config.rate_hz, config.internal_rate_hz):
+        configs.set_rate(host, port, settings.rate_hz, config.axia)
+        config = configs.read_config(host, port)
+    if not config.enabled:
+        raise DeviceError(f'RDT is switched off in the box at {host}; enable it on its Communications page')
+    return config
+
+
+def _address(host: str) -> str:
+    """In numbers, as datagrams name their sender."""
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        raise DeviceNotFoundError(f'cannot find the box at {host} ({error.strerror or error})') from error
+
+
+def _socket(host: str) -> socket.socket:
+    """Not connected: a connected one would drop what a box sends from another port than the one that it listens at."""
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        opened.bind(('', 0))
+    except OSError as error:
+        opened.close()
+        raise DeviceNotFoundError(f'cannot listen for the box at {host} ({error.strerror or error})') from error
+    return opened
+
+
+def net_ft_sensor(settings: ForceTorqueSettings, clock: Clock, host: str) -> StreamedForceTorque:
+    """The box at an address, not open yet.
+
+    Raises:
+        ConfigurationError: the address has a port in it.
+    """
+    if not host or '/' in host or ':' in host:
+        raise ConfigurationError(
+            f'{host!r} is no address of a Net F/T box; write netft://192.168.1.1, and ports as net_ft.rdt_port and '
+            'net_ft.http_port'
+        )
+    return StreamedForceTorque(
+        f'the Net F/T box at {host}', lambda: NetFtConnection(host, settings, clock), settings, clock, AXES
+    )

@@ -1,0 +1,147 @@
+"""The twin of a force/torque sensor: it measures a world given as a function of time, at its rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.force_torque.check import SampleCheck
+from tactile_nodes.drivers.force_torque.contract import AXES, ForceTorqueSettings, Listener, Sample, Wrench
+from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceTimeoutError
+
+NAME = 'the simulated force/torque sensor'
+USUAL_RATE_HZ = 1000.0
+NOISE = (0.005, 0.005, 0.005, 0.0001, 0.0001, 0.0001)  # N and N·m
+NOISE_BLOCK = 500
+UNTOUCHED: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class WrenchSource(Protocol):
+    """What there is to feel."""
+
+    def wrench_at(self, time_ns: int) -> Wrench:
+        """(Fx, Fy, Fz, Tx, Ty, Tz) in N and N·m in the sensor's axes."""
+        ...
+
+
+class Untouched:
+    """A world in which nothing touches the sensor."""
+
+    def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
+        """Zero."""
+        return UNTOUCHED
+
+
+class SimulatedForceTorque:
+    """Takes every sample that has come due, when it is read; so it needs no thread and follows a stepped clock.
+
+    Args:
+        settings: `rate_hz` (0: 1000) and `queue` are used.
+        clock: stamps the samples.
+        world: what it feels; nothing if it is left out.
+        seed: of the noise, 5 mN and 0.1 mN·m.
+    """
+
+    def __init__(
+        self, settings: ForceTorqueSettings, clock: Clock, world: WrenchSource | None = None, seed: int = 1
+    ) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._world = world or Untouched()
+        self._random = np.random.default_rng(seed)
+        self._noise: list[list[float]] = []
+        self._rate_hz = settings.rate_hz or USUAL_RATE_HZ
+        self._queue = self._new_queue()
+        self._listeners: list[Listener] = []
+        self._start_ns = 0
+        self._taken = 0
+        self._is_open = False
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What it is."""
+        return {'source': self._settings.source, 'kind': 'simulated', 'rate': f'{self._rate_hz:g}'}
+
+    @property
+    def health(self) -> Health:
+        """OK while it is open."""
+        if not self._is_open:
+            return Health(Level.STALE, f'{NAME} is not open')
+        return Health(Level.OK, f'{self._rate_hz:g} samples/s, {self._queue.dropped} lost')
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """All six."""
+        return AXES
+
+    @property
+    def rate_hz(self) -> float:
+        """As set."""
+        return self._rate_hz if self._is_open else 0.0
+
+    @property
+    def expected_hz(self) -> float:
+        """As set."""
+        return self._rate_hz
+
+    def open(self) -> None:
+        """Begin; the first sample is due at once."""
+        self._queue = self._new_queue()
+        for listener in self._listeners:
+            self._queue.listen(listener)
+        self._start_ns, self._taken = self._clock.now_ns(), 0
+        self._is_open = True
+
+    def read(self, timeout_s: float) -> Sequence[Sample]:
+        """All samples that have come due since the last call; waits for one."""
+        if not self._is_open:
+            raise closed(NAME)
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        self._measure()
+        if not self._queue.wait(0.0):
+            self._clock.sleep_until(min(self._due_ns(), deadline_ns))
+            self._measure()
+        if not self._queue.wait(0.0):
+            raise DeviceTimeoutError(f'{NAME} takes no sample within {timeout_s:g} s at its rate')
+        return self._queue.take(0.0)
+
+    def newest(self) -> Sample | None:
+        """The last sample that is due by now."""
+        if self._is_open:
+            self._measure()
+        return self._queue.newest
+
+    def listen(self, listener: Listener) -> None:
+        """Hand each sample to `listener` as it is taken."""
+        self._listeners.append(listener)
+        self._queue.listen(listener)
+
+    def close(self) -> None:
+        """End."""
+        self._is_open = False
+
+    def _new_queue(self) -> SampleQueue:
+        return SampleQueue(NAME, self._settings.queue, SampleCheck(AXES, self._settings.same_values))
+
+    def _measure(self) -> None:
+        now_ns = self._clock.now_ns()
+        while (due_ns := self._due_ns()) <= now_ns:
+            wrench = self._felt(due_ns)
+            self._queue.put(wrench, wrench, due_ns, now_ns, self._taken)
+            self._taken += 1
+
+    def _felt(self, time_ns: int) -> Wrench:
+        a, b, c, d, e, f = self._world.wrench_at(time_ns)
+        if not self._noise:  # drawn in bulk, which takes a tenth of the time
+            self._noise = self._random.normal(0.0, NOISE, (NOISE_BLOCK, len(NOISE))).tolist()
+        noise = self._noise.pop()
+        return a + noise[0], b + noise[1], c + noise[2], d + noise[3], e + noise[4], f + noise[5]
+
+    def _due_ns(self) -> int:
+        return self._start_ns + math.ceil(self._taken * NS_PER_S / self._rate_hz)

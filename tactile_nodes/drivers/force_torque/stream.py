@@ -1,0 +1,242 @@
+"""A sensor that sends by itself: a thread that receives, and looks for the sensor again after it was lost."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.force_torque.check import NS_PER_MS, SampleCheck, permitted_ms, too_old
+from tactile_nodes.drivers.force_torque.contract import UNUSABLE, Flag, ForceTorqueSettings, Listener, Sample
+from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
+
+FIRST_SAMPLE_S = 3.0
+JOIN_S = 3.0
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 5.0
+
+
+class Connection(Protocol):
+    """An open line to a sensor; after it is lost, make another."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second, as announced or seen."""
+        ...
+
+    @property
+    def announced_hz(self) -> float:
+        """Samples a second as set or as the sensor says; 0: nobody says it."""
+        ...
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What it is and how it is set."""
+        ...
+
+    @property
+    def complaint(self) -> str:
+        """What a person should know although it works; empty: nothing."""
+        ...
+
+    def fetch(self, queue: SampleQueue) -> None:
+        """Wait, not longer than 0.1 s, for what comes, and put it into the queue.
+
+        Raises:
+            DeviceLostError: nothing more will come.
+        """
+        ...
+
+    def close(self) -> None:
+        """Have the sensor stop, and let go of it."""
+        ...
+
+
+class StreamedForceTorque:
+    """The sensor behind the connections that `connect` makes, one after the other.
+
+    The first `open` fails as the connection fails. From then on a lost sensor is opened again and again, with delays
+    that double from 0.25 s to 5 s; `read` raises `DeviceLostError` meanwhile, because whoever moves something has to
+    know. The first sample afterwards carries `Flag.RESTARTED`.
+
+    Args:
+        name: for errors.
+        connect: opens the sensor.
+        settings: `lost_s`, `silence_ms`, `same_values` and `queue` are used.
+        clock: stamps the arrivals.
+        axes: which components of the wrench it measures.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        connect: Callable[[], Connection],
+        settings: ForceTorqueSettings,
+        clock: Clock,
+        axes: tuple[str, ...],
+    ) -> None:
+        self.name = name
+        self._connect = connect
+        self._settings = settings
+        self._clock = clock
+        self._axes = axes
+        self._queue = self._new_queue()
+        self._listeners: list[Listener] = []
+        self._connection: Connection | None = None
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._losses = 0
+        self._heard_ns = 0
+        self._expected_hz = 0.0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """As of the connection, with the number of times that it was lost."""
+        own = {'source': self._settings.source, 'axes': ' '.join(self._axes), 'times lost': str(self._losses)}
+        return {**(self._connection.description if self._connection else {}), **own}
+
+    @property
+    def health(self) -> Health:
+        """ERROR while it is lost, silent, or says that it is not well."""
+        connection, newest = self._connection, self._queue.newest
+        if self._thread is None:
+            return Health(Level.STALE, f'{self.name} is not open')
+        if (failure := self._queue.failure) is not None:
+            return Health(Level.ERROR, f'{failure}; looking for it')
+        if connection is None or newest is None:
+            return Health(Level.ERROR, f'{self.name} has not sent a sample yet')
+        return self._health(connection, newest)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Which components of the wrench it measures."""
+        return self._axes
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second."""
+        return self._connection.rate_hz if self._connection else 0.0
+
+    @property
+    def expected_hz(self) -> float:
+        """As announced, else as seen with the first sample."""
+        return self._expected_hz
+
+    def open(self) -> None:
+        """Connect, and wait for the first sample whose time is known."""
+        self._queue = self._new_queue()
+        for listener in self._listeners:
+            self._queue.listen(listener)
+        self._stopping.clear()
+        self._connection = self._connect()
+        self._heard_ns = self._clock.now_ns()
+        self._thread = threading.Thread(target=self._run, name=f'force/torque {self.name}', daemon=True)
+        self._thread.start()
+        if not self._queue.wait(FIRST_SAMPLE_S):
+            failure = self._queue.failure
+            self.close()
+            raise DeviceTimeoutError(str(failure) if failure else self._silent(FIRST_SAMPLE_S))
+        connection = self._connection
+        self._expected_hz = (connection.announced_hz or connection.rate_hz) if connection else 0.0
+
+    def read(self, timeout_s: float) -> Sequence[Sample]:
+        """All samples since the last call; waits for one."""
+        if self._thread is None:
+            raise closed(self.name)
+        return self._queue.take(timeout_s)
+
+    def newest(self) -> Sample | None:
+        """The last sample."""
+        return self._queue.newest
+
+    def listen(self, listener: Listener) -> None:
+        """Hand each sample to `listener` as it comes."""
+        self._listeners.append(listener)
+        self._queue.listen(listener)
+
+    def close(self) -> None:
+        """Have the sensor stop, and end the thread."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        self._stopping.set()
+        self._queue.close()
+        thread.join(JOIN_S)
+
+    def _health(self, connection: Connection, newest: Sample) -> Health:
+        now_ns, limit_ms = self._clock.now_ns(), permitted_ms(self._settings.silence_ms, self._expected_hz)
+        if newest.flags & UNUSABLE and now_ns - newest.arrival_ns <= limit_ms * NS_PER_MS:
+            return Health(Level.ERROR, f'{self.name}: {told(newest.flags)} (status {newest.status:#x})')
+        if wrong := too_old(newest, 0, now_ns, limit_ms):
+            return Health(Level.ERROR, f'{self.name} {wrong}')
+        counted = f'{connection.rate_hz:.0f} samples/s, {self._queue.dropped} lost'
+        if newest.flags & (Flag.THRESHOLD | Flag.WARNING | Flag.UNTIMED) or connection.complaint:
+            words = connection.complaint or f'{told(newest.flags)} (status {newest.status:#x})'
+            return Health(Level.WARN, f'{counted}; {words}')
+        return Health(Level.OK, counted)
+
+    def _new_queue(self) -> SampleQueue:
+        return SampleQueue(self.name, self._settings.queue, SampleCheck(self._axes, self._settings.same_values))
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._receive()
+        finally:
+            self._queue.fail(DeviceLostError(f'reading from {self.name} has ended'))
+            self._drop()
+
+    def _receive(self) -> None:
+        connection = self._connection or self._found_again()
+        if connection is None:
+            return
+        try:
+            self._queue.rate_hz = connection.rate_hz
+            connection.fetch(self._queue)
+            self._watch()
+        except DeviceError as error:
+            self._losses += 1
+            self._queue.fail(error)
+            self._drop()
+
+    def _watch(self) -> None:
+        newest, now_ns = self._queue.newest, self._clock.now_ns()
+        heard_ns = max(self._heard_ns, newest.arrival_ns if newest else 0)
+        rate_hz = self._expected_hz
+        patience_s = max(self._settings.lost_s, 5 / rate_hz if rate_hz > 0 else FIRST_SAMPLE_S)
+        if (now_ns - heard_ns) / NS_PER_S > patience_s:
+            raise DeviceLostError(self._silent((now_ns - heard_ns) / NS_PER_S))
+
+    def _found_again(self) -> Connection | None:
+        delay_s = FIRST_DELAY_S
+        while self._connection is None and not self._stopping.wait(delay_s):
+            self._connection = self._tried()
+            delay_s = min(2 * delay_s, LONGEST_DELAY_S)
+        self._heard_ns = self._clock.now_ns()
+        return self._connection
+
+    def _tried(self) -> Connection | None:
+        try:
+            return self._connect()
+        except TactileError as error:
+            self._queue.fail(DeviceLostError(f'{self.name} is lost: {error}'))
+            return None
+
+    def _drop(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+    def _silent(self, silent_s: float) -> str:
+        return (
+            f'{self.name} has sent no sample for {silent_s:.1f} s; check its power and its cable, and that no other '
+            'program uses it'
+        )
+
+
+def told(flags: int) -> str:
+    """Flags as words: `Flag.SATURATED | Flag.NOT_A_NUMBER` is "saturated, not a number"."""
+    return ', '.join(flag.name.lower().replace('_', ' ') for flag in Flag if flag & flags and flag.name) or 'well'

@@ -1,0 +1,1 @@
+"""Inputs that see the digital line which synchronises the clocks."""

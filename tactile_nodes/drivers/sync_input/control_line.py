@@ -1,0 +1,266 @@
+"""The digital line that the machine gives to all recorders, as this host sees it on a control line of a serial port.
+
+The machine's output, brought to the adapter's level (24 V needs an optocoupler), goes to CTS, DSR, RI or CD of a
+USB-serial adapter. Where its driver can wait for a change (TIOCMIWAIT, on Linux with most adapters) the thread does;
+elsewhere it looks every millisecond, and every edge says how well its time is known.
+
+A light in the camera's view is the other way to see the line: `sync.light` finds its edges.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import termios
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import serial
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError, TactileError
+from tactile_nodes.params import parameter
+
+MASKS = {'cts': termios.TIOCM_CTS, 'dsr': termios.TIOCM_DSR, 'ri': termios.TIOCM_RI, 'cd': termios.TIOCM_CD}
+JOIN_S = 0.5
+
+
+@dataclass(frozen=True)
+class SyncInputSettings:
+    """Which line is watched."""
+
+    device: str = parameter('', 'serial port, best from /dev/serial/by-id; empty: none')
+    line: str = parameter('cts', 'its control line', choices=tuple(MASKS))
+    invert: bool = parameter(
+        False, 'switching on ends the control line (so a divider at a TTL adapter; an optocoupler does not)'
+    )
+    poll_ms: float = parameter(1.0, 'between looks, where the driver cannot wait', minimum=0.1)
+    wait: bool = parameter(True, 'have the driver wait for changes if it can')
+    delay_ms: float = parameter(0.0, 'constant time from the edge to this program, taken off the stamps', minimum=0.0)
+
+
+class Edge(NamedTuple):
+    """A change of the line.
+
+    Attributes:
+        stamp_ns: when, on the host's time base.
+        level: from then on.
+        number: of the edge since the input was opened, from 1.
+        uncertainty_s: half the width of the time in which it happened.
+    """
+
+    stamp_ns: int
+    level: bool
+    number: int
+    uncertainty_s: float
+
+
+class SyncInput(Protocol):
+    """A source of edges."""
+
+    def open(self) -> None:
+        """Begin to watch.
+
+        Raises:
+            DeviceNotFoundError: no such port, or none that this user may open.
+            DeviceError: it has no control lines.
+        """
+        ...
+
+    def read(self, timeout_s: float) -> Sequence[Edge]:
+        """Every edge since the last call, oldest first; at least one.
+
+        Raises:
+            DeviceTimeoutError: none within `timeout_s`; a line may well be still for long.
+            DeviceLostError: the port is gone.
+            DeviceError: it is not open.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go; a second call does nothing."""
+        ...
+
+
+class ControlLine(Protocol):
+    """A digital input."""
+
+    def level(self) -> bool:
+        """Now.
+
+        Raises:
+            OSError: it is gone.
+        """
+        ...
+
+    def wait(self) -> bool:
+        """Return True after the next change; False at once if it cannot wait for one.
+
+        Raises:
+            OSError: it is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class SerialControlLine:
+    """A control line of an open serial port."""
+
+    def __init__(self, port: serial.SerialBase, line: str) -> None:
+        self._port = port
+        self._line = line
+
+    def level(self) -> bool:
+        """As the adapter has it."""
+        return bool(getattr(self._port, self._line))
+
+    def wait(self) -> bool:
+        """By the kernel, if the adapter's driver knows how."""
+        try:
+            fcntl.ioctl(self._port.fileno(), termios.TIOCMIWAIT, MASKS[self._line])
+        except OSError as error:
+            if error.errno in {errno.ENOTTY, errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS}:
+                return False
+            raise
+        return True
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+
+class WatchedLine:
+    """A thread that watches a control line.
+
+    Args:
+        name: of the line, for errors.
+        line: to be watched.
+        settings: `poll_ms`, `wait`, `invert` and `delay_ms` are used.
+        clock: stamps the edges.
+    """
+
+    def __init__(self, name: str, line: ControlLine, settings: SyncInputSettings, clock: Clock) -> None:
+        self._name = name
+        self._line = line
+        self._settings = settings
+        self._clock = clock
+        self._edges: deque[Edge] = deque()
+        self._changed = threading.Condition()
+        self._stopping = threading.Event()
+        self._failure: TactileError | None = None
+        self._waits = settings.wait
+        self._count = 0
+        self._thread: threading.Thread | None = None
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What is watched, and how."""
+        return {'line': self._name, 'watched by': 'waiting' if self._waits else f'{self._settings.poll_ms:g} ms polls'}
+
+    @property
+    def health(self) -> Health:
+        """ERROR if the line is gone."""
+        if self._thread is None:
+            return Health(Level.STALE, f'{self._name} is not open')
+        if self._failure is not None:
+            return Health(Level.ERROR, str(self._failure))
+        return Health(Level.OK, f'{self._count} edges')
+
+    def open(self) -> None:
+        """Begin to watch."""
+        try:
+            level, now_ns = self._line.level(), self._clock.now_ns()
+        except OSError as error:
+            raise DeviceError(f'{self._name} cannot be read ({error}); use an adapter with control lines') from error
+        self._thread = threading.Thread(
+            target=self._run, args=(level, now_ns), name=f'sync input {self._name}', daemon=True
+        )
+        self._thread.start()
+
+    def read(self, timeout_s: float) -> Sequence[Edge]:
+        """Every edge since the last call."""
+        if self._thread is None:
+            raise DeviceError(f'{self._name} is closed; open it before reading')
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._edges or self._failure, timeout_s):
+                raise DeviceTimeoutError(f'{self._name} has not changed within {timeout_s:g} s')
+            if not self._edges:
+                raise DeviceLostError(str(self._failure)) from self._failure
+            edges = list(self._edges)
+            self._edges.clear()
+            return edges
+
+    def close(self) -> None:
+        """Stop watching; a thread that waits in the driver ends with the next edge."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        self._stopping.set()
+        thread.join(JOIN_S)
+        with contextlib.suppress(OSError):
+            self._line.close()
+
+    def _run(self, level: bool, seen_ns: int) -> None:
+        try:
+            while not self._stopping.is_set():
+                waited = self._pause()
+                now_level, now_ns = self._line.level(), self._clock.now_ns()
+                if now_level != level and not self._stopping.is_set():
+                    self._put(now_level, now_ns if waited else seen_ns, now_ns)
+                level, seen_ns = now_level, now_ns
+        except (OSError, TypeError) as error:  # TypeError: pyserial, closed under its hands
+            lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and open it again')
+            with self._changed:
+                self._failure = lost
+                self._changed.notify_all()
+
+    def _pause(self) -> bool:
+        """Until a change, if that can be waited for; else for a moment."""
+        if self._waits:
+            self._waits = self._line.wait()
+        if not self._waits:
+            self._stopping.wait(self._settings.poll_ms / 1000)
+        return self._waits
+
+    def _put(self, level: bool, old_ns: int, new_ns: int) -> None:
+        """The change happened between the last look at the old level and the first at the new."""
+        self._count += 1
+        half_s = max((new_ns - old_ns) / 2 / NS_PER_S, 1e-4)
+        stamp_ns = (old_ns + new_ns) // 2 - round(self._settings.delay_ms * 1e6)
+        with self._changed:
+            self._edges.append(Edge(stamp_ns, level != self._settings.invert, self._count, half_s))
+            self._changed.notify_all()
+
+
+def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
+    """The line that the settings name, being watched.
+
+    Raises:
+        DeviceNotFoundError: no such port, or none that this user may open.
+        DeviceError: it has no control lines.
+    """
+    name = f'{settings.line.upper()} of {settings.device}'
+    try:
+        port = serial.serial_for_url(settings.device, timeout=0)
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise DeviceNotFoundError(
+            f'cannot open {settings.device or "a port without a name"} to watch its {settings.line.upper()} line '
+            f'({error}); name a port that exists and that no other program uses'
+        ) from error
+    with contextlib.suppress(AttributeError, OSError, ValueError, NotImplementedError):
+        port.set_low_latency_mode(True)  # FTDI adapters tell of a change after up to 16 ms otherwise
+    watched = WatchedLine(name, SerialControlLine(port, settings.line), settings, clock)
+    try:
+        watched.open()
+    except BaseException:
+        port.close()
+        raise
+    return watched

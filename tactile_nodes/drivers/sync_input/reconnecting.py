@@ -1,0 +1,121 @@
+"""A sync input that comes back by itself after its adapter was pulled out and plugged in again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine, open_sync_input
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError
+
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 5.0
+
+
+class ReconnectingSyncInput:
+    """A sync input around the lines that `connect` opens, one after the other.
+
+    The first `open` fails as the line fails: one that was never there is a mistake to be told at once. From then on a
+    lost line is opened again and again, with delays that double from 0.25 s to 5 s until it is there, and `read` raises
+    `DeviceTimeoutError` meanwhile, never `DeviceLostError`, and keeps to its timeout. Edges of the time between are
+    missing; numbers go on.
+
+    Args:
+        connect: gives a line that is being watched.
+        clock: times the delays.
+        name: of the line, for errors.
+    """
+
+    def __init__(self, connect: Callable[[], WatchedLine], clock: Clock, name: str) -> None:
+        self._connect = connect
+        self._clock = clock
+        self._name = name
+        self._line: WatchedLine | None = None
+        self._opened = False
+        self._reason = ''
+        self._away_ns = 0
+        self._delay_s = FIRST_DELAY_S
+        self._next_try_ns = 0
+        self._losses = 0
+        self._count = 0
+
+    @property
+    def description(self) -> Mapping[str, str]:
+        """What is watched, how, and how often it was lost."""
+        told = self._line.description if self._line is not None else {'line': self._name}
+        return {**told, 'edges': str(self._count), 'times lost': str(self._losses)}
+
+    @property
+    def health(self) -> Health:
+        """ERROR while it is lost; else what the line says."""
+        if not self._opened:
+            return Health(Level.STALE, f'{self._name} is not open')
+        if self._line is None:
+            away_s = (self._clock.now_ns() - self._away_ns) / NS_PER_S
+            return Health(Level.ERROR, f'lost for {away_s:.1f} s, reconnecting: {self._reason}')
+        health = self._line.health
+        if health.level != Level.OK:
+            return health
+        again = f'; lost and found again {self._losses} times' if self._losses else ''
+        return Health(Level.OK, f'{self._count} edges{again}')
+
+    def open(self) -> None:
+        """As `SyncInput.open`; the first failure is the caller's."""
+        self._line = self._connect()
+        self._opened = True
+
+    def read(self, timeout_s: float) -> Sequence[Edge]:
+        """As `SyncInput.read`; `DeviceTimeoutError` as long as the port is away."""
+        if not self._opened:
+            raise DeviceError(f'{self._name} is closed; open it before reading')
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        line = self._line or self._try_again(deadline_ns)
+        try:
+            edges = line.read(max(0.0, (deadline_ns - self._clock.now_ns()) / NS_PER_S))
+        except DeviceLostError as error:
+            self._lose(error)
+            raise DeviceTimeoutError(f'{error}; reconnecting') from error
+        numbered = [edge._replace(number=self._count + number) for number, edge in enumerate(edges, start=1)]
+        self._count += len(edges)
+        return numbered
+
+    def close(self) -> None:
+        """As `SyncInput.close`."""
+        self._opened = False
+        self._drop()
+
+    def _try_again(self, deadline_ns: int) -> WatchedLine:
+        """The line, if it can be had by then."""
+        self._clock.sleep_until(min(self._next_try_ns, deadline_ns))
+        if self._next_try_ns > deadline_ns:
+            raise DeviceTimeoutError(f'{self._name} is away ({self._reason}); reconnecting')
+        try:
+            self._line = self._connect()
+        except DeviceError as error:
+            self._wait_longer(error)
+            raise DeviceTimeoutError(f'{self._name} is still away ({error}); reconnecting') from error
+        self._delay_s = FIRST_DELAY_S
+        return self._line
+
+    def _lose(self, error: DeviceError) -> None:
+        self._losses += 1
+        self._away_ns = self._clock.now_ns()
+        self._wait_longer(error)
+        self._drop()
+
+    def _wait_longer(self, error: DeviceError) -> None:
+        self._reason = str(error)
+        self._next_try_ns = self._clock.now_ns() + round(self._delay_s * NS_PER_S)
+        self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
+
+    def _drop(self) -> None:
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
+
+
+def reconnecting_sync_input(settings: SyncInputSettings, clock: Clock) -> ReconnectingSyncInput:
+    """The line that the settings name, not open yet."""
+    name = f'{settings.line.upper()} of {settings.device}'
+    return ReconnectingSyncInput(lambda: open_sync_input(settings, clock), clock, name)

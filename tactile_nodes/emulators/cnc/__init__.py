@@ -1,0 +1,1 @@
+"""Controllers of machines, as a host on their serial line sees them."""

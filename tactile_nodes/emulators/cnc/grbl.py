@@ -1,0 +1,257 @@
+"""A Grbl 1.1h or grblHAL controller, as a host on its serial line sees it.
+
+Sequences are those observed on the original firmware compiled for a PC. Left out: arcs, spindle override, safety door
+states beyond a hold, limit pins, hard limits (raise alarm 1 with `alarm`), startup blocks, step rounding. Blocks
+start and end at rest (see `motion`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.emulators.cnc import grbl_commands as commands
+from tactile_nodes.emulators.cnc.grbl_code import GrblError
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.cnc.grbl_machine import GrblMachine
+from tactile_nodes.emulators.cnc.grbl_report import Snapshot, StatusReports
+from tactile_nodes.emulators.serial_device import Program, SerialDevice, Wait
+from tactile_nodes.emulators.world import World
+
+LINE_LIMIT = 79
+RESET, JOG_CANCEL, DOOR, STATUS_ALIAS, FULL_STATUS = 0x18, 0x85, 0x84, 0x80, 0x87
+FEED_OVERRIDES = {0x91: 10, 0x92: -10, 0x93: 1, 0x94: -1}
+
+
+class Grbl(SerialDevice):
+    """One controller with its machine in a world."""
+
+    def __init__(self, world: World, clock: Clock, settings: GrblSettings | None = None) -> None:
+        self._settings = settings or GrblSettings()
+        super().__init__(clock, self._settings.baud)
+        self.machine: GrblMachine = GrblMachine(world, self._settings, self.now_ns)
+        self.dialect = self.machine.dialect
+        self.overflowed = 0
+        self._received = bytearray()
+        self._wake_ns: int | None = None
+        self._last_was_cr = False
+        self._feed_override = 100
+        self.alarm_lock = self.machine.flag(22)
+        self._boot()
+
+    # What tests and demonstrations do to it.
+
+    def power_cycle(self) -> None:
+        """A restart: the machine stops on the spot, and its place becomes machine zero."""
+        with self._lock:
+            self.machine.planner.flush(self.now_ns)
+            self.machine.origin = self.machine.world.motor_at(self.now_ns)
+            self.machine.world.set_line(False, self.now_ns)
+            self.faults.hung = False
+            self.alarm_lock = self.machine.flag(22)
+            self._boot()
+
+    def alarm(self, number: int) -> None:
+        """An alarm out of the blue: 1 is a limit switch that was hit, which stops the machine on the spot."""
+        with self._lock:
+            self.run()
+            self.machine.planner.flush(self.now_ns)
+            self._start_program(commands.critical(self, number))
+            self._step()
+
+    # State, used by the commands.
+
+    @property
+    def world(self) -> World:
+        """Where the machine stands."""
+        return self.machine.world
+
+    def tell(self, text: str) -> None:
+        """A line to the host."""
+        self.say(text.encode('ascii') + b'\r\n')
+
+    def answer(self, error: int = 0) -> None:
+        """The one response to a line."""
+        if error:
+            self.tell(f'error:{error}')
+        elif not self.faults.swallow_ok:
+            self.tell('ok')
+
+    def wait_until_empty(self) -> Program:
+        """Until the planner has nothing left."""
+        yield lambda: self.machine.planner.used == 0
+
+    def wait_s(self, seconds: float) -> Program:
+        """For a time."""
+        self._wake_ns = due_ns = self.now_ns + round(seconds * 1e9)
+        yield lambda: self.now_ns >= due_ns
+        self._wake_ns = None
+
+    def wake_at(self, time_ns: int | None) -> None:
+        """Look at the condition of the program at a time."""
+        self._wake_ns = time_ns
+
+    def go_to_alarm(self, number: int) -> None:
+        """Lock, and say so."""
+        self.state = 'Alarm'
+        self.tell(f'ALARM:{number}')
+
+    # The line.
+
+    def _boot(self) -> None:
+        self._clear()
+        self._start_program(self._main())
+
+    def _clear(self) -> None:
+        self._received.clear()
+        self._feed_override = 100
+        self.machine.reset()
+        self.machine.planner.feed_override = 1.0
+        self._reports = StatusReports()
+        self._wake_ns, self._rest_then_idle = None, False
+        self.homing, self.critical = False, False
+        self.state = 'Alarm' if self.alarm_lock else 'Idle'
+
+    def _main(self) -> Program:
+        while True:
+            self.say(b'\r\n' + self.dialect.banner.encode('ascii') + b'\r\n')
+            if self.state == 'Alarm':
+                self.tell("[MSG:'$H'|'$X' to unlock]")
+            try:
+                while True:
+                    line = yield from self.next_line()
+                    yield from self._execute(line)
+            except commands.Restart:
+                self._clear()
+
+    def next_line(self) -> Generator[Wait, None, str]:
+        line: list[str] = []
+        comment = False
+        """The next line without spaces and comments, in capitals."""
+        while True:
+            yield lambda: bool(self._received)
+            character = chr(self._received.pop(0))
+            second, self._last_was_cr = self._last_was_cr and character == '\n', character == '\r'
+            if second and self.dialect.pairs_line_ends:
+                continue
+            if character in '\r\n':
+                return ''.join(line)
+            if character in '();':
+                comment = character != ')'
+            elif not comment and character not in ' /\t':
+                line.append(character.upper())
+
+    def _execute(self, line: str) -> Program:
+        try:
+            if len(line) > LINE_LIMIT:
+                raise GrblError(11)
+            if line.startswith('$'):
+                yield from commands.system(self, line)
+            elif line:
+                yield from commands.gcode(self, line)
+            self.answer()
+        except GrblError as error:
+            self.answer(error.number)
+
+    # Real time.
+
+    def _byte(self, byte: int) -> None:
+        character = chr(byte)
+        if character == '?' or byte in {STATUS_ALIAS, FULL_STATUS}:
+            self._report()
+        elif byte == RESET:
+            self._reset()
+        elif character == '!' or byte == DOOR:
+            self._hold()
+        elif character == '~':
+            self._resume()
+        elif byte == JOG_CANCEL:
+            self._cancel_jog()
+        elif byte >= 0x80:
+            self._override(byte)
+        elif len(self._received) < self.dialect.receive_bytes:
+            self._received.append(byte)
+        else:
+            self.overflowed += 1
+
+    def _report(self) -> None:
+        if self.homing or (self.critical and not self.dialect.answers_in_critical_alarm):
+            return
+        mask = int(float(self.machine.memory[10]))
+        self.tell(self._reports.text(self._snapshot(), mask, self.machine.inches))
+
+    def _snapshot(self) -> Snapshot:
+        machine, now_ns = self.machine, self.now_ns
+        segment = machine.planner.segment
+        speed = machine.world.motor_speed_at(now_ns)
+        if self.state == 'Hold' and segment is not None:
+            speed = segment.shape.speed(segment.shape.duration_s / 2)  # as the firmware: the feed it would go at
+        return Snapshot(
+            state=self._state_text(),
+            machine_mm=machine.place(now_ns),
+            offset_mm=machine.offset,
+            blocks_free=machine.planner.capacity - machine.planner.used,
+            bytes_free=self.dialect.receive_bytes - len(self._received),
+            feed_mm_min=60 * speed,
+            spindle=machine.modal.speed if machine.modal.spindle != 5 else 0.0,
+            pins='P' if machine.world.probe_closed(now_ns) else '',
+            feed_override=self._feed_override,
+            accessories='F' if machine.modal.coolant == 8 else '',
+            busy=self.state in {'Run', 'Hold', 'Jog', 'Home'},
+        )
+
+    def _state_text(self) -> str:
+        if self.state != 'Hold':
+            return self.state
+        return 'Hold:0' if self.machine.planner.at_rest(self.now_ns) else 'Hold:1'
+
+    def _reset(self) -> None:
+        planner = self.machine.planner
+        moving = self.state in {'Run', 'Jog', 'Home'} or not planner.at_rest(self.now_ns)
+        if self.critical and not self.dialect.answers_in_critical_alarm:
+            self.answer()  # of the line that hit the limit, late
+        if moving:
+            self.tell('ALARM:6' if self.homing else 'ALARM:3')
+        planner.flush(self.now_ns)
+        self.world.set_line(False, self.now_ns)
+        self.alarm_lock = moving or self.state in {'Alarm', 'Sleep'}
+        self._boot()
+
+    def _hold(self) -> None:
+        if self.state == 'Jog':
+            self._cancel_jog()
+        elif self.state in {'Run', 'Idle'}:
+            self.state = 'Hold'
+            self.machine.planner.hold(self.now_ns)
+
+    def _resume(self) -> None:
+        if self.state == 'Hold' and self.machine.planner.at_rest(self.now_ns):
+            self.machine.planner.resume(self.now_ns)
+            self.state = 'Run' if self.machine.planner.used else 'Idle'
+
+    def _cancel_jog(self) -> None:
+        if self.state == 'Jog':
+            self.machine.planner.hold(self.now_ns)
+            self.machine.planner.drop_queue()
+            self._rest_then_idle = True
+
+    def _override(self, byte: int) -> None:
+        if byte == 0x90:
+            self._feed_override = 100
+        self._feed_override = min(200, max(10, self._feed_override + FEED_OVERRIDES.get(byte, 0)))
+        self.machine.planner.feed_override = self._feed_override / 100  # from the next block on
+
+    # Time.
+
+    def _progress(self) -> None:
+        planner = self.machine.planner
+        if self._rest_then_idle and planner.at_rest(self.now_ns):
+            planner.flush(self.now_ns)
+            self._rest_then_idle = False
+        planner.step(self.now_ns)
+        if self.state in {'Run', 'Jog'} and planner.used == 0:
+            self.state = 'Idle'
+
+    def _own_events_ns(self) -> list[int]:
+        times = (self.machine.planner.next_event_ns(self.now_ns), self._wake_ns)
+        return [time for time in times if time is not None]

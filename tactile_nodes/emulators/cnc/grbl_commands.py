@@ -1,0 +1,297 @@
+"""What Grbl does with a line; each command runs until its answer is due, and waits by yielding a condition."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tactile_nodes.emulators.cnc.grbl_code import Command, GrblError, understand, understand_jog
+from tactile_nodes.emulators.cnc.grbl_dialect import axes_of
+from tactile_nodes.emulators.motion import Segment, Vector, length, plus
+from tactile_nodes.emulators.serial_device import Program
+
+if TYPE_CHECKING:
+    from tactile_nodes.emulators.cnc.grbl import Grbl
+
+HELP = '[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]'
+
+
+class Restart(Exception):  # noqa: N818
+    """The firmware starts again, without losing its place."""
+
+
+def gcode(grbl: Grbl, line: str) -> Program:
+    """A line of G-code."""
+    if grbl.state in {'Alarm', 'Jog', 'Sleep'}:
+        raise GrblError(9)
+    machine = grbl.machine
+    command = understand(line, machine.modal)
+    if grbl.state == 'Check':
+        yield from _check(grbl, command)
+        return
+    if command.spindle or command.coolant:
+        yield from grbl.wait_until_empty()
+    machine.modal = command.modal
+    if command.coolant:
+        grbl.world.set_line(command.modal.coolant == 8, grbl.now_ns)
+    if command.non_modal == 4.0:
+        yield from grbl.wait_until_empty()
+        yield from grbl.wait_s(command.values['P'])
+    elif command.non_modal in {28.0, 30.0}:
+        yield from _go_home(grbl, command)
+    elif command.non_modal not in {None, 53.0}:
+        machine.set_offset(command, grbl.now_ns)
+    if command.motion is not None and command.motion.startswith('G38'):
+        yield from _probe(grbl, command)
+    elif command.motion is not None:
+        feed = None if command.motion == 'G0' else command.modal.feed
+        yield from _travel(grbl, machine.target(command, grbl.now_ns), feed)
+    if command.program is not None:
+        yield from _end(grbl, command.program)
+
+
+def _check(grbl: Grbl, command: Command) -> Program:
+    grbl.machine.modal = command.modal
+    if command.motion is not None and grbl.machine.beyond_travel(grbl.machine.target(command, grbl.now_ns)):
+        yield from critical(grbl, 2)
+
+
+def _go_home(grbl: Grbl, command: Command) -> Program:
+    if command.axes:
+        yield from _travel(grbl, grbl.machine.target(command, grbl.now_ns), None)
+    yield from _travel(grbl, grbl.machine.homes[command.non_modal or 28.0], None)
+
+
+def _travel(grbl: Grbl, target: Vector, feed: float | None) -> Program:
+    machine = grbl.machine
+    if machine.beyond_travel(target):
+        yield from _soft_limit(grbl)
+    yield lambda: machine.planner.used < machine.planner.capacity
+    if machine.planner.add(machine.block(target, feed), grbl.now_ns) and grbl.state == 'Idle':
+        grbl.state = 'Run'
+
+
+def _soft_limit(grbl: Grbl) -> Program:
+    planner = grbl.machine.planner
+    if grbl.state == 'Run':
+        grbl.state = 'Hold'
+        planner.hold(grbl.now_ns)
+        yield lambda: planner.at_rest(grbl.now_ns)
+    planner.flush(grbl.now_ns)
+    yield from critical(grbl, 2)
+
+
+def critical(grbl: Grbl, number: int) -> Program:
+    """An alarm that only a reset ends; on Grbl nothing else is even listened to."""
+    grbl.critical = True
+    grbl.go_to_alarm(number)
+    grbl.tell('[MSG:Reset to continue]')
+    if grbl.dialect.answers_in_critical_alarm:
+        grbl.answer()
+    while True:
+        yield from _refuse_or_wait(grbl)
+
+
+def _refuse_or_wait(grbl: Grbl) -> Program:
+    if not grbl.dialect.answers_in_critical_alarm:
+        yield lambda: False
+    yield from grbl.next_line()
+    grbl.answer(79)
+
+
+def _end(grbl: Grbl, program: int) -> Program:
+    yield from grbl.wait_until_empty()
+    if program in {0, 1}:
+        grbl.state = 'Hold'
+        grbl.machine.planner.hold(grbl.now_ns)
+        yield lambda: grbl.state != 'Hold'
+        return
+    machine = grbl.machine
+    machine.modal = replace(machine.modal, motion='G1', system=54, plane=17, distance=90, spindle=5, coolant=9)
+    grbl.world.set_line(False, grbl.now_ns)
+    grbl.tell('[MSG:Pgm End]')
+
+
+def _probe(grbl: Grbl, command: Command) -> Program:
+    machine, planner = grbl.machine, grbl.machine.planner
+    yield from grbl.wait_until_empty()
+    if grbl.world.probe_closed(grbl.now_ns):
+        grbl.go_to_alarm(4)
+        return
+    target = machine.target(command, grbl.now_ns)
+    if machine.beyond_travel(target):
+        yield from _soft_limit(grbl)
+    if not planner.add(machine.block(target, command.modal.feed), grbl.now_ns):
+        return
+    grbl.state = 'Run'
+    touched_ns = _touch_ns(grbl, planner.segment)
+    grbl.wake_at(touched_ns)
+    yield lambda: planner.used == 0 or (touched_ns is not None and grbl.now_ns >= touched_ns)
+    grbl.wake_at(None)
+    if planner.used == 0:
+        _probe_missed(grbl, command)
+    else:
+        machine.probed = (machine.place(grbl.now_ns), True)
+        planner.hold(grbl.now_ns)
+        yield lambda: planner.at_rest(grbl.now_ns)
+        planner.flush(grbl.now_ns)
+    grbl.tell(machine.probe_report())
+
+
+def _probe_missed(grbl: Grbl, command: Command) -> None:
+    if command.motion == 'G38.2':
+        grbl.go_to_alarm(5)
+        grbl.machine.probed = (grbl.machine.probed[0], False)
+    else:
+        grbl.machine.probed = (grbl.machine.place(grbl.now_ns), False)
+
+
+def _touch_ns(grbl: Grbl, segment: Segment | None) -> int | None:
+    """When the probe closes on a line downwards, to the microsecond."""
+    if segment is None or not grbl.world.probe_closed(segment.end_ns):
+        return None
+    low, high = grbl.now_ns, segment.end_ns
+    while high - low > 1000:
+        middle = (low + high) // 2
+        low, high = (low, middle) if grbl.world.probe_closed(middle) else (middle, high)
+    return high
+
+
+def system(grbl: Grbl, line: str) -> Program:
+    """A line that starts with ``$``."""
+    if line.startswith('$J='):
+        yield from _jog(grbl, line[3:])
+    elif line == '$H':
+        yield from _home(grbl)
+    elif line in _REPORTS:
+        _REPORTS[line](grbl)
+    elif line in _ACTIONS:
+        _ACTIONS[line](grbl)
+    elif match := re.fullmatch(r'\$(\d+)=(.*)', line):
+        _only_at_rest(grbl)
+        grbl.machine.write(int(match.group(1)), match.group(2))
+    else:
+        raise GrblError(3)
+
+
+def _jog(grbl: Grbl, text: str) -> Program:
+    if grbl.state not in {'Idle', 'Jog'}:
+        raise GrblError(79 if grbl.critical else 8)
+    machine, planner = grbl.machine, grbl.machine.planner
+    command = understand_jog(text, machine.modal)
+    target = machine.target(command, grbl.now_ns)
+    if machine.beyond_travel(target):
+        raise GrblError(15)
+    yield lambda: planner.used < planner.capacity
+    if planner.add(machine.block(target, command.modal.feed), grbl.now_ns):
+        grbl.state = 'Jog'
+
+
+def _home(grbl: Grbl) -> Program:
+    machine = grbl.machine
+    if not machine.flag(22):
+        raise GrblError(5)
+    if grbl.state not in {'Idle', 'Alarm'}:
+        raise GrblError(8)
+    grbl.state, grbl.homing = 'Home', True
+    switch, sign = _switches(grbl)
+    fast, back = float(machine.memory[25]), float(machine.memory[27])
+    for axes in ((2,), (0, 1)):
+        yield from _seek(grbl, {axis: switch[axis] for axis in axes}, fast)
+    if length(plus(grbl.world.tip_at(grbl.now_ns), switch, -1.0)) > 0.01:
+        grbl.homing, grbl.alarm_lock = False, True
+        grbl.tell('ALARM:9')
+        grbl.answer()
+        raise Restart
+    off = plus(switch, sign, -back)
+    yield from _seek(grbl, dict(enumerate(off)), fast)
+    travel = axes_of(machine.memory, 130)
+    x, y, z = (-back if up > 0 else back - most for up, most in zip(sign, travel, strict=True))
+    machine.origin = plus(grbl.world.motor_at(grbl.now_ns), (x, y, z), -1.0)
+    grbl.state, grbl.homing, grbl.alarm_lock = 'Idle', False, False
+
+
+def _switches(grbl: Grbl) -> tuple[Vector, Vector]:
+    """Where the end switches are in the world, and on which end of each axis."""
+    mask, room = int(float(grbl.machine.memory[23])), grbl.world.settings.room_mm
+    x, y, z = (-1.0 if mask & (1 << axis) else 1.0 for axis in range(3))
+    ends = [0.0 if sign > 0 else -size for sign, size in zip((x, y, z), room, strict=True)]
+    return (ends[0], ends[1], ends[2]), (x, y, z)
+
+
+def _seek(grbl: Grbl, ends: dict[int, float], feed: float) -> Program:
+    """Move axes of the tip to places in the world, however many steps were lost before."""
+    tip, motor = grbl.world.tip_at(grbl.now_ns), grbl.world.motor_at(grbl.now_ns)
+    x, y, z = (motor[axis] + ends.get(axis, tip[axis]) - tip[axis] for axis in range(3))
+    machine = grbl.machine
+    machine.planner.add(machine.block(plus((x, y, z), machine.origin, -1.0), feed), grbl.now_ns)
+    yield from grbl.wait_until_empty()
+
+
+def _only_at_rest(grbl: Grbl) -> None:
+    if grbl.critical:
+        raise GrblError(79)
+    if grbl.state not in {'Idle', 'Alarm', 'Check'}:
+        raise GrblError(8)
+
+
+def _settings(grbl: Grbl) -> None:
+    if grbl.state in {'Run', 'Hold'}:
+        raise GrblError(8)
+    for number, value in grbl.machine.memory.items():
+        grbl.tell(f'${number}={value}')
+
+
+def _identity(grbl: Grbl) -> None:
+    _only_at_rest(grbl)
+    for row in grbl.dialect.identity:
+        grbl.tell(row)
+
+
+def _parameters(grbl: Grbl) -> None:
+    _only_at_rest(grbl)
+    for row in grbl.machine.parameters():
+        grbl.tell(row)
+
+
+def _startup(grbl: Grbl) -> None:
+    grbl.tell('$N0=')
+    grbl.tell('$N1=')
+
+
+def _unlock(grbl: Grbl) -> None:
+    _only_at_rest(grbl)
+    if grbl.state == 'Alarm':
+        grbl.tell('[MSG:Caution: Unlocked]')
+        grbl.state, grbl.alarm_lock = 'Idle', False
+
+
+def _toggle_check(grbl: Grbl) -> None:
+    if grbl.state == 'Check':
+        grbl.tell('[MSG:Disabled]')
+        grbl.alarm_lock = False
+        grbl.answer()
+        raise Restart
+    if grbl.state != 'Idle':
+        raise GrblError(8)
+    grbl.state = 'Check'
+    grbl.tell('[MSG:Enabled]')
+
+
+def _sleep(grbl: Grbl) -> None:
+    _only_at_rest(grbl)
+    grbl.tell('[MSG:Sleeping]')
+    grbl.state = 'Sleep'
+
+
+_REPORTS: dict[str, Callable[[Grbl], None]] = {
+    '$': lambda grbl: grbl.tell(HELP),
+    '$$': _settings,
+    '$G': lambda grbl: grbl.tell(grbl.machine.modal.report()),
+    '$I': _identity,
+    '$#': _parameters,
+    '$N': _startup,
+}
+_ACTIONS: dict[str, Callable[[Grbl], None]] = {'$X': _unlock, '$C': _toggle_check, '$SLP': _sleep}

@@ -1,0 +1,1 @@
+"""Force/torque sensors, as a host on their network or serial line sees them."""

@@ -1,0 +1,181 @@
+"""What stands between a sensor and its driver and tells it lies: on the network, and on a serial line."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+from tactile_nodes.emulators.force_torque.serial_ft import Talker
+from tactile_nodes.emulators.force_torque.serial_ft_bota import FRAME_HEADER, crc16_x25
+
+LOOK_S = 0.001
+RECORD = struct.Struct('>3I6i')
+FRAME = struct.Struct('<H6fIf')
+FRAME_BYTES = 37
+Values = tuple[float, ...]
+
+
+class Lie:
+    """What becomes of the six values of a sample once `when` holds; the last that was true is `self.last`."""
+
+    def __init__(self, when: Callable[[], bool], told: Callable[[Values], Values]) -> None:
+        self._when = when
+        self._told = told
+        self._begun = False
+        self._last: Values = (0.0,) * 6
+
+    @property
+    def begun(self) -> bool:
+        """Whether it is told now."""
+        self._begun = self._begun or self._when()
+        return self._begun
+
+    def of(self, values: Values) -> Values:
+        if self.begun:
+            return self._told(self._last)
+        self._last = values
+        return values
+
+
+@dataclass
+class Changed:
+    """Six values that come out as `of` makes them."""
+
+    of: Callable[[Values], Values]
+
+
+def frozen(last: Values) -> Values:
+    """The last true values, again and again."""
+    return last
+
+
+def zeros(last: Values) -> Values:
+    """Nothing but zeros."""
+    return tuple(0 * value for value in last)
+
+
+class UdpProxy:
+    """Stands in for a Net F/T box: requests go through, records come through changed.
+
+    Args:
+        port: where the box listens.
+        lie: what becomes of the counts; None: they stay.
+        status: bits that are added to each record while the lie is told, or ever.
+        delay_s: after which a record is passed on, asked for each.
+        every: of so many records one is passed on, asked for each.
+    """
+
+    def __init__(
+        self,
+        port: int,
+        lie: Lie | Changed | None = None,
+        status: Callable[[], int] = lambda: 0,
+        delay_s: Callable[[], float] = lambda: 0.0,
+        every: Callable[[], int] = lambda: 1,
+        now_s: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self._box = ('127.0.0.1', port)
+        self._lie, self._status, self._delay_s, self._every, self._now_s = lie, status, delay_s, every, now_s
+        self._front, self._back = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        self._front.bind(('127.0.0.1', 0))
+        self._back.bind(('127.0.0.1', 0))
+        self._client: tuple[str, int] | None = None
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._count = 0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    @property
+    def port(self) -> int:
+        return int(self._front.getsockname()[1])
+
+    def __enter__(self) -> UdpProxy:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+        self._front.close()
+        self._back.close()
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            readable, _, _ = select.select([self._front, self._back], [], [], LOOK_S)
+            if self._front in readable:
+                request, self._client = self._front.recvfrom(64)
+                self._back.sendto(request, self._box)
+            if self._back in readable:
+                self._take(self._back.recv(2048))
+            self._pass_on()
+
+    def _take(self, record: bytes) -> None:
+        self._count += 1
+        if self._count % self._every() == 0:
+            self._waiting.append((self._now_s() + self._delay_s(), self._told(record)))
+
+    def _told(self, record: bytes) -> bytes:
+        number, internal, status, *counts = RECORD.unpack(record)
+        told = self._lie.of(tuple(counts)) if self._lie else tuple(counts)
+        return RECORD.pack(number, internal, status | self._status(), *map(round, told))
+
+    def _pass_on(self) -> None:
+        while self._waiting and self._waiting[0][0] <= self._now_s():
+            record = self._waiting.popleft()[1]
+            if self._client is not None:
+                with contextlib.suppress(OSError):
+                    self._front.sendto(record, self._client)
+
+
+@dataclass
+class TalkerLiar:
+    """A talker, but for what comes out of it."""
+
+    talker: Talker
+    lie: Lie
+
+    def power_on(self, now_ns: int) -> None:
+        self.talker.power_on(now_ns)
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        self.talker.receive(data, now_ns)
+
+    def next_ns(self) -> int | None:
+        return self.talker.next_ns()
+
+
+class BotaLiar(TalkerLiar):
+    """A talker whose frames come out changed, with a check sum that fits."""
+
+    def due(self, now_ns: int) -> bytes:
+        said = self.talker.due(now_ns)
+        if not said.startswith(bytes([FRAME_HEADER])) or len(said) % FRAME_BYTES:
+            return said
+        return b''.join(self._told(said[at : at + FRAME_BYTES]) for at in range(0, len(said), FRAME_BYTES))
+
+    def _told(self, frame: bytes) -> bytes:
+        status, *values, time_us, temperature = FRAME.unpack(frame[1:-2])
+        body = FRAME.pack(status, *self.lie.of(tuple(values)), time_us, temperature)
+        return frame[:1] + body + struct.pack('<H', crc16_x25(body))
+
+
+class TextLiar(TalkerLiar):
+    """A talker whose lines come out changed."""
+
+    def due(self, now_ns: int) -> bytes:
+        lines = self.talker.due(now_ns).splitlines(keepends=True)
+        return b''.join(line if line.startswith(b'#') else self._told(line) for line in lines)
+
+    def _told(self, line: bytes) -> bytes:
+        time_us, *values = line.decode().strip().split(',')
+        told = self.lie.of(tuple(map(float, values)))
+        return ','.join([time_us, *(f'{value:g}' for value in told)]).encode() + b'\r\n'

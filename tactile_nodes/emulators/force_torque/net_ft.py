@@ -1,0 +1,146 @@
+"""An ATI Net F/T box on this machine: RDT over UDP and its web pages over HTTP, for as long as it is open.
+
+    with NetFtServer(NetFtBox(world), clock) as server:
+        ... # netft://127.0.0.1, with server.rdt_port and server.http_port
+
+It listens on the loopback address alone. Pages that change settings are refused, and the attempt is written down in
+`refused`, unless the box is `writable`: a driver must not change a box behind its owner's back, and this shows it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import socket
+import socketserver
+import threading
+from types import TracebackType
+from urllib.parse import urlsplit
+
+from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.emulators.force_torque.net_ft_box import Client, NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import changed, xml
+
+LOOPBACK = '127.0.0.1'
+LONGEST_WAIT_S = 0.05  # between looks at the clock, which may be stepped
+SHORTEST_WAIT_S = 0.0005
+
+
+class NetFtServer:
+    """A box with its two sockets; ports of 0 are chosen freely."""
+
+    def __init__(
+        self, box: NetFtBox, clock: Clock, *, rdt_port: int = 0, http_port: int = 0, writable: bool = False
+    ) -> None:
+        self.box = box
+        self.writable = writable
+        self.refused: list[str] = []
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._udp.bind((LOOPBACK, rdt_port))
+            self._http = _http_server(self, http_port)
+        except OSError:
+            self._udp.close()
+            raise
+        self._threads = [
+            threading.Thread(target=self._serve_rdt, name='Net F/T emulator RDT', daemon=True),
+            threading.Thread(target=self._http.serve_forever, args=(0.05,), name='Net F/T emulator HTTP', daemon=True),
+        ]
+
+    @property
+    def rdt_port(self) -> int:
+        """UDP port of RDT; 49152 on a real box."""
+        return int(self._udp.getsockname()[1])
+
+    @property
+    def http_port(self) -> int:
+        """TCP port of the web pages; 80 on a real box."""
+        return int(self._http.server_address[1])
+
+    def __enter__(self) -> NetFtServer:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._http.shutdown()
+        for thread in self._threads:
+            thread.join()
+        self._http.server_close()
+        self._udp.close()
+
+    def page(self, target: str) -> tuple[int, bytes]:
+        """Status and body of a page, as a browser asks for it."""
+        parts = urlsplit(target)
+        with self._lock:
+            if parts.path == '/netftapi2.xml':
+                return 200, self._xml()
+            return self._change(parts.path, parts.query)
+
+    def _xml(self) -> bytes:
+        box = self.box
+        counts = box.counts_at(box.clock.count(self._clock.now_ns()))
+        return xml(box.config, box.status_at(counts), counts, box.bias)
+
+    def _change(self, path: str, query: str) -> tuple[int, bytes]:
+        config = changed(self.box.config, path, query)
+        if config is None:
+            return 404, b'no such page'
+        if not self.writable:
+            self.refused.append(f'{path}?{query}')
+            return 403, b'this box is read-only'
+        self.box.config = config
+        return 200, b'<html><body>saved</body></html>'
+
+    def _serve_rdt(self) -> None:
+        while not self._stop.is_set():
+            received = self._receive()
+            with self._lock:
+                now_ns = self._clock.now_ns()
+                datagrams = self.box.due(now_ns)  # what was due before the request goes to whom it was due
+                if received is not None:
+                    self.box.request(*received, now_ns)
+            for datagram, client in datagrams:
+                with contextlib.suppress(OSError):  # the client may be gone: a box does not mind
+                    self._udp.sendto(datagram, client)
+
+    def _receive(self) -> tuple[bytes, Client] | None:
+        self._udp.settimeout(self._wait_s())
+        try:
+            return self._udp.recvfrom(1500)
+        except OSError:  # nothing came, or the last client's port is closed
+            return None
+
+    def _wait_s(self) -> float:
+        next_ns = self.box.next_ns()
+        if next_ns is None:
+            return LONGEST_WAIT_S
+        return min(LONGEST_WAIT_S / 10, max(SHORTEST_WAIT_S, (next_ns - self._clock.now_ns()) / NS_PER_S))
+
+
+class _ThreadingServer(socketserver.ThreadingMixIn, http.server.HTTPServer):
+    daemon_threads = True
+    block_on_close = False
+
+
+def _http_server(owner: NetFtServer, port: int) -> _ThreadingServer:
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            status, body = owner.page(self.path)
+            kind = 'text/xml' if body.startswith(b'<?xml') else 'text/html'
+            self.send_response(status)
+            self.send_header('Content-Type', kind)
+            self.send_header('Content-Length', str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Quiet."""
+
+    return _ThreadingServer((LOOPBACK, port), Handler)

@@ -1,0 +1,235 @@
+"""The inside of an emulated ATI Net F/T box: requests in, datagrams out, as a function of time; no socket, no thread.
+
+RDT, all numbers big-endian: a request is eight bytes (0x1234, command, count), a record 36 (three unsigned, six signed
+32-bit numbers: rdt_sequence, ft_sequence, status, Fx, Fy, Fz, Tx, Ty, Tz in counts). The box acknowledges nothing,
+serves the client that asked last, counts `rdt_sequence` from 1 in each stream, and `ft_sequence` at 7000 Hz always.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tactile_nodes.emulators.clocks import DeviceClock
+from tactile_nodes.emulators.force_torque.net_ft_config import INTERNAL_RATE_HZ, NetFtConfig
+from tactile_nodes.emulators.world import Wrench, WrenchSource
+
+Client = tuple[str, int]
+Counts = tuple[int, ...]
+
+HEADER = 0x1234
+STOP, START_REALTIME, START_BUFFERED, RESET_LATCH, SET_BIAS = 0x0000, 0x0002, 0x0003, 0x0041, 0x0042
+SUMMARY, SATURATION, LATCHED = 0x8000_0000, 0x0002_0000, 0x0001_0000
+INT32_MAX = 2**31 - 1
+MOST_AT_ONCE = 20_000  # records in one go after the host's time has jumped
+ZERO: Counts = (0, 0, 0, 0, 0, 0)
+
+
+@dataclass
+class NetFtFaults:
+    """What is wrong with the box and its network; the numbers count down as they take effect."""
+
+    silent: bool = False
+    stalled: bool = False
+    saturated: bool = False
+    status: int = 0
+    lose: int = 0
+    duplicate: int = 0
+    swap: int = 0
+    malformed: int = 0
+    loss_rate: float = 0.0
+
+
+@dataclass
+class _Stream:
+    client: Client
+    buffered: bool
+    left: int | None
+    next_count: int
+    sequence: int = 0
+
+
+class NetFtBox:
+    """The state of a box.
+
+    Args:
+        world: what it feels, in its own axes.
+        config: what it is set to.
+        clock: its sample counter; 7000 Hz nominally, with offset and drift.
+        noise: standard deviation of its readings in N (forces) and N·m (torques).
+        seed: of the noise and of random loss.
+    """
+
+    def __init__(
+        self,
+        world: WrenchSource,
+        config: NetFtConfig | None = None,
+        clock: DeviceClock | None = None,
+        noise: tuple[float, float] = (0.0, 0.0),
+        seed: int = 1,
+    ) -> None:
+        self.world = world
+        self.config = config or NetFtConfig()
+        self.clock = clock or DeviceClock(INTERNAL_RATE_HZ)
+        self.faults = NetFtFaults()
+        self.requests: list[tuple[int, int]] = []
+        self.on_latch: Callable[[], None] | None = None
+        self._noise = noise
+        self._random = random.Random(seed)  # noqa: S311  (noise, not secrets)
+        self._stream: _Stream | None = None
+        self._bias: Counts = ZERO
+        self._latched = False
+        self._stalled_at: int | None = None
+        self._held: bytes | None = None
+        self._buffer: list[bytes] = []
+
+    @property
+    def client(self) -> Client | None:
+        """To whom it streams now."""
+        return self._stream.client if self._stream else None
+
+    @property
+    def bias(self) -> Counts:
+        """The software bias in counts."""
+        return self._bias
+
+    def request(self, data: bytes, client: Client, now_ns: int) -> None:
+        """Obey a datagram; anything that is no request is ignored, as is an unknown command."""
+        if len(data) != 8:
+            return
+        header, command, count = struct.unpack('>HHI', data)
+        if header != HEADER:
+            return
+        self.requests.append((command, count))
+        if command in {START_REALTIME, START_BUFFERED} and self.config.rdt_enabled:
+            self._start(client, command == START_BUFFERED, count, now_ns)
+        elif command == STOP:
+            self._stream = None
+        elif command == RESET_LATCH:
+            self._latched = False
+        elif command == SET_BIAS:
+            self._bias = self._strain(self.clock.count(now_ns))
+
+    def due(self, now_ns: int) -> list[tuple[bytes, Client]]:
+        """The datagrams that have come due, in the order in which the network delivers them."""
+        sent: list[tuple[bytes, Client]] = []
+        for _ in range(MOST_AT_ONCE):
+            stream = self._stream
+            if stream is None or self.clock.time_ns(stream.next_count) > now_ns:
+                break
+            sent += [(datagram, stream.client) for datagram in self._step(stream)]
+        return sent
+
+    def next_ns(self) -> int | None:
+        """When the next record comes due; None without a stream."""
+        return self.clock.time_ns(self._stream.next_count) if self._stream else None
+
+    def status_at(self, counts: Counts) -> int:
+        """The status word with these counts."""
+        status = self.faults.status
+        if self.faults.saturated or self._beyond(counts):
+            status |= SATURATION
+        if self._latched:
+            status |= LATCHED
+        return status | SUMMARY if status else 0
+
+    def counts_at(self, count: int) -> Counts:
+        """Six counts at an internal sample, bias subtracted."""
+        strain = self._strain(count)
+        return tuple(_int32(value - zero) for value, zero in zip(strain, self._bias, strict=True))
+
+    def _start(self, client: Client, buffered: bool, count: int, now_ns: int) -> None:
+        self._buffer = []
+        self._stream = _Stream(client, buffered, count or None, self.clock.count(now_ns) + 1)
+
+    def _step(self, stream: _Stream) -> list[bytes]:
+        record = self._record(stream)
+        stream.next_count += self.config.divider
+        if stream.left is not None:
+            stream.left -= 1
+            if stream.left == 0:
+                self._stream = None
+        return self._spoilt(self._collected(record, stream))
+
+    def _record(self, stream: _Stream) -> bytes:
+        count = self._sampled(stream.next_count)
+        stream.sequence = (stream.sequence + 1) % (1 << 32)
+        counts = self.counts_at(count)
+        self._watch(counts)
+        return struct.pack('>3I6i', stream.sequence, self.clock.reading(count), self.status_at(counts), *counts)
+
+    def _sampled(self, count: int) -> int:
+        """The internal sample that a record shows: of a stalled front end always the last before the stall."""
+        if not self.faults.stalled:
+            self._stalled_at = None
+            return count
+        if self._stalled_at is None:
+            self._stalled_at = count - self.config.divider
+        return self._stalled_at
+
+    def _collected(self, record: bytes, stream: _Stream) -> list[bytes]:
+        if not stream.buffered:
+            return [record]
+        self._buffer.append(record)
+        if len(self._buffer) < self.config.buffer_size and self._stream is not None:
+            return []
+        datagram, self._buffer = b''.join(self._buffer), []
+        return [datagram]
+
+    def _spoilt(self, datagrams: list[bytes]) -> list[bytes]:
+        return [out for datagram in datagrams for out in self._through_network(datagram)]
+
+    def _through_network(self, datagram: bytes) -> list[bytes]:
+        faults = self.faults
+        if faults.silent:
+            return []
+        if faults.lose > 0 or (faults.loss_rate > 0 and self._random.random() < faults.loss_rate):
+            faults.lose = max(0, faults.lose - 1)
+            return []
+        if faults.malformed > 0:
+            faults.malformed -= 1
+            return [datagram[:-5]]
+        if faults.duplicate > 0:
+            faults.duplicate -= 1
+            return [datagram, datagram]
+        return self._in_order(datagram)
+
+    def _in_order(self, datagram: bytes) -> list[bytes]:
+        if self._held is not None:
+            held, self._held = self._held, None
+            return [datagram, held]
+        if self.faults.swap > 0:
+            self.faults.swap -= 1
+            self._held = datagram
+            return []
+        return [datagram]
+
+    def _watch(self, counts: Counts) -> None:
+        if self._latched or not self.config.monitoring:
+            return
+        if any(threshold.met(counts) for threshold in self.config.thresholds):
+            self._latched = True
+            if self.on_latch is not None:
+                self.on_latch()
+
+    def _strain(self, count: int) -> Counts:
+        wrench = self._noisy(self.world.wrench_at(self.clock.time_ns(count)))
+        scale = self.config.counts_per_si()
+        return tuple(_int32(round(value * factor)) for value, factor in zip(wrench, scale, strict=True))
+
+    def _noisy(self, wrench: Wrench) -> tuple[float, ...]:
+        force, torque = self._noise
+        if force == torque == 0.0:
+            return wrench
+        gauss = self._random.gauss
+        return tuple(value + gauss(0.0, force if axis < 3 else torque) for axis, value in enumerate(wrench))
+
+    def _beyond(self, counts: Counts) -> bool:
+        loaded = (abs(value + zero) for value, zero in zip(counts, self._bias, strict=True))
+        return any(value >= limit for value, limit in zip(loaded, self.config.full_scale_counts(), strict=True))
+
+
+def _int32(value: int) -> int:
+    return max(-INT32_MAX - 1, min(INT32_MAX, value))

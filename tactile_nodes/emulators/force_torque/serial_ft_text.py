@@ -1,0 +1,74 @@
+"""The inside of an emulated text-line sensor: an HX711 on an Arduino, or anything that prints ``t_us,ch0[,ch1..5]``."""
+
+from __future__ import annotations
+
+from tactile_nodes.emulators.clocks import DeviceClock
+from tactile_nodes.emulators.force_torque.serial_ft_sensor import SampledSensor, microsecond_clock
+from tactile_nodes.emulators.world import WrenchSource
+
+AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
+HX711_MAX, HX711_MIN = 0x7F_FFFF, -0x80_0000
+HX711_RATES_HZ = (10.0, 80.0)
+SETTLING = 4  # conversions of an HX711 until a step is fully seen
+
+
+class TextLineSensor(SampledSensor):
+    """Counts of a 24-bit converter per channel, a line a sample; says a remark when it gets power.
+
+    Args:
+        world: what it feels.
+        axes: which component of the wrench each channel measures.
+        counts_per_unit: of each channel, counts per N or N·m.
+        rate_hz: of the converter; an HX711 has 10 (RATE pin low) or 80.
+        settling: conversions over which the converter averages: after a step, its output is full only then.
+    """
+
+    def __init__(
+        self,
+        world: WrenchSource,
+        axes: tuple[str, ...] = ('fz',),
+        counts_per_unit: tuple[float, ...] = (100_000.0,),
+        clock: DeviceClock | None = None,
+        rate_hz: float = 80.0,
+        noise: float = 0.001,
+        seed: int = 1,
+        settling: int = SETTLING,
+        zero_counts: int = 0,
+    ) -> None:
+        super().__init__(world, clock or microsecond_clock(), noise, seed)
+        self.period_us = 1e6 / rate_hz
+        self._axes = tuple(AXES.index(axis) for axis in axes)
+        self._scale = counts_per_unit
+        self._zero = zero_counts
+        self._window: list[tuple[float, ...]] = []
+        self._settling = settling
+        self._to_say = b''
+
+    def power_on(self, now_ns: int) -> None:
+        """An Arduino that starts."""
+        self._to_say = b'# text-line force sensor\r\n'
+        self._window = []
+        self.restart(now_ns)
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        """It does not listen."""
+
+    def due(self, now_ns: int) -> bytes:
+        """The lines since the last call."""
+        said, self._to_say = self._to_say, b''
+        return said + b''.join(self.spoilt(self._line(stamp, values)) for stamp, values in self.samples(now_ns))
+
+    def next_ns(self) -> int | None:
+        """When the next line is complete."""
+        return self.next_sample_ns()
+
+    def _line(self, stamp: int, values: tuple[float, ...]) -> bytes:
+        self._window = [*self._window, values][-self._settling :]
+        counts = [self._count(channel, axis) for channel, axis in enumerate(self._axes)]
+        return ','.join(map(str, [stamp, *counts])).encode('ascii') + b'\r\n'
+
+    def _count(self, channel: int, axis: int) -> int:
+        if self.faults.saturated:
+            return HX711_MAX
+        mean = sum(values[axis] for values in self._window) / len(self._window)
+        return max(HX711_MIN, min(HX711_MAX, round(mean * self._scale[channel]) + self._zero))

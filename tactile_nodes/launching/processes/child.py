@@ -1,0 +1,132 @@
+"""One child process: started in a session of its own, its output read line by line, its end reported."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from tactile_nodes.bus.node.keeping import VARIABLE as KEEP
+from tactile_nodes.launching.processes import orphans
+from tactile_nodes.launching.processes.output import LaunchLog, Line
+from tactile_nodes.launching.processes.plan import ProcessPlan
+
+_LONGEST_LINE = 1 << 16
+_GROUP_PATIENCE_S = 0.5
+_OUTPUT_PATIENCE_S = 0.2
+_ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
+
+
+class Child:
+    """A running process.
+
+    It leads a session, so Ctrl-C in a terminal does not reach it: the launcher forwards it, once, to the whole group.
+    Its standard input is a pipe that stays open and empty.
+
+    Args:
+        plan: what to start.
+        mark: what `orphans` finds it by.
+        log: takes its lines, from the threads that read them.
+        ended: called from such a thread when it has ended, with its exit code; minus the signal that killed it.
+
+    Raises:
+        OSError: it could not be started.
+    """
+
+    def __init__(self, plan: ProcessPlan, mark: str, log: LaunchLog, ended: Callable[[int], None]) -> None:
+        self._plan = plan
+        self._log = log
+        self._ended = ended
+        open_pair = pty.openpty if plan.emulate_tty else os.pipe
+        outputs = [open_pair(), open_pair()]
+        try:
+            with _blocked({signal.SIGINT} if plan.holds_sigint else set()):
+                self._process = subprocess.Popen(
+                    ' '.join(plan.command) if plan.shell else plan.command,
+                    shell=plan.shell,
+                    cwd=plan.cwd,
+                    env=_environment(plan, mark, log.folder),
+                    stdin=subprocess.PIPE,
+                    stdout=outputs[0][1],
+                    stderr=outputs[1][1],
+                    start_new_session=True,
+                )
+        except ValueError as error:  # a null byte in a word or variable
+            _close(reading for reading, _ in outputs)
+            raise OSError(0, str(error)) from error
+        except OSError:
+            _close(reading for reading, _ in outputs)
+            raise
+        finally:
+            _close(writing for _, writing in outputs)
+        self.pid = self._process.pid
+        self._readers: list[threading.Thread] = []
+        self._pipes = [os.fdopen(reading, 'rb', buffering=_LONGEST_LINE) for reading, _ in outputs]
+
+    def watch(self) -> None:
+        """From now on, pass on its lines and report its end."""
+        for pipe, stream in zip(self._pipes, ('stdout', 'stderr'), strict=True):
+            self._readers.append(self._thread(self._read, pipe, stream))
+        self._thread(self._wait)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Signal the whole process group, if it is still there."""
+        try:
+            os.killpg(self.pid, number)
+        except ProcessLookupError:
+            return
+
+    def _thread(self, target: Callable[..., None], *arguments: object) -> threading.Thread:
+        thread = threading.Thread(target=target, args=arguments, name=self._plan.name, daemon=True)
+        thread.start()
+        return thread
+
+    def _read(self, pipe: BinaryIO, stream: str) -> None:
+        try:
+            with pipe:
+                while raw := pipe.readline(_LONGEST_LINE):
+                    text = raw.decode(errors='replace').rstrip('\r\n')
+                    self._log.take(Line(self._plan.name, text, stream=stream), self._plan.output)
+        except OSError:
+            return  # EIO: how the end of a terminal reads
+
+    def _wait(self) -> None:
+        code = self._process.wait()
+        # What it leaves behind in its group would hold its camera or port when it is started again.
+        if not orphans.gone(self._group, _GROUP_PATIENCE_S):
+            orphans.end(self._group, _ESCALATION)
+        for reader in self._readers:
+            reader.join(_OUTPUT_PATIENCE_S)
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._ended(code)
+
+    def _group(self) -> set[int]:
+        return orphans.group(self.pid)
+
+
+@contextmanager
+def _blocked(numbers: set[signal.Signals]) -> Iterator[None]:
+    """A process that is started meanwhile begins with these signals blocked: it inherits the mask of this thread."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
+    # Without a terminal Python holds its output back, and a killed node would take its last lines with it.
+    marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
+    return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks, KEEP: str(folder / 'kept')}
+
+
+def _close(descriptors: Iterable[int]) -> None:
+    for descriptor in descriptors:
+        os.close(descriptor)

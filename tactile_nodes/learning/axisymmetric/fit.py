@@ -1,0 +1,230 @@
+"""Measure a gel's axisymmetric response: in turns what each region sees, and the profiles that all of them share.
+
+Given the profiles, a region's couplings and place follow from least squares; given those, so do the profiles. Both
+fall with every turn, and a dozen turns settle it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse
+from jaxtyping import Float
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric.calibration import Judged, calibrated, with_correction
+from tactile_nodes.learning.axisymmetric.regions import (
+    FIRST_DOUBT,
+    Expected,
+    Presses,
+    Shared,
+    measured_doubt,
+    views,
+)
+from tactile_nodes.learning.axisymmetric.steps import fit_regions
+from tactile_nodes.learning.config import AxisymmetricConfig
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import LEAST_UNTOUCHED, inner_held_out, noise_scaling
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.response import BEND_MM, CORE_MM, DISTANCES, AxisymmetricResponse
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.sensing.geometry import BinGrid
+
+LEAST_PRESSES = 100
+ALONE = 3
+"""Turns with one profile of each kind before the others join."""
+PAIRS = 60_000
+"""Of a press and a region each, that a turn takes the profiles from."""
+SMOOTHING = 1e-3
+MARGIN = 1.02
+STREAKS = Shared(np.zeros(4), np.array([0.0, 0.0, 1.0, 0.3]))
+"""Found from the turn on in which other profiles join."""
+DEPTH_SPREAD = 0.2
+"""By which shares the regions' markers are thought to differ in depth when second profiles join, and by which what they
+see differs with the angle that they look at when third ones do."""
+
+
+def fit_axisymmetric(
+    dataset: Dataset, held_out: np.ndarray, config: AxisymmetricConfig, bins: BinGrid, progress: Progress
+) -> AxisymmetricReadout:
+    """The readout of a data set; correction and uncertainty are judged by presses at places that no fit saw.
+
+    Samples of `held_out` (a boolean for each) are never looked at.
+
+    Raises:
+        DatasetError: too few presses or images of the untouched gel.
+    """
+    touched = dataset.presses[:, 2] > 0
+    untouched = np.flatnonzero(~held_out & ~touched)
+    used = np.flatnonzero(~held_out & touched)
+    if len(untouched) < LEAST_UNTOUCHED or len(used) < LEAST_PRESSES:
+        raise DatasetError(
+            f'an axisymmetric response needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
+            f'{LEAST_PRESSES} presses, and there are {len(untouched)} and {len(used)}; record more'
+        )
+    scaling = noise_scaling(dataset, untouched, config)
+    inner = inner_held_out(dataset, used, config.seed)
+    presses, judges = (Presses.of(dataset, used[chosen], scaling) for chosen in (~inner, inner))
+    with progress.bar('measuring the response', config.turns + 2) as bar:
+        response = measured(scaling, bins, presses, config, bar.advance)
+        doubt = measured_doubt(response, judges)
+        reach = float(np.abs(presses.contacts[:, :2]).max())
+        correction = Correction.none(reach, response.hardest_n)
+        readout = AxisymmetricReadout(scaling, response, doubt, correction, bins)
+        judged = Judged.of(readout, dataset, used[inner])
+        readout = with_correction(judged)
+        bar.advance(1, 'uncertainty')
+        judged = replace(judged, readout=readout)  # the fits are those before any correction
+        readout = replace(readout, calibration=calibrated(judged, dataset, untouched))
+        bar.advance(1)
+    return replace(readout, most_contacts=config.most_contacts)
+
+
+def measured(
+    scaling: InputScaling,
+    bins: BinGrid,
+    presses: Presses,
+    config: AxisymmetricConfig,
+    advance: Callable[[], object] = lambda: None,
+) -> AxisymmetricResponse:
+    """The response that presses on a gel show."""
+    response = first_guess(scaling, bins, float(presses.contacts[:, 2].max()) * MARGIN, config.levels)
+    random = np.random.default_rng(config.seed)
+    for turn in range(config.turns):
+        response = _turn(response, presses, config, turn, random)
+        advance()
+    return response
+
+
+def first_guess(scaling: InputScaling, bins: BinGrid, hardest_n: float, levels: int) -> AxisymmetricResponse:
+    """Regions spread evenly over the surface, as they are over the image, seeing lateral motion as it is.
+
+    Vertical motion is seen outwards, the more so the further from the middle of the image.
+    """
+    view = views(scaling.trusted)
+    lateral = np.tile(np.eye(2), (len(view), 1, 1))
+    places = view * np.array([bins.width_mm, bins.height_mm]) / 2
+    profiles = np.zeros((2, DISTANCES.count, SplineAxis(0.0, hardest_n, levels).count))
+    return AxisymmetricResponse(profiles, 1, hardest_n, places, np.concatenate([lateral, view[:, :, None]], axis=2))
+
+
+def _turn(
+    response: AxisymmetricResponse, presses: Presses, config: AxisymmetricConfig, turn: int, random: np.random.Generator
+) -> AxisymmetricResponse:
+    """The profiles, then the regions; from a few presses, but from many in the end."""
+    few = presses.take(random.permutation(len(presses))[: config.presses_per_turn])
+    if turn == 0:
+        response = fit_profiles(response, few, random)
+    last = turn == config.turns - 1
+    chosen = presses.take(slice(0, config.most_presses)) if last else few
+    for _ in range(2):
+        response = fit_regions(
+            response, chosen, Expected.around(response), FIRST_DOUBT, STREAKS if turn >= ALONE else None
+        )
+    if last:
+        return response
+    if turn >= ALONE - 1:
+        response = _with_more(response, config, random)
+    return fit_profiles(response, presses.take(random.permutation(len(presses))[: 2 * config.presses_per_turn]), random)
+
+
+def _with_more(
+    response: AxisymmetricResponse, config: AxisymmetricConfig, random: np.random.Generator
+) -> AxisymmetricResponse:
+    """One more profile of each kind, up to as many as are wanted; regions that are unlike will tell them apart."""
+    lateral, couplings, profiles = response.lateral, response.couplings, response.profiles
+    unlike = _unlike(response.places, random)
+    if lateral < config.lateral:
+        more = couplings[:, :, :2] * unlike[(lateral - 1) % 2]
+        couplings = np.concatenate([couplings[:, :, : 2 * lateral], more, couplings[:, :, 2 * lateral :]], axis=2)
+        profiles = np.insert(profiles, lateral, 0.0, axis=0)
+        lateral += 1
+    if (vertical := len(profiles) - lateral) < config.vertical:
+        first = couplings[:, :, 2 * lateral : 2 * lateral + 1]
+        couplings = np.concatenate([couplings, first * unlike[(vertical - 1) % 2]], axis=2)
+        profiles = np.insert(profiles, len(profiles), 0.0, axis=0)
+    return replace(response, lateral=lateral, couplings=couplings, profiles=profiles)
+
+
+def _unlike(places: Float[np.ndarray, 'regions 2'], random: np.random.Generator) -> list[np.ndarray]:
+    """How regions differ, to begin with, in what the profiles of number 1 and 2 show: (regions, 1, 1) each.
+
+    The second profiles tell of depth, which is as chance has put the markers. The third ones tell of the angle at which
+    a region is seen: towards the image's rim it sees markers of many depths in a streak, which blurs the motion by the
+    square of that angle's tangent.
+    """
+    aside = np.square(places).sum(axis=1)
+    by_angle = (aside - aside.mean()) / max(float(aside.std()), 1e-9)
+    return [DEPTH_SPREAD * each[:, None, None] for each in (random.normal(size=len(places)), by_angle)]
+
+
+def fit_profiles(response: AxisymmetricResponse, presses: Presses, random: np.random.Generator) -> AxisymmetricResponse:
+    """The profiles that explain the presses best, smooth along distance and force; from pairs near the press first."""
+    weight = np.sqrt(presses.certainty) / np.sqrt(
+        1 + presses.certainty * (0.07**2) * np.square(presses.motion).sum(axis=-1, keepdims=True)
+    )
+    distance = response.distances_mm(presses.contacts)
+    likely = ((1 + distance / 2) ** -1.5 * (presses.certainty[..., 0] > 0)).ravel()
+    count = min(PAIRS, int((likely > 0).sum()) // 2)
+    chosen = weighted_choice(random, likely, count)
+    press, region = np.divmod(chosen, distance.shape[1])
+    shape = response.profiles.shape
+    square, right = np.zeros((response.profiles.size,) * 2), np.zeros(response.profiles.size)
+    for channel in (0, 1):
+        design = _profile_design(response, presses.contacts[press], region, channel)
+        heavy = scipy.sparse.diags_array(weight[press, region, channel]) @ design
+        square = square + (heavy.T @ heavy).toarray()
+        right = right + heavy.T @ (presses.motion[press, region, channel] * weight[press, region, channel])
+    size = float(np.trace(square)) / len(square)
+    rough = np.kron(np.eye(shape[0]), _curvature(shape[1:]))
+    solved = np.linalg.solve(square + size * (SMOOTHING * rough + 1e-6 * np.eye(len(square))), right)
+    return replace(response, profiles=solved.reshape(shape))
+
+
+def weighted_choice(random: np.random.Generator, likely: Float[np.ndarray, ' n'], count: int) -> np.ndarray:
+    """So many of all, one after the other as likely as its share of what is left; those of no weight never.
+
+    Each waits by chance, the shorter the larger its weight, and the first ones are taken (Efraimidis and Spirakis,
+    Information Processing Letters 97, 2006): rounding of a weight changes one pair at the edge at most. NumPy's
+    `choice` draws again for every one that came twice, so there one rounding changes all that come after it.
+    """
+    wait = random.exponential(size=likely.size)
+    late = np.divide(wait, likely, out=np.full(likely.size, np.inf), where=likely > 0)
+    return np.sort(np.argpartition(late, count - 1)[:count])
+
+
+def _profile_design(
+    response: AxisymmetricResponse, contacts: Float[np.ndarray, 'n 3'], region: np.ndarray, channel: int
+) -> scipy.sparse.csr_array:
+    """What the motion of a press and a region each is in terms of the profiles' coefficients; 16 a profile count."""
+    away = response.away_of(contacts, region)
+    distance = np.hypot(*away.T) + 1e-9
+    unit = away / distance[:, None] * np.tanh(distance / CORE_MM)[:, None]
+    i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
+    k, force = response.force.weights_of(contacts[:, 2])
+    four, count = np.arange(4), len(contacts)
+    forces = force[0] * contacts[:, 2:]
+    levels = response.profiles.shape[2]
+    column = ((i[:, None] + four)[:, :, None] * levels + (k[:, None] + four)[:, None, :]).reshape(count, 16)
+    value = (near[0][:, :, None] * forces[:, None, :]).reshape(count, 16)
+    couplings, lateral = response.couplings[region, channel], response.lateral
+    seen = [(couplings[:, 2 * j : 2 * j + 2] * unit).sum(axis=1) for j in range(lateral)]
+    seen += [couplings[:, j] for j in range(2 * lateral, couplings.shape[1])]
+    each = response.profiles[0].size
+    values = np.concatenate([value * along[:, None] for along in seen], axis=1)
+    columns = np.concatenate([column + j * each for j in range(len(seen))], axis=1)
+    starts = np.arange(count + 1) * values.shape[1]
+    shape = (count, response.profiles.size)
+    return scipy.sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=shape)
+
+
+def _curvature(counts: tuple[int, ...]) -> Float[np.ndarray, 'n n']:
+    """The penalty on second differences along either axis (Eilers and Marx, Statistical Science 11, 1996)."""
+    of = [np.diff(np.eye(count), 2, axis=0) for count in counts]
+    along, across = (each.T @ each for each in of)
+    rough: np.ndarray = np.kron(along, np.eye(counts[1])) + np.kron(np.eye(counts[0]), across)
+    return rough

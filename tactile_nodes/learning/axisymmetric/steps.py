@@ -1,0 +1,113 @@
+"""One Gauss-Newton step of regions' numbers, and of what they have in common, by presses and by what is expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.axisymmetric.regions import (
+    PRESSES_AT_ONCE,
+    Expected,
+    Presses,
+    Shared,
+    by_regions,
+    levers,
+    numbers_of,
+    shared_levers,
+    with_numbers,
+)
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+
+LARGEST_STEP_MM = 0.6
+LARGEST_SHARED = 0.15
+"""Of a step of what is shared: logarithms of softness and width, mm of a streak's shift, its squeeze."""
+
+
+def fit_regions(
+    response: AxisymmetricResponse,
+    presses: Presses,
+    expected: Expected,
+    doubt: Float[np.ndarray, ' distances'],
+    shared: Shared | None = None,
+) -> AxisymmetricResponse:
+    """One Gauss-Newton step of every region's numbers towards the most probable ones.
+
+    With `shared`, what all regions have in common is found along with them.
+    """
+    here = numbers_of(response)
+    equations = Equations.of(response, presses, doubt, shared).near(here, expected)
+    step, move = equations.solved()
+    if shared:
+        response = shared.moved(response, move)
+    return stepped(response, step)
+
+
+def stepped(response: AxisymmetricResponse, step: Float[np.ndarray, 'regions numbers']) -> AxisymmetricResponse:
+    """The response with its regions' numbers moved, places by no more than is sensible."""
+    step = np.concatenate([step[:, :-2], np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)], axis=1)
+    return with_numbers(response, numbers_of(response) + step)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The normal equations of one Gauss-Newton step: of each region's numbers, and of what they have in common.
+
+    `square` and `down` are of each region; `across` and `along` of what is common, of which no step is longer than
+    `longest`; `cross` couples both.
+    """
+
+    square: Float[np.ndarray, 'regions numbers numbers']
+    down: Float[np.ndarray, 'regions numbers']
+    cross: Float[np.ndarray, 'regions numbers common']
+    across: Float[np.ndarray, 'common common']
+    along: Float[np.ndarray, ' common']
+    longest: Float[np.ndarray, ' common']
+
+    @classmethod
+    def of(
+        cls,
+        response: AxisymmetricResponse,
+        presses: Presses,
+        doubt: Float[np.ndarray, ' distances'],
+        shared: Shared | None = None,
+    ) -> Equations:
+        """Of what presses tell of regions, and of what is shared along with what is expected of that."""
+        here = numbers_of(response)
+        free = shared.free if shared else np.zeros(0, int)
+        square, down = np.zeros((*here.shape, here.shape[1])), np.zeros(here.shape)
+        cross = np.zeros((*here.shape, len(free)))
+        across, along = shared.equations(response) if shared else (np.zeros((0, 0)), np.zeros(0))
+        for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
+            some = presses.take(part)
+            columns, slopes = response.columns_and_slopes(some.contacts)
+            told = response.seen(columns)
+            weight = some.weights(response, doubt, told)
+            left = ((some.motion - told) * weight).transpose(1, 0, 2).reshape(len(here), -1)
+            by_region = by_regions(levers(response, columns, slopes) * weight[..., None])
+            square += by_region.transpose(0, 2, 1) @ by_region
+            down += np.matmul(left[:, None], by_region)[:, 0]
+            if len(free):
+                both = by_regions(shared_levers(response, some.contacts, slopes)[..., free] * weight[..., None])
+                cross += by_region.transpose(0, 2, 1) @ both
+                across = across + np.einsum('rni,rnj->ij', both, both)
+                along = along + np.einsum('rn,rni->i', left, both)
+        return cls(square, down, cross, across, along, np.full(len(free), LARGEST_SHARED))
+
+    def near(self, here: Float[np.ndarray, 'regions numbers'], expected: Expected) -> Equations:
+        """With what regions, which are now `here`, are expected to be."""
+        down = self.down + np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
+        return replace(self, square=self.square + expected.precision, down=down)
+
+    def solved(self) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:
+        """The steps of regions, and of what is common.
+
+        Regions given what is common are put into the equations of that (Schur complement).
+        """
+        solved = np.linalg.solve(self.square, np.concatenate([self.down[..., None], self.cross], axis=2))
+        step, follow = solved[..., 0], solved[..., 1:]
+        across = self.across - np.tensordot(self.cross, follow, axes=([0, 1], [0, 1]))
+        move = np.linalg.solve(across, self.along - np.tensordot(self.cross, step, axes=([0, 1], [0, 1])))
+        move = np.clip(move, -self.longest, self.longest)
+        return step - follow @ move, move

@@ -1,0 +1,69 @@
+"""How unsure regions' numbers are that few presses told, as a readout wants it: factors of their covariance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.axisymmetric.regions import PRESSES_AT_ONCE, Presses, by_regions, levers
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+
+FACTORS = 4
+"""Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. With all eleven
+forces are hardly closer."""
+ACROSS = 8
+"""Places along x and along y at which a press is asked about."""
+LEAST = 1e-9
+"""Of the covariance of levers (px^2): no direction counts as one that no press tells of."""
+
+
+def with_unsure(
+    response: AxisymmetricResponse,
+    presses: Presses,
+    precision: Float[np.ndarray, 'regions numbers numbers'],
+    doubt: Float[np.ndarray, ' distances'],
+) -> AxisymmetricResponse:
+    """The response with how unsure its regions are, fitted to presses from an expectation of this precision."""
+    covariance = np.linalg.inv(precision + _told(response, presses, doubt))
+    count, asked = response.couplings.shape[2], response.columns_and_slopes(_everywhere(presses))
+    lever = levers(response, *asked)
+    channels = []
+    for channel in (0, 1):
+        own = np.r_[channel * count : (channel + 1) * count, 2 * count : 2 * count + 2]
+        channels.append(_factors(covariance[:, own][:, :, own], lever[:, :, channel, own]))
+    return replace(response, unsure=np.stack(channels, axis=1))
+
+
+def _told(
+    response: AxisymmetricResponse, presses: Presses, doubt: Float[np.ndarray, ' distances']
+) -> Float[np.ndarray, 'regions numbers numbers']:
+    """How precisely presses tell each region's numbers."""
+    told = np.zeros(())
+    for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
+        some = presses.take(part)
+        columns, slopes = response.columns_and_slopes(some.contacts)
+        weight = some.weights(response, doubt, response.seen(columns))
+        lever = by_regions(levers(response, columns, slopes) * weight[..., None])
+        told = told + lever.transpose(0, 2, 1) @ lever
+    return told
+
+
+def _everywhere(presses: Presses) -> Float[np.ndarray, 'n 3']:
+    """Contacts all over the surface that was pressed, of a middling force."""
+    low, high = presses.contacts[:, :2].min(axis=0), presses.contacts[:, :2].max(axis=0)
+    x, y = (each.ravel() for each in np.meshgrid(*np.linspace(low, high, ACROSS).T))
+    return np.column_stack([x, y, np.full(len(x), np.median(presses.contacts[:, 2]))])
+
+
+def _factors(
+    covariance: Float[np.ndarray, 'regions numbers numbers'], lever: Float[np.ndarray, 'n regions numbers']
+) -> Float[np.ndarray, 'regions numbers factors']:
+    """The factors of covariances that matter most for levers like these (principal components in their metric)."""
+    metric = np.einsum('nri,nrj->rij', lever, lever) / len(lever) + LEAST * np.eye(lever.shape[2])
+    root = np.linalg.cholesky(metric)
+    values, vectors = np.linalg.eigh(root.transpose(0, 2, 1) @ covariance @ root)
+    most = vectors[:, :, -FACTORS:] * np.sqrt(np.maximum(values[:, None, -FACTORS:], 0.0))
+    factors: np.ndarray = np.linalg.solve(root.transpose(0, 2, 1), most)
+    return factors

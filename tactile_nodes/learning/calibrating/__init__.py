@@ -1,0 +1,1 @@
+"""A calibration as presses come: from a rig, or by hand."""

@@ -1,0 +1,279 @@
+"""A calibration that grows with the presses: each is measured and read as it comes, and the fit is renewed in between.
+
+One path for presses from a running rig and from bags. Fed by hand it needs no bus and no clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError, ModelError
+from tactile_nodes.learning.calibrating.files import require_source, transferred
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.field.alone import centre_of, centres
+from tactile_nodes.learning.field.calibration import Pressed
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.bags import RecordedPress
+from tactile_nodes.learning.recorded.building import Builder, BuildOptions
+from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.recorded.samples import Sample
+from tactile_nodes.learning.transfer.curve import Curve
+from tactile_nodes.learning.transfer.fit import Transfer
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.picture.change import PictureComparison
+
+UNTOUCHED = 0.5
+"""An image of the untouched gel for each press: they give the new gel's own mean and noise at rest."""
+GROWTH = 1.25
+"""The fit is renewed after a quarter more presses, so that its points lie evenly on the curve."""
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """When more presses no longer pay: when twice as many are expected to lower the held-out errors by little."""
+
+    least: int = parameter(30, 'presses before which the calibration goes on anyway', minimum=5)
+    most: int = parameter(100, 'presses after which it ends anyway', minimum=5)
+    worth: float = parameter(
+        0.1, 'share by which twice as many presses must be expected to lower the error of force or place', minimum=0.0
+    )
+    agree: int = parameter(3, 'fits in a row that must expect less', minimum=1)
+    first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
+
+    def reason(self, presses: int, fits: Sequence[Fitted]) -> str:
+        """Why so many presses are enough, by the fits so far; empty where they are not."""
+        if presses >= self.most:
+            return f'{presses} presses are as many as were asked for'
+        if presses < self.least or len(fits) < self.agree:
+            return ''
+        gains = [expected_gain(fits[: len(fits) - back]) for back in range(self.agree)]
+        if max(gains) >= self.worth:
+            return ''
+        return (
+            f'twice as many presses are expected to lower the errors by {100 * gains[0]:.0f} % at most, less than '
+            f'the {100 * self.worth:.0f} % that they would have to'
+        )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One renewal of the fit: held-out errors (medians) with so many presses."""
+
+    presses: int
+    force_n: float
+    place_mm: float
+
+
+def curves(fits: Sequence[Fitted]) -> tuple[Curve, Curve] | None:
+    """Error of force (N) and place (mm) over presses; None while the fits are too few."""
+    presses = [point.presses for point in fits]
+    force = Curve.fit(presses, [point.force_n for point in fits])
+    place = Curve.fit(presses, [point.place_mm for point in fits])
+    return (force, place) if force and place else None
+
+
+def expected_gain(fits: Sequence[Fitted]) -> float:
+    """The share by which twice as many presses are expected to lower the error of force or place, if more."""
+    found = curves(fits)
+    return 1.0 if found is None else max(curve.falls(fits[-1].presses) for curve in found)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How far off one press is read: force in N, place in mm; NaN where it cannot be read."""
+
+    off_n: float
+    off_mm: float
+
+
+@dataclass(frozen=True)
+class PressRead:
+    """A press that came, read before any fit has seen it: without calibration, and with the one so far, if any."""
+
+    number: int
+    force_n: float
+    before: Reading
+    after: Reading | None
+
+
+class Calibrator:
+    """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
+
+    `live_rest` is what the gel of the running sensor looks like untouched, where there is one.
+
+    Args:
+        loaded: the model to begin with.
+        gel: what is known of the gel, at least its id.
+        rule: when to stop.
+        progress: shown while a fit is under way.
+        pressed: what pressed, if the model does not say it.
+        forced: whether a calibration counts that reads held-out presses no better than the model, or their mean.
+        curve: whether a fit of the force field alone also says what fewer presses would have told.
+
+    Raises:
+        ModelError: the model is a calibration for this gel already.
+        DatasetError: the cache of features cannot be used.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedModel,
+        gel: Mapping[str, Any],
+        rule: StopRule | None = None,
+        progress: Progress | None = None,
+        pressed: Pressed | None = None,
+        *,
+        forced: bool = False,
+        curve: bool = False,
+    ) -> None:
+        require_source(loaded, str(gel['id']))
+        self.loaded, self.gel, self.rule, self._progress = loaded, dict(gel), rule or StopRule(), progress
+        self._centre = centres(loaded, pressed or Pressed())
+        self._pressed, self._forced, self._curve = pressed, forced, curve
+        flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
+        crop = loaded.image_size[0]
+        options = BuildOptions(
+            flow=flow, encoding=encoding, bins=loaded.model.bins, frames='each', gel=self.gel, crop=crop,
+            without_contact=UNTOUCHED,
+        )  # fmt: skip
+        self._measurer = Measurer(flow, encoding, crop)
+        self._builder = Builder(options, self._measurer)
+        self._rest: PictureComparison | None = None
+        self._rests: set[str] = set()
+        self.live_rest: np.ndarray | None = None
+        self._live_rest_seen: np.ndarray | None = None
+        self.asked_to_finish = False
+        self.read: list[PressRead] = []
+        self.fits: list[Fitted] = []
+        self._fitted = b''
+        self.made: Transfer | None = None
+        self.recordings: RecordedPresses | None = None
+        self.objection = 'no fit was tried yet'
+        self._next = self.rule.first
+
+    @property
+    def presses(self) -> int:
+        """How many presses can be used so far."""
+        return self._builder.presses
+
+    @property
+    def left_out(self) -> str:
+        """Why the last press that cannot be used cannot; empty if there is none."""
+        out = self._builder.left_out
+        return f'press {out[-1].press}: {out[-1].reason} ({out[-1].detail})' if out else ''
+
+    def take(self, press: RecordedPress, bag: int = 0) -> PressRead | None:
+        """Measure one press and read it with what is known so far; None if it cannot be used (see `left_out`).
+
+        Raises:
+            DatasetError: it shows another gel than those before.
+            ModelError: its image has another size than the model needs.
+        """
+        samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
+        self._measurer.keep()
+        if not samples:
+            return None
+        self._require_fitting(press, samples[0].reference_id)
+        self.require_live_gel()
+        sample = samples[0]
+        before = self._reading(self.loaded.model.readout, sample)
+        after = self._reading(self.made.readout, sample) if self.made else None
+        self.read.append(PressRead(self.presses, sample.force_n, before, after))
+        return self.read[-1]
+
+    def require_gel(self, picture: np.ndarray, what: str) -> None:
+        """Refuse presses on another gel than a picture shows.
+
+        Raises:
+            DatasetError: says so.
+            ImageError: the picture has another size than the rest images of the presses.
+        """
+        if self._rest is not None and not self._rest.of(picture).same:
+            raise DatasetError(
+                f'{what} shows other markers than the rest image of the first press: it is another gel, or its camera '
+                'was moved far; calibrate each gel by presses of its own'
+            )
+
+    @property
+    def due(self) -> bool:
+        """Whether the fit is to be renewed now."""
+        return self.presses >= self._next
+
+    def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
+        """Renew the calibration, if its presses are others by now; what speaks against it is then in `objection`.
+
+        Args:
+            told: the card's entry for each bag.
+            bags: where they are.
+            command: what was typed.
+        """
+        self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
+        try:
+            self.recordings = self._builder.recordings(told, bags, command=command)
+            attempts = _attempts(self.recordings)
+            if self.made is None or attempts != self._fitted:
+                self.made = transferred(
+                    self.loaded, self.recordings, self._progress, self._pressed, forced=self._forced, curve=self._curve
+                )
+                self.objection = ''
+                after, self._fitted = self.made.after, attempts
+                self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
+        except DatasetError as error:
+            self.made, self.objection = None, str(error)
+
+    @property
+    def enough(self) -> str:
+        """Why more presses do not pay; empty while they do."""
+        if self.asked_to_finish:
+            return 'asked to finish'
+        return self.rule.reason(self.presses, self.fits if self.made else [])
+
+    def close(self) -> None:
+        """Keep what was measured."""
+        self._measurer.close()
+
+    def _reading(self, readout: Any, sample: Sample) -> Reading:
+        found = readout.read(sample.features.astype(np.float32), self._builder.shelf.confidence(sample))
+        (right, down), (x_mm, y_mm) = self._centre(sample.force_n), sample.position_mm
+        x, y, force_n = centre_of(found.contacts)
+        return Reading(force_n - sample.force_n, math.hypot(x - x_mm - right, y - y_mm - down))
+
+    def _require_fitting(self, press: RecordedPress, reference: str) -> None:
+        assert press.reference is not None  # or it could not have been measured
+        needed = self.loaded.image_size[0]
+        if self._measurer.side != needed:
+            raise ModelError(
+                f'the images of the presses give {self._measurer.side}x{self._measurer.side} pixels, and model '
+                f'{self.loaded.model_id} needs {needed}x{needed}; set the camera as the model needs it'
+            )
+        if reference in self._rests:
+            return
+        if self._rest is None:
+            self._rest = PictureComparison(press.reference.image)
+        self.require_gel(press.reference.image, f'the rest image of press {press.told.press}')
+        self._rests.add(reference)
+
+    def require_live_gel(self) -> None:
+        """Refuse presses on another gel than the running sensor sees, once its rest image has come.
+
+        Raises:
+            DatasetError: says so.
+        """
+        picture = self.live_rest  # set by another thread, perhaps again while this one is compared
+        if self._rest is not None and picture is not None and picture is not self._live_rest_seen:
+            self.require_gel(picture, 'the running sensor')
+            self._live_rest_seen = picture
+
+
+def _attempts(recordings: RecordedPresses) -> bytes:
+    """Which attempts the presses are: another may count later on, and the rig may find one doubtful, at any number."""
+    each = recordings
+    return np.column_stack([each.bag, each.plan, each.press, each.attempt, each.window_ns]).tobytes()

@@ -1,0 +1,192 @@
+"""Calibrate a model file for another gel: recorded presses on it, the fit, the card, the file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes import __version__, clock
+from tactile_nodes.errors import ModelError
+from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.field.alone import presses_tell_tips, transfer_alone
+from tactile_nodes.learning.field.calibration import Pressed, kept, with_field
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.training.source import require_same_features
+from tactile_nodes.learning.transfer.checks import source_readout
+from tactile_nodes.learning.transfer.fit import Transfer, transfer
+from tactile_nodes.learning.transfer.layer import LayerConfig
+from tactile_nodes.learning.transfer.network import NetworkTransfer, network_readout, transfer_network
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.paths import share_directory
+from tactile_nodes.sensing.explain.network import NetworkReadout
+
+CALIBRATION = 'calibration'
+
+Made = Transfer | NetworkTransfer
+
+
+@dataclass(frozen=True)
+class Source:
+    """The model that a calibration begins with."""
+
+    file: Path
+    loaded: LoadedModel
+
+    @classmethod
+    def find(cls, name: str) -> Source:
+        """By the name of one that ships, or its file. Raises ModelError."""
+        file = find_model(name)
+        return cls(file, load_model(file))
+
+    def told(self, output: Path) -> dict[str, str]:
+        """What a card says of it: one that ships by its name, another by its file, as seen from the output's folder."""
+        ships = self.file.parent == share_directory() / 'models'
+        name = self.file.stem if ships else os.path.relpath(self.file.resolve(), output.resolve().parent)
+        return {'model': name, 'model_id': self.loaded.model_id, 'gel': self.loaded.gel}
+
+
+def calibrate(
+    model_file: Path,
+    dataset_file: Path,
+    output: Path,
+    *,
+    layer: LayerConfig | None = None,
+    progress: Progress | None = None,
+    command: str = '',
+    forced: bool = False,
+    pressed: Pressed | None = None,
+) -> tuple[str, Made]:
+    """Write the model of the gel that was pressed; its id, and how it came about.
+
+    A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`;
+    `pressed` is what a readout of any contact has to know beside that, as its source says unless given.
+
+    Raises:
+        ModelError: the model cannot be transferred, or reads other features than the data set holds.
+        DatasetError: the presses cannot be used, or the calibration would not pay.
+        ConfigurationError: a layer needs torch, which is not installed.
+    """
+    begun = clock.perf_ns()
+    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
+    network = isinstance(source.loaded.model.readout, NetworkReadout)
+    if network or layer:
+        made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
+    else:
+        made = transferred(source.loaded, recordings, progress, pressed, forced=forced)
+        source, made = completed(source, recordings, made, progress, pressed)
+    seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
+    return write(source, recordings, made, output, seconds=seconds, command=command), made
+
+
+def _with_layer(
+    loaded: LoadedModel,
+    recordings: RecordedPresses,
+    layer: LayerConfig | None,
+    progress: Progress | None,
+    forced: bool,
+) -> NetworkTransfer:
+    network_readout(loaded)
+    require_same_features(loaded, recordings)
+    return transfer_network(loaded, recordings.as_samples(), layer, progress, forced=forced)
+
+
+def completed(
+    source: Source,
+    recordings: RecordedPresses,
+    made: Transfer,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+    *,
+    curve: bool = False,
+) -> tuple[Source, Transfer]:
+    """With the force field, of a source that has one; and the source, its card telling of the sensor that was pressed.
+
+    Raises:
+        DatasetError: no press has a force that is known.
+        ConfigurationError: the body is wider than the gel.
+    """
+    pressed = pressed or Pressed()
+    loaded = replace(source.loaded, card=pressed.told(source.loaded.card))
+    made = with_field(source.loaded, made, recordings.as_samples(), progress, pressed, curve=curve)
+    return replace(source, loaded=loaded), made
+
+
+def transferred(
+    loaded: LoadedModel,
+    recordings: RecordedPresses,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+    *,
+    forced: bool = False,
+    curve: bool = False,
+) -> Transfer:
+    """A model fitted to the presses on another gel; `forced` as for `transfer`, `curve` as for `transfer_alone`.
+
+    Raises:
+        ModelError: the model cannot be transferred, or reads other features than the data set holds.
+        DatasetError: the presses cannot be used, or the calibration would not pay.
+    """
+    require_source(loaded, str(recordings.card['gel']['id']))
+    require_same_features(loaded, recordings)
+    pressed = pressed or Pressed()
+    if not presses_tell_tips(loaded, pressed):
+        return transfer_alone(loaded, recordings.as_samples(), pressed, progress, forced=forced, curve=curve)
+    return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
+
+
+def require_source(loaded: LoadedModel, gel: str) -> None:
+    """Refuse a model that nothing can be calibrated from, before anything is pressed.
+
+    Raises:
+        ModelError: it cannot be transferred, or is a calibration for this very gel; says which model to begin with.
+    """
+    source_readout(loaded)
+    if loaded.card.get('data', {}).get('origin') == CALIBRATION and gel and gel == loaded.gel:
+        source = loaded.card['source']
+        raise ModelError(
+            f'model {loaded.model_id} is already calibrated for gel {gel}; to calibrate again begin with the model '
+            f'that it came from, {source.get("model", source["model_id"])}'
+        )
+
+
+def write(
+    source: Source,
+    recordings: RecordedPresses,
+    made: Made,
+    output: Path,
+    *,
+    seconds: float = 0.0,
+    command: str = '',
+    replaces: Mapping[str, str] | None = None,
+) -> str:
+    """The calibration as a model file; its id. `replaces` names the model that was in use, if it was not the source."""
+    card = card_of(source, recordings, made, seconds, command, output)
+    if replaces and replaces['model_id'] != source.loaded.model_id:
+        card['replaces'] = dict(replaces)
+    model = replace(source.loaded.model, readout=made.readout, model_id='unsaved')
+    return save_model(output, model, card, recordings.rest_image)
+
+
+def card_of(
+    source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
+) -> dict[str, Any]:
+    """What a stranger needs to know about the model: that of its source, and what was pressed."""
+    return {
+        **kept(source.loaded.card, made.readout),
+        'command': command,
+        'made_with': f'tactile_nodes {__version__}',
+        'licence': 'the same as tactile_nodes',
+        'gel': dict(recordings.card['gel']),
+        'data': {
+            'origin': CALIBRATION,
+            'bags': [bag['id'] for bag in recordings.card['bags']],
+            'samples': len(recordings),
+            'fingerprint': recordings.fingerprint,
+        },
+        'source': source.told(output),
+        'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
+    }

@@ -1,0 +1,191 @@
+"""Presses by hand: pictures of the camera, and a table that says what is known of each. No rig, no bag.
+
+A row of the table names a picture (beside the table) and tells x, y and the force, each left empty where nobody knows
+it: `rest.png,,,0` is the gel untouched, `a.png,,,50` a weight of 50 g somewhere, `b.png,-8,3,` a pen.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from tactile_nodes import __version__, clock
+from tactile_nodes.drivers.camera.pictures import read_grey
+from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.press_tables import read_table
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.evaluation.evaluate import config_of
+from tactile_nodes.learning.field.alone import presses_tell_tips
+from tactile_nodes.learning.field.by_hand import alone_by_hand, with_field_by_hand
+from tactile_nodes.learning.field.calibration import Pressed, kept
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.building import gel_told
+from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.transfer.checks import source_readout
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
+from tactile_nodes.model_file import LoadedModel, save_model
+from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.picture.outline import OutlineMap, outline_map
+from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.simulation.optics import Optics
+
+REST_SEED = 1
+
+
+@dataclass(frozen=True)
+class HandPresses:
+    """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows).
+
+    `told` says how the columns of their table were read.
+    """
+
+    rest: list[UInt8[np.ndarray, 'h w']]
+    pressed: list[UInt8[np.ndarray, 'h w']]
+    contacts: Float[np.ndarray, 'n 3']
+    fingerprint: str
+    told: str
+
+    @classmethod
+    def read(cls, table: Path) -> HandPresses:
+        """A table and the pictures that it names.
+
+        Raises:
+            DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
+            ConfigurationError: a picture cannot be read.
+        """
+        told, rows = read_table(table)
+        pictures = [read_grey(table.parent / name) for name, _ in rows]
+        contacts = np.array([told for _, told in rows]).reshape(-1, 3)
+        untouched = contacts[:, 2] == 0
+        if not untouched.any():
+            raise DatasetError(f'{table} has no picture of the gel untouched; add one with a force of 0, better twelve')
+        if len({picture.shape for picture in pictures}) > 1:
+            raise DatasetError(f'the pictures of {table} differ in size; take all with one setting of the camera')
+        digest = hashlib.sha256(contacts.tobytes() + b''.join(picture.tobytes() for picture in pictures))
+        chosen: tuple[list[Any], list[Any]] = ([], [])
+        for picture, at_rest in zip(pictures, untouched, strict=True):
+            chosen[0 if at_rest else 1].append(picture)
+        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16], f'{table}: {told}')
+
+    @property
+    def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
+        """The mean of the pictures of the gel untouched."""
+        return average(self.rest)
+
+    def dataset(self, measurer: Measurer) -> Dataset:
+        """Features of all pictures against the mean of those untouched; a depth of 1 says that something touched."""
+        measurer.use_reference(self.rest_picture)
+        measured = [measurer.measure([picture]) for picture in (*self.rest, *self.pressed)]
+        presses = np.zeros((len(measured), 4), np.float32)
+        presses[: len(self.rest), 2] = -1.0
+        presses[len(self.rest) :, 2] = 1.0
+        presses[len(self.rest) :, [0, 1, 3]] = self.contacts
+        return Dataset(
+            np.stack([each.values for each in measured]), presses, np.arange(len(measured)),
+            np.stack([each.confidence for each in measured]), self.fingerprint,
+        )  # fmt: skip
+
+
+def source_rest(loaded: LoadedModel, like: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2'] | None:
+    """What the known gel looks like untouched: the model's rest image, or one of its simulated gel; None without."""
+    if loaded.rest_image.size:
+        return loaded.rest_image
+    try:
+        gel = config_of(loaded).gel
+    except ConfigurationError:
+        return None
+    if gel.gel_id != loaded.card['gel'].get('id') or (gel.image_height, gel.image_width) != like.shape:
+        return None
+    return Optics(gel, contact_table(gel)).render((), REST_SEED)
+
+
+def outline_between(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w']) -> OutlineMap | str:
+    """How the gel's outline maps from the model's rest image to this one, or why that cannot be told."""
+    known = source_rest(loaded, rest)
+    if known is None:
+        height, width = rest.shape
+        return f'the model has no rest image of its gel in {width}x{height} pixels, as the pictures are'
+    side = min(*known.shape, *rest.shape)
+    if known.shape != rest.shape:
+        known, rest = (np.ascontiguousarray(centre_crop(each, side, side)) for each in (known, rest))
+    try:
+        return outline_map(known, rest)
+    except ImageError as error:
+        return str(error)
+
+
+def calibrate_by_hand(
+    source: Source,
+    table: Path,
+    gel: str,
+    output: Path,
+    progress: Progress,
+    command: str = '',
+    pressed: Pressed | None = None,
+    *,
+    forced: bool = False,
+) -> tuple[str, PartialTransfer]:
+    """Write the model of the gel that the table's pictures show; its id, and how it came about.
+
+    With `forced` also one that reads held-out presses no better than the source, or than their mean. `pressed` is what
+    a readout of any contact has to know, as its source says unless given.
+
+    Raises:
+        ModelError: the model cannot be transferred, or is a calibration for this gel already.
+        DatasetError: the pictures cannot be used, or the calibration would not pay.
+        ImageError: a picture cannot be measured.
+    """
+    begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
+    require_source(loaded, str(told['id']))
+    presses = HandPresses.read(table)
+    progress.say(presses.told)
+    pressed = pressed or Pressed()
+    made, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
+    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
+    require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
+    made = replace(made, objection=said)
+    seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
+    samples = len(presses.rest) + len(presses.pressed)
+    card = {
+        **kept(pressed.told(loaded.card), made.readout),
+        'command': command,
+        'made_with': f'tactile_nodes {__version__}',
+        'licence': 'the same as tactile_nodes',
+        'gel': told,
+        'data': {'origin': CALIBRATION, 'bags': [], 'samples': samples, 'fingerprint': presses.fingerprint},
+        'source': source.told(output),
+        'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
+    }
+    return save_model(output, replace(loaded.model, readout=made.readout, model_id='unsaved'), card, rest), made
+
+
+def _fitted(
+    loaded: LoadedModel, presses: HandPresses, pressed: Pressed, progress: Progress, *, forced: bool
+) -> tuple[PartialTransfer, np.ndarray]:
+    """The calibration, and the rest image that it was measured against."""
+    readout, outline = source_readout(loaded), outline_between(loaded, presses.rest_picture)
+    if isinstance(outline, str) and not presses.pressed:
+        raise DatasetError(f'the table tells of no press, and the outline of the gel cannot be used: {outline}')
+    if isinstance(outline, str):
+        progress.say(f'the outline of the gel is not used: {outline}')
+    with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size[0]) as measurer:
+        dataset = presses.dataset(measurer)
+        half_px, rest = measurer.side / 2, measurer.rest_image
+    if not presses_tell_tips(loaded, pressed):
+        return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), rest
+    if presses.pressed:
+        seen = None if isinstance(outline, str) else outline
+        made = transfer_partial(readout, dataset, seen, half_px, progress)
+    else:
+        assert isinstance(outline, OutlineMap)
+        made = transfer_outline(readout, outline, half_px)
+    return with_field_by_hand(loaded, made, dataset, pressed, progress), rest

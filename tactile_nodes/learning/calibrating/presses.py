@@ -1,0 +1,199 @@
+"""From presses as they come to a calibration: told press by press, ended when more do not pay, written to a file.
+
+The same for bags (the command, and the node that replays one) and for a running rig (the node).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from tactile_nodes.clock import NS_PER_S, perf_ns
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.calibrating.calibrator import Calibrator, PressRead, Reading, curves
+from tactile_nodes.learning.calibrating.files import Source, completed, write
+from tactile_nodes.learning.field.calibration import Pressed
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.bags import CollectionBag, RecordedPress
+from tactile_nodes.learning.recorded.building import told_of
+from tactile_nodes.learning.transfer.fit import Transfer
+
+Tell = Callable[[str], None]
+
+
+@runtime_checkable
+class Presses(Protocol):
+    """Where presses come from; `bags` are the files, if there are any.
+
+    `waiting` says whether the next one is there already, `rest_counts` whether those after `stop` are to be used: they
+    cost nothing more.
+    """
+
+    bags: Sequence[Path]
+    rest_counts: bool
+
+    @property
+    def waiting(self) -> bool: ...
+
+    def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
+        """Each with the number of its bag, from 0; asked for again, it goes on with the next one."""
+        ...
+
+    def told(self, gel: str) -> list[dict[str, Any]]:
+        """What the card says of each bag; its id is right once all presses were taken."""
+        ...
+
+    def stop(self) -> None:
+        """No more are needed; those that are under way still come."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what is open."""
+        ...
+
+
+class BagPresses:
+    """The presses of some bags, one bag after the other. Raises what `CollectionBag` raises."""
+
+    rest_counts = False
+    waiting = False
+
+    def __init__(
+        self, bags: Sequence[Path], namespace: str | None = None, reference: str | None = None, tell: Tell | None = None
+    ) -> None:
+        self.bags = bags
+        with ExitStack() as stack:
+            self._opened = [stack.enter_context(CollectionBag(path, namespace, reference)) for path in bags]
+            self._closing = stack.pop_all()
+        for bag in self._opened if tell else ():
+            for problem in bag.problems:
+                tell(problem)  # type: ignore[misc]
+            for warning in bag.clocks.warnings:
+                tell(f'{bag.path}: {warning}; its stamps are taken as they are')  # type: ignore[misc]
+        self._stream = ((number, press) for number, bag in enumerate(self._opened) for press in bag.presses())
+
+    def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
+        return self._stream
+
+    @property
+    def count(self) -> int:
+        """How many attempts the bags tell of."""
+        return sum(bag.press_count for bag in self._opened)
+
+    def told(self, gel: str) -> list[dict[str, Any]]:
+        return [told_of(bag, gel) for bag in self._opened]
+
+    def stop(self) -> None:
+        """A bag has no rig to stop."""
+
+    def close(self) -> None:
+        """Close their files."""
+        self._closing.close()
+
+
+def take_presses(
+    calibrator: Calibrator, presses: Presses, tell: Tell, *, along: bool = True, command: str = ''
+) -> None:
+    """Take presses until no more come, or, `along`, with the fit renewed in between, until they do not pay.
+
+    Raises:
+        DatasetError, ModelError: a press that shows another gel, or whose images the model cannot read.
+    """
+    for bag, press in presses:
+        read = calibrator.take(press, bag)
+        tell(press_line(read) if read else f'left out: {calibrator.left_out}')
+        if along and read and calibrator.due and not presses.waiting:
+            calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
+            tell(fit_line(calibrator))
+        if along and (reason := calibrator.enough):
+            tell(f'no more presses: {reason}')
+            presses.stop()
+            break
+    for bag, press in presses:  # all of them, for the id of a bag follows from all that it tells
+        if presses.rest_counts and (read := calibrator.take(press, bag)):
+            tell(press_line(read))
+
+
+def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = '') -> Transfer:
+    """The calibration by all presses.
+
+    Raises:
+        DatasetError: none follows from them; says why.
+    """
+    before = calibrator.made
+    calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
+    calibrator.require_live_gel()
+    if calibrator.made is None:
+        raise DatasetError(calibrator.objection)
+    if calibrator.made is not before:  # or the last line was this one
+        tell(fit_line(calibrator))
+    return calibrator.made
+
+
+class Written:
+    """Writes what a calibrator found, and says how it went."""
+
+    def __init__(
+        self,
+        source: Source,
+        calibrator: Calibrator,
+        command: str = '',
+        progress: Progress | None = None,
+        pressed: Pressed | None = None,
+        *,
+        curve: bool = False,
+    ) -> None:
+        self._source, self._calibrator, self._command = source, calibrator, command
+        self._progress, self._pressed, self._curve = progress, pressed, curve
+        self.made: Transfer | None = None
+        self._begun_ns = perf_ns()
+
+    def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
+        """Write the model file; its id."""
+        made, recordings = self._calibrator.made, self._calibrator.recordings
+        assert made is not None
+        assert recordings is not None
+        seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
+        source, self.made = completed(
+            self._source, recordings, made, self._progress, self._pressed, curve=self._curve
+        )  # fmt: skip
+        return write(source, recordings, self.made, output, seconds=seconds, command=self._command, replaces=replaces)
+
+
+def new_file(folder: Path, gel: str) -> Path:
+    """A file that is not there yet (gel-7_01, gel-7_02): every calibration stays, so that undo finds the one before."""
+    name = ''.join(letter if letter.isalnum() or letter in '-_' else '-' for letter in gel) or 'gel'
+    taken = {each.stem for each in folder.glob(f'{name}_*.safetensors')}
+    number = next(number for number in range(1, len(taken) + 2) if f'{name}_{number:02d}' not in taken)
+    return folder / f'{name}_{number:02d}.safetensors'
+
+
+def press_line(read: PressRead) -> str:
+    """'press 17, 0.412 N: 3.1 mN and 0.05 mm off; without calibration 61.0 mN and 0.93 mm'"""
+    before = _off(read.before)
+    told = f'without calibration {before}' if read.after is None else f'{_off(read.after)} off; without {before}'
+    return f'press {read.number}, {read.force_n:.3f} N: {told}'
+
+
+def fit_line(calibrator: Calibrator) -> str:
+    """'25 presses: 3.1 mN and 0.052 mm off where held out (medians) …', or why there is no calibration yet."""
+    made = calibrator.made
+    if made is None:
+        return f'{calibrator.presses} presses: no calibration yet: {calibrator.objection}'
+    text = f'{calibrator.presses} presses: {_medians(made.after)} off where held out, without calibration '
+    text += f'{_medians(made.before)} (medians); form {made.form}'
+    if found := curves(calibrator.fits):
+        twice = 2 * calibrator.presses
+        force, place = (curve.at(twice) for curve in found)
+        text += f'; with {twice} about {1e3 * force:.1f} mN and {place:.3f} mm'
+    return text
+
+
+def _off(reading: Reading) -> str:
+    return f'{1e3 * abs(reading.off_n):.1f} mN and {reading.off_mm:.2f} mm'
+
+
+def _medians(errors: Any) -> str:
+    return f'{1e3 * errors.force_median_n:.1f} mN and {errors.place_median_mm:.3f} mm'

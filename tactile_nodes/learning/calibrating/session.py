@@ -1,0 +1,138 @@
+"""One calibration from the first press to the model in use: what the calibrator node does beside its messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+from tactile_nodes.errors import ModelError, TactileError
+from tactile_nodes.estimating import Inputs
+from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule
+from tactile_nodes.learning.calibrating.files import Source
+from tactile_nodes.learning.calibrating.live_model import LiveModel
+from tactile_nodes.learning.calibrating.presses import Presses, Written, finish, new_file, take_presses
+from tactile_nodes.learning.field.calibration import pressed_by
+from tactile_nodes.learning.recorded.building import gel_told
+from tactile_nodes.learning.transfer.fit import Transfer
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+from tactile_nodes.paths import check_output
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What is calibrated, from what, and when that ends."""
+
+    READ_ONLY: ClassVar[bool] = True
+
+    model: str = parameter('portable', 'the model to begin with: name of one that ships, or a file', read_only=True)
+    gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
+    body: str = parameter('', 'of a model of any contact: what presses, like punch:1.5; empty: as the model says')
+    folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
+    output: str = parameter('', 'file to write instead; one that is there already is replaced')
+    bag: str = parameter('', 'take the presses of this bag; empty: of the running rig', read_only=True)
+    rig: str = parameter('rig', 'node that presses', read_only=True)
+    rig_end: str = parameter('stop', 'what it is asked to do then', choices=('stop', 'pause'), read_only=True)
+    estimator: str = parameter('force_estimator', 'node that takes the calibration over; empty: none', read_only=True)
+    stay: bool = parameter(False, 'go on after that, and let the launch go on with it', read_only=False)
+    rule: StopRule = field(default_factory=StopRule)
+
+
+class CalibrationSession:
+    """Takes presses until they do not pay any more, writes the calibration, and has it taken over.
+
+    Args:
+        settings: as above.
+        tell: what a person reads, a line at a time.
+
+    Raises:
+        ModelError, ConfigurationError: there is no such model, gel or body, nothing can be calibrated from it, or no
+            file can be written where it is to go: said before anything is pressed.
+    """
+
+    def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
+        self._settings, self._tell = settings, tell
+        self._source = Source.find(settings.model)
+        check_output(self._file(), self._source.file)
+        pressed = pressed_by(self._source.loaded, body=settings.body)
+        self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule, pressed=pressed)
+        self._written = Written(self._source, self.calibrator, 'tactile launch calibrate', pressed=pressed)
+
+    def run(self, presses: Presses, live: LiveModel | None) -> Path:
+        """The whole of it, once; the file that was written. The rig that presses is asked to end in any case.
+
+        Raises:
+            DatasetError: no calibration follows from the presses; says why.
+            ModelError: the images or the running sensor's features are none of the model's.
+            BusError: the running force estimator does not answer.
+        """
+        try:
+            take_presses(self.calibrator, presses, self._tell)
+            made = finish(self.calibrator, presses, self._tell)
+        finally:
+            presses.stop()
+            presses.close()
+            self.calibrator.close()
+        file = self._file()
+        model_id = self._written.to(file, self._replaced(live, file))
+        self._tell(f'{file}: model {model_id}, from {made.presses} presses')
+        self._tell(_summary(made))
+        if self._written.made is not None and self._written.made.field:
+            self._tell(f'force field {self._written.made.field}')
+        if live is not None and live.present:
+            live.use(file)
+            self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')
+        else:
+            self._tell(f'no force estimator runs here; to sense with it: tactile launch live model:={file}')
+        return file
+
+    @property
+    def values(self) -> dict[str, object]:
+        """How far it is, in numbers for /diagnostics: held-out medians in N and mm, NaN before the first fit."""
+        calibrator = self.calibrator
+        last = calibrator.fits[-1] if calibrator.fits else Fitted(0, math.nan, math.nan)
+        return {
+            'presses': calibrator.presses, 'most': calibrator.rule.most, 'force_error_n': last.force_n,
+            'place_error_mm': last.place_mm, 'objection': calibrator.objection,
+        }  # fmt: skip
+
+    def require_features(self, message: types.FlowFeatures) -> None:
+        """Refuse a sensor that measures other features than the model reads, before anything is pressed for it.
+
+        Raises:
+            ModelError: says both.
+        """
+        needed, found = Inputs.of_model(self._source.loaded), Inputs.of_message(message)
+        if needed != found:
+            raise ModelError(
+                f'model {self._settings.model} needs other features than the running sensor measures: '
+                f'{needed.unlike(found)}; start the sensor with that model, or calibrate one that reads its features'
+            )
+
+    def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:
+        """What the card says of the model in use, if that can be known: presses are not lost over it."""
+        if live is None or not live.present:
+            return None
+        try:
+            return live.in_use(file)
+        except TactileError as error:
+            self._tell(f'the calibration does not name the model whose place it takes: {error}')
+            return None
+
+    def _file(self) -> Path:
+        settings = self._settings
+        if settings.output:
+            return Path(settings.output)
+        name = Path(settings.gel).stem if settings.gel.endswith(('.yaml', '.yml')) else settings.gel
+        return new_file(Path(settings.folder), name)
+
+
+def _summary(made: Transfer) -> str:
+    before, after = made.before, made.after
+    return (
+        f'force RMSE {1e3 * before.force_rmse_n:.1f} mN before, {1e3 * after.force_rmse_n:.1f} mN after; place '
+        f'{before.place_median_mm:.3f} mm before, {after.place_median_mm:.3f} mm after (medians; presses held out)'
+    )

@@ -1,0 +1,1 @@
+"""Presses as training samples: simulated or recorded, kept, split, and described."""

@@ -1,0 +1,178 @@
+"""The file of a data set: arrays and a card in one numpy .npz, never anything that could run.
+
+``numpy.load(file, allow_pickle=False)`` opens it anywhere; the entry ``card`` is JSON that says what the arrays mean
+and how they came about, the entry ``fingerprint`` covers every array and all of the card that bears on them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.files import open_plain
+from tactile_nodes.learning.datasets.recordings import (
+    OPTIONAL,
+    REST_IMAGE,
+    RecordedPresses,
+    array_names,
+    fingerprint_of,
+)
+from tactile_nodes.paths import check_output
+from tactile_nodes.sensing.geometry import BinGrid
+
+FORMAT = 'tactile_nodes.dataset'
+FORMAT_VERSION, OLDEST_VERSION = 2, 1
+"""Files of before the texture was learned have version 1, and are read on."""
+
+_KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', 'depth_reported_mm', 'force_n',
+                'force_rate_n_per_s', 'wrench', 'wrench_deviation'),
+          'b': ('contact',), 'U': ('reference_id', 'tare_id')}  # fmt: skip
+_NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL}
+_ARRAY = b'\x93NUMPY'
+_LARGEST_RATIO = 20  # we do not compress; who does it again gains less
+_SHAPES = {
+    'features': 4,
+    'labels': 2,
+    'confidence': 3,
+    'position_mm': 2,
+    'wrench': 2,
+    'wrench_deviation': 2,
+    'window_ns': 2,
+}
+
+
+def save_dataset(path: Path, presses: RecordedPresses) -> str:
+    """Write the file and return its fingerprint; equal content gives equal bytes.
+
+    Raises:
+        ConfigurationError: no file can be written there.
+        DatasetError: writing failed, as on a full disk.
+    """
+    card = json.dumps(dict(presses.card), sort_keys=True)
+    arrays: dict[str, Any] = {'card': np.array(card), 'fingerprint': np.array(presses.fingerprint), **presses.arrays()}
+    check_output(path)
+    draft = path.with_name(f'.{path.name}.part')
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with draft.open('wb') as opened:
+            np.savez(opened, **arrays)
+        draft.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise DatasetError(f'cannot write the data set {path} ({error.strerror}); choose another place') from error
+    return presses.fingerprint
+
+
+def load_dataset(path: Path | str) -> RecordedPresses:
+    """Read a file and check every byte of it.
+
+    Raises:
+        DatasetError: it is missing, damaged, no data set of ours, or of a newer format.
+    """
+    path = Path(path)
+    entries = _entries(path)
+    if 'card' not in entries or 'fingerprint' not in entries:
+        raise DatasetError(
+            f'{path} is no data set of tactile_nodes; make one with: tactile dataset build BAG -o {path}'
+        )
+    try:
+        card = json.loads(str(entries.pop('card')))
+        fingerprint = str(entries.pop('fingerprint'))
+        version = card['format_version'] if card['format'] == FORMAT else None
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise DatasetError(_damaged(path)) from error
+    if version not in range(OLDEST_VERSION, FORMAT_VERSION + 1):
+        raise DatasetError(
+            f'the format of {path} has version {version}, this release reads {OLDEST_VERSION} to {FORMAT_VERSION}; '
+            'use the release that made it, or build the data set again'
+        )
+    known = set(entries) - set(OPTIONAL) == set(array_names())
+    if not known or fingerprint_of(entries, card) != fingerprint or not _fit(entries, card):
+        raise DatasetError(_damaged(path))
+    return RecordedPresses(**entries, card=card)
+
+
+def _entries(path: Path) -> dict[str, Any]:
+    try:
+        with open_plain(path) as opened:  # numpy leaves a file open that it opened itself and cannot read
+            _check_entries(path, opened)
+            with np.load(opened, allow_pickle=False) as loaded:
+                return {name: loaded[name] for name in loaded.files}
+    except FileNotFoundError as error:
+        raise DatasetError(
+            f'there is no data set {path}; make one with: tactile dataset build BAG -o {path}'
+        ) from error
+    except OSError as error:
+        raise DatasetError(f'cannot read the data set {path} ({error.strerror or error}); check the file') from error
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, SyntaxError, MemoryError,
+            NotImplementedError, RuntimeError) as error:  # fmt: skip
+        raise DatasetError(_damaged(path)) from error
+
+
+def _check_entries(path: Path, opened: BinaryIO) -> None:
+    """Names and sizes, before anything is unpacked: a file of 6 MB may unpack to 6 GB."""
+    if opened.read(len(_ARRAY)) == _ARRAY:
+        raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
+    with zipfile.ZipFile(opened) as archive:
+        entries = archive.infolist()
+    opened.seek(0)
+    if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
+        raise DatasetError(f'{path} is no data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
+    unpacked, stored = sum(entry.file_size for entry in entries), os.fstat(opened.fileno()).st_size
+    if unpacked > _LARGEST_RATIO * stored:
+        raise DatasetError(
+            f'{path} would unpack from {stored} to {unpacked} bytes, as no data set does; fetch it again'
+        )
+
+
+def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
+    """Whether the arrays have the kinds and shapes that go together."""
+    count = len(arrays['force_n']) if arrays['force_n'].ndim else 0
+    for name, array in arrays.items():
+        if name in OPTIONAL:
+            if array.dtype != (np.uint8 if name == REST_IMAGE else np.float32) or array.ndim != 2:
+                return False
+            continue
+        kinds = next((kind for kind, names in _KINDS.items() if name in names), 'iu')
+        if array.dtype.kind not in kinds or array.ndim != _SHAPES.get(name, 1):
+            return False
+        if name != 'confidence' and len(array) != count:
+            return False
+    try:
+        labels = card['labels']
+        bins = BinGrid(labels['rows'], labels['cols'], labels['width_mm'], labels['height_mm'])
+        known = {name: len(card[f'{name}s']) for name in ('bag', 'plan', 'indenter')}
+        told = [
+            card['flow']['options'],
+            card['encoding']['options'],
+            card['gel']['id'],
+            card['crop_px'],
+            card['left_out'],
+        ]
+    except (KeyError, TypeError):
+        return False
+    indices = [(arrays[name], size) for name, size in known.items()]
+    indices.append((arrays['confidence_row'], len(arrays['confidence'])))
+    return (
+        count > 0
+        and [type(each) for each in told] == [dict, dict, str, int, list]
+        and arrays['labels'].shape[1] == bins.count
+        and arrays['features'].shape[1:3] == arrays['confidence'].shape[1:]
+        and [arrays[name].shape[1] for name in ('position_mm', 'wrench', 'wrench_deviation', 'window_ns')]
+        == [2, 6, 6, 2]
+        and all(int(index.min()) >= 0 and int(index.max()) < size for index, size in indices)
+    )
+
+
+def _damaged(path: Path) -> str:
+    return f'{path} is damaged or no data set: its content does not match its fingerprint; build it again from the bags'

@@ -1,0 +1,166 @@
+"""Recorded presses as arrays: what a data set file holds, how it is split, and how training takes it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float16, Float32, Int, UInt8
+
+from tactile_nodes.learning.datasets.labels import force_labels
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, Split, by_position, by_sample
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.rest.texture_gains import TextureGains
+
+CIRCUMSTANCES = ('command', 'made_with', 'bag_names')
+"""Entries of the card that say how the file came about, and do not change what it holds."""
+
+REST_IMAGE, TEXTURE_GAINS = 'rest_image', 'texture_gains'
+OPTIONAL = REST_IMAGE, TEXTURE_GAINS
+"""Arrays that not every data set has."""
+
+RETRIED, NEAR_BORDER, DEPTH_UNREPORTED, UNEVEN_FRAMES = 1, 2, 4, 8
+QUALITY = {
+    RETRIED: 'not the first attempt',
+    NEAR_BORDER: 'the tip touches several bins',
+    DEPTH_UNREPORTED: 'the machine did not say how deep it was',
+    UNEVEN_FRAMES: 'a gap between the images of the window',
+}
+
+
+@dataclass(frozen=True)
+class RecordedPresses:
+    """Samples of recorded presses. A sample without contact stands at the place of the press that came after it.
+
+    Lengths in mm and places in the surface frame, forces in N (positive into the gel) and torques in N m; wrenches as
+    measured (pressing is negative z). `confidence[confidence_row[i]]` belongs to sample i, `card['bags'][bag[i]]` is
+    the bag that it came from; plan and indenter are told in the same way. `rest_image` is the last rest image that
+    presses were measured against, as cut; without rows in files of before there was one. `texture_gains` is how far
+    each of its spots goes beside the motion around it; without rows where too few presses told, or nobody asked.
+    """
+
+    features: Float16[np.ndarray, 'samples rows cols channels']
+    labels: Float32[np.ndarray, 'samples bins']
+    confidence: Float32[np.ndarray, 'kinds rows cols']
+    confidence_row: Int[np.ndarray, ' samples']
+    contact: np.ndarray
+    position_mm: Float[np.ndarray, 'samples 2']
+    depth_mm: Float[np.ndarray, ' samples']
+    depth_reported_mm: Float[np.ndarray, ' samples']
+    force_n: Float[np.ndarray, ' samples']
+    force_rate_n_per_s: Float[np.ndarray, ' samples']
+    wrench: Float[np.ndarray, 'samples 6']
+    wrench_deviation: Float[np.ndarray, 'samples 6']
+    stamp_ns: Int[np.ndarray, ' samples']
+    window_ns: Int[np.ndarray, 'samples 2']
+    frames: Int[np.ndarray, ' samples']
+    bag: Int[np.ndarray, ' samples']
+    plan: Int[np.ndarray, ' samples']
+    press: Int[np.ndarray, ' samples']
+    attempt: Int[np.ndarray, ' samples']
+    indenter: Int[np.ndarray, ' samples']
+    quality: Int[np.ndarray, ' samples']
+    reference_id: np.ndarray
+    tare_id: np.ndarray
+    card: Mapping[str, Any]
+    rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    texture_gains: Float32[np.ndarray, 'h w'] = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    @property
+    def bins(self) -> BinGrid:
+        labels = self.card['labels']
+        return BinGrid(labels['rows'], labels['cols'], labels['width_mm'], labels['height_mm'])
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits that change with any value or meaning in the file."""
+        return fingerprint_of(self.arrays(), self.card)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name; of the optional ones those that are there."""
+        names = (*array_names(), *(name for name in OPTIONAL if getattr(self, name).size))
+        return {name: np.ascontiguousarray(getattr(self, name)) for name in names}
+
+    @property
+    def press_number(self) -> Int[np.ndarray, ' samples']:
+        """A number for each press, the same for all its samples."""
+        keys = np.stack([self.bag, self.plan, self.press], axis=1)
+        numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
+        return numbers.reshape(-1)
+
+    @property
+    def hold_number(self) -> Int[np.ndarray, ' samples']:
+        """A number for each window of a press that was measured against one rest image, the same for its pictures."""
+        rests = np.unique(self.reference_id, return_inverse=True)[1]
+        keys = np.column_stack([self.press_number, self.attempt, self.window_ns, self.contact, rests.reshape(-1)])
+        numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
+        return numbers.reshape(-1)
+
+    @property
+    def texture(self) -> TextureGains | None:
+        """How far each spot of the gel goes, if presses told."""
+        return TextureGains(self.texture_gains, self.rest_image) if self.texture_gains.size else None
+
+    def split(self, kind: str, seed: int, *, test: float = TEST_SHARE, validation: float = VALIDATION_SHARE) -> Split:
+        """Training, validation and test set; `kind` is 'sample' or 'position'.
+
+        Raises:
+            DatasetError: too few presses.
+        """
+        if kind == 'position':
+            return by_position(self.position_mm, seed=seed, test=test, validation=validation)
+        return by_sample(self.press_number, self.depth_mm, seed=seed, test=test, validation=validation)
+
+    def as_samples(self, chosen: Int[np.ndarray, ' chosen'] | None = None) -> Dataset:
+        """The samples, or some of them, as training and evaluation take them."""
+        rows = np.arange(len(self)) if chosen is None else chosen
+        depth = np.where(self.contact, self.depth_mm, -1.0)
+        presses = np.column_stack([self.position_mm, depth, self.force_n])[rows]
+        return _Samples(
+            self.features[rows], presses.astype(np.float32), self.confidence_row[rows], self.confidence,
+            self.fingerprint, self.position_mm[rows], self.force_n[rows], hold=self.hold_number[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Samples(Dataset):
+    """Keeps the positions in full precision, because on some grids they lie on borders of bins."""
+
+    position_mm: Float[np.ndarray, 'samples 2']
+    force_n: Float[np.ndarray, ' samples']
+
+    def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
+        return force_labels(self.position_mm, self.force_n, bins)
+
+    def take(self, rows: Int[np.ndarray, ' chosen']) -> _Samples:
+        return replace(
+            self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
+            position_mm=self.position_mm[rows], force_n=self.force_n[rows],
+            hold=None if self.hold is None else self.hold[rows],
+        )  # fmt: skip
+
+
+def array_names() -> tuple[str, ...]:
+    """The names of the arrays that every data set has."""
+    return tuple(each.name for each in fields(RecordedPresses) if each.name not in ('card', *OPTIONAL))
+
+
+def fingerprint_of(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> str:
+    """Sixteen hexadecimal digits over arrays and card."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f'{name} {array.dtype.str} {array.shape}'.encode())
+        digest.update(array.tobytes() if array.dtype.kind == 'U' else array.data)
+    meaning = {name: value for name, value in card.items() if name not in CIRCUMSTANCES}
+    digest.update(json.dumps(meaning, sort_keys=True).encode())
+    return digest.hexdigest()[:16]

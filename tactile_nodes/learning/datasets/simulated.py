@@ -1,0 +1,217 @@
+"""Presses of the simulated sensor as training samples: rendered, measured, kept on disk.
+
+A data set follows from its configuration alone: every block of presses has its own seed and its own rest
+image, so neither the number of processes nor their order changes a byte. What was made once is found again
+by the hash of everything that it depends on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float16, Float32, Int
+
+from tactile_nodes import paths
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.datasets.plans import planned_presses, press_count
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.geometry import BinGrid, centre_crop
+from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.simulation.optics import Optics, mix
+
+RECIPE = 2
+"""Raised when the code below gives other samples for the same configuration."""
+TRUSTED_SHARE = 0.9
+PRESSES_PER_BLOCK = 250
+"""So many are rendered at a time where one rest image serves all."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Samples of presses: features, where and how deep the tip was, its force, and the regions' confidence.
+
+    `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` is the row of `confidence`
+    that belongs to sample i: one for each rest image, or, of a flow that judges every frame, one for each sample.
+    Samples of one number in `hold` are pictures of one press held still; None: each sample is another press.
+    """
+
+    features: Float16[np.ndarray, 'samples rows cols channels']
+    presses: Float32[np.ndarray, 'samples 4']
+    rest: np.ndarray
+    confidence: Float32[np.ndarray, 'rests rows cols']
+    fingerprint: str
+    hold: Int[np.ndarray, ' samples'] | None = field(default=None, kw_only=True)
+
+    def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
+        """The paper's labels: the whole force in the bin of the indentation's centre."""
+        labels = np.zeros((len(self.presses), bins.count), np.float32)
+        places = [bins.bin_of(float(x), float(y)) for x, y in self.presses[:, :2]]
+        labels[np.arange(len(labels)), places] = self.presses[:, 3]
+        return labels
+
+    def trusted(self, floor: float) -> Float32[np.ndarray, 'rows cols']:
+        """1 for regions that held markers in nine of ten samples, else 0.
+
+        A region may be lost for a while where the tip pulls its markers apart; one at the rim of the gel is always.
+        """
+        share = (self.confidence >= floor)[self.rest].mean(axis=0)
+        return np.asarray(share >= TRUSTED_SHARE, np.float32)
+
+    def take(self, rows: Int[np.ndarray, ' chosen']) -> Dataset:
+        """Some of the samples, under the fingerprint of all."""
+        return replace(
+            self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
+            hold=None if self.hold is None else self.hold[rows],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Block:
+    """Presses that are measured against one rest image, from the `first` of the plan on."""
+
+    config: TrainConfig
+    number: int
+    first: int
+    presses: int
+    file: Path
+
+    @property
+    def rest_number(self) -> int:
+        """Blocks of one number share their rest image."""
+        return self.number if self.config.data.presses_per_rest_image else 0
+
+
+def simulate(config: TrainConfig, progress: Progress) -> Dataset:
+    """The data set of a configuration; blocks that were made before, also by a run that was cut short, are read."""
+    folder = paths.cache_directory() / 'datasets' / recipe_id(config)
+    folder.mkdir(parents=True, exist_ok=True)
+    blocks = blocks_of(config, folder)
+    render(blocks, _render_block, progress)
+    return _load([block.file for block in blocks])
+
+
+def recipe_id(config: TrainConfig) -> str:
+    """Sixteen hexadecimal digits over everything that a block of samples depends on."""
+    # Where frames without contact stand in a plan depends on how many presses it has; random presses are made by block.
+    whatever = ('presses', 'processes') if config.data.plan == 'random' else ('processes',)
+    data = {name: value for name, value in config.data.simulated().items() if name not in whatever}
+    chosen = {
+        'recipe': RECIPE,
+        'opencv': cv2.__version__,
+        'data': data,
+        'flow': [config.flow.name, config.make_flow().options],
+        'encoding': [config.encoding.name, config.make_encoding().options],
+        'gel': config.gel.gel_id,
+    }
+    return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
+    """All blocks of a plan, with their files in a folder."""
+    size, total = config.data.presses_per_rest_image or PRESSES_PER_BLOCK, press_count(config.data)
+    counts = [(first, min(size, total - first)) for first in range(0, total, size)]
+    return [
+        Block(config, number, first, count, folder / f'{number:05}-{count}.npz')
+        for number, (first, count) in enumerate(counts)
+    ]
+
+
+def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]:
+    """Those that hold the first presses of a plan, with files in a folder of that name beside the data set's own."""
+    folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
+    folder.mkdir(parents=True, exist_ok=True)
+    return [block for block in blocks_of(config, folder) if block.first < presses]
+
+
+def render(
+    blocks: list[Block], make: Callable[[Block], int], progress: Progress, title: str = 'rendering presses'
+) -> None:
+    """Make the files of blocks that have none yet, in processes of their own."""
+    if not (blocks := [block for block in blocks if not block.file.is_file()]):
+        return
+    processes = blocks[0].config.data.processes
+    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
+    deaf = signal.SIGINT, signal.SIG_IGN
+    with (
+        multiprocessing.get_context('spawn').Pool(min(processes, len(blocks)), signal.signal, deaf) as pool,
+        progress.bar(title, sum(block.presses for block in blocks)) as bar,
+    ):
+        for presses in pool.imap_unordered(make, blocks):
+            bar.advance(presses)
+
+
+def _load(files: list[Path]) -> Dataset:
+    blocks = []
+    for file in files:
+        with np.load(file) as arrays:
+            blocks.append({name: arrays[name] for name in ('features', 'presses', 'confidence')})
+    names = ('features', 'presses', 'confidence')
+    arrays = {name: np.concatenate([block[name] for block in blocks]) for name in names}
+    arrays['rest'] = _confidence_rows([(len(block['presses']), len(block['confidence'])) for block in blocks])
+    digest = hashlib.sha256()
+    for array in arrays.values():
+        digest.update(np.ascontiguousarray(array).data)
+    return Dataset(**arrays, fingerprint=digest.hexdigest()[:16])
+
+
+def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples']:
+    """Which confidence belongs to each sample of blocks with so many samples and confidences (one, or as many)."""
+    first = np.cumsum([0, *(confidences for _, confidences in sizes)])
+    rows = [start + np.arange(n) % confidences for start, (n, confidences) in zip(first, sizes, strict=False)]
+    return np.concatenate(rows)
+
+
+def _render_block(block: Block) -> int:
+    """Make one block and write it (in a process of its own); returns its number of presses."""
+    config = block.config
+    table = contact_table(config.gel)
+    optics = Optics(config.gel, table)
+    flow, encoding = config.make_flow(), config.make_encoding()
+    seeds, rest_seeds = (noise_seeds(config.data.seed, number) for number in (block.number, block.rest_number))
+    frames = config.data.frames_per_rest_image
+    rest = average([cropped(config, optics.render((), seed)) for seed in islice(rest_seeds, frames)])
+    seeds = islice(seeds, frames, None)
+    flow.set_reference(rest)
+    encoding.set_reference(rest)
+    features, presses, confidence = [], [], []
+    for press in planned_presses(config.data, block.number, block.first, block.presses):
+        encoded = encoding.encode(flow.displacement(cropped(config, optics.render((press,), next(seeds)))))
+        features.append(encoded.values.astype(np.float16))
+        confidence.append(encoded.confidence)
+        presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
+    draft = block.file.with_suffix('.part.npz')
+    np.savez(
+        draft,
+        features=np.stack(features),
+        presses=np.array(presses, np.float32),
+        confidence=np.stack(confidence if _differ(confidence) else confidence[:1]),
+    )
+    draft.replace(block.file)
+    return block.presses
+
+
+def _differ(arrays: list[np.ndarray]) -> bool:
+    return any((each != arrays[0]).any() for each in arrays)
+
+
+def noise_seeds(seed: int, block: int) -> Iterator[int]:
+    """Of a block's pictures: first those of its rest image, then those of its presses."""
+    number = mix(seed) ^ mix(block)
+    while True:
+        number = mix(number)
+        yield number
+
+
+def cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
+    """The middle of a camera image, as it is measured."""
+    return centre_crop(image, config.data.crop, config.data.crop)

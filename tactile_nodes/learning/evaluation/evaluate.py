@@ -1,0 +1,227 @@
+"""How good a model is, on presses that it never saw: continuous random places and depths, with a seed of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.evaluation.disturbed import disturbed_samples
+from tactile_nodes.learning.evaluation.pairs import PairScores, score_pairs
+from tactile_nodes.learning.evaluation.predictions import Predictions, name_of, predictions_of
+from tactile_nodes.learning.evaluation.scores import (
+    LightScores,
+    PressScores,
+    RestScores,
+    score_groups,
+    score_light,
+    score_rest,
+)
+from tactile_nodes.learning.evaluation.uncertainty import Uncertainty, force_uncertainty, position_uncertainty
+from tactile_nodes.learning.evaluation.unlike import UnlikeScores, score_unlike
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.training.source import evaluation_samples, simulated_split, simulated_test
+from tactile_nodes.model_file import LoadedModel, load_model
+from tactile_nodes.simulation.gel import Gel
+
+LIGHTEST_MM = 0.25
+"""Where the paper's depths begin; touches up to there are a set of their own."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A model's scores: by group of presses, at rest, of light touches, uncertainty, unlike inputs, two tips at once.
+
+    What was not asked for, or what a model does not state, is None or empty. `answers` are what it all follows from.
+    """
+
+    name: str
+    model_id: str
+    groups: Mapping[str, PressScores]
+    rest: RestScores | None
+    force_uncertainty: Uncertainty | None
+    position_uncertainty: Uncertainty | None
+    fingerprint: str
+    answers: Predictions = dataclasses.field(repr=False)
+    data: str = ''
+    light: LightScores | None = None
+    unlike: Mapping[str, UnlikeScores] = dataclasses.field(default_factory=dict)
+    pairs: Mapping[str, PairScores] = dataclasses.field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The scores as JSON knows them; what is not known is None."""
+        plain = _plain(asdict(dataclasses.replace(self, answers=None)))  # type: ignore[arg-type]
+        return {name: value for name, value in plain.items() if name != 'answers'}
+
+
+def evaluate(
+    model_file: Path | str,
+    *,
+    presses: int = 2000,
+    seed: int = 1001,
+    unlike: int = 0,
+    pairs: int = 0,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Scores of a model on simulated presses of the gel that it was trained on.
+
+    Of five frames one is at rest; half as many presses again are light touches (seed + 1), and `unlike` as many for
+    each way of disturbing the input (seed + 2). Of two tips at once there are `pairs` frames (seed).
+
+    Raises:
+        ModelError: the file cannot be used, was trained on other data than simulated, or with one of these seeds.
+    """
+    loaded, progress = load_model(model_file), progress or Progress()
+    config = evaluation_config(loaded, presses, seed)
+    dataset = simulate(config, progress)
+    light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress), progress)
+    return dataclasses.replace(
+        score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress),
+        light=score_light(light),
+        unlike=score_disturbed(loaded, config, unlike, progress) if unlike else {},
+        pairs=score_pairs(loaded, config, pairs, progress) if pairs else {},
+    )
+
+
+def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | None = None) -> Evaluation:
+    """Scores of a model on recorded presses that it never saw: what its training put aside, or another file.
+
+    Raises:
+        ModelError: the model cannot be used, needs other features, or saw these presses.
+        DatasetError: the file cannot be used.
+    """
+    loaded = load_model(model_file)
+    samples, words = evaluation_samples(loaded, load_dataset(file), split)
+    return score(loaded, samples, f'{file}: {words}', name_of(model_file))
+
+
+def evaluate_put_aside(
+    model_file: Path | str, *, of: Path | str | None = None, progress: Progress | None = None
+) -> Evaluation:
+    """Scores of a model on what the training of a model (itself unless told) put aside of its simulated grid.
+
+    On a grid position that was trained at other depths this is the paper's question.
+
+    Raises:
+        ModelError: a file cannot be used, nothing was put aside, or the model may have learned from these presses.
+    """
+    loaded, progress = load_model(model_file), progress or Progress()
+    other = load_model(of) if of is not None else loaded
+    if other.model_id == loaded.model_id:
+        samples, words = simulated_test(loaded, progress)
+    else:
+        samples, words = _put_aside_of(other, loaded, progress)
+    return score(loaded, samples, words, name_of(model_file), progress)
+
+
+def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
+    """What another model's training put aside, with the flow and the features of this one."""
+    theirs, ours = other.card['data'], loaded.card['data']
+    if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
+        raise ModelError(f'the training of model {other.model_id} put no simulated presses aside; name another model')
+    if ours.get('plan') == theirs['plan'] and ours.get('split_id') != theirs['split_id']:
+        raise ModelError(
+            f'model {loaded.model_id} was trained on another part of the {theirs["plan"]} plan than model '
+            f'{other.model_id}, so it may have seen what that put aside; train it with the same split'
+        )
+    known = {each.name for each in dataclasses.fields(DataConfig)}
+    data = DataConfig(**{name: value for name, value in theirs.items() if name in known})
+    dataset = simulate(dataclasses.replace(config_of(loaded), data=data), progress)
+    split = simulated_split(dataset, data, theirs['validation'])
+    if split.split_id != theirs['split_id']:
+        raise ModelError(
+            f'what the training of model {other.model_id} put aside comes out differently here (another release of '
+            'numpy or tactile_nodes); train it again'
+        )
+    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan of model {other.model_id}'
+    return dataset.take(split.test), words
+
+
+def score(
+    loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '', progress: Progress | None = None
+) -> Evaluation:
+    """Scores of a model on samples; `data` says which they are."""
+    answers = predictions_of(loaded, dataset, progress)
+    return Evaluation(
+        name=name or loaded.model_id,
+        model_id=loaded.model_id,
+        groups=score_groups(answers),
+        rest=score_rest(answers),
+        force_uncertainty=force_uncertainty(answers),
+        position_uncertainty=position_uncertainty(answers),
+        fingerprint=dataset.fingerprint,
+        answers=answers,
+        data=data,
+    )
+
+
+def score_disturbed(
+    loaded: LoadedModel, config: TrainConfig, presses: int, progress: Progress
+) -> dict[str, UnlikeScores]:
+    """Scores by disturbance, over presses of the depths of `config`."""
+    data = dataclasses.replace(config.data, presses=presses * 5 // 4, seed=config.data.seed + 2)
+    samples = disturbed_samples(dataclasses.replace(config, data=data), progress)
+    return {name: score_unlike(predictions_of(loaded, dataset)) for name, dataset in samples.items()}
+
+
+def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
+    """Presses of the paper's depths over the paper's 27 mm, for a model's own gel, flow and features."""
+    card = loaded.card
+    if card.get('data', {}).get('origin') != 'simulated':
+        raise ModelError(
+            f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
+        )
+    if seed <= card['data']['seed'] <= seed + 2:
+        raise ModelError(
+            f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, and the evaluation takes '
+            f'those of {seed} to {seed + 2}; choose another --seed'
+        )
+    data = DataConfig(
+        presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,
+        without_contact=0.2, crop=card['crop_px'],
+    )  # fmt: skip
+    return dataclasses.replace(config_of(loaded), data=data)
+
+
+def config_of(loaded: LoadedModel) -> TrainConfig:
+    """What simulated presses need to know of a model: its gel, flow and features."""
+    gel = {name: value for name, value in loaded.card['gel'].items() if name != 'id'}
+    return TrainConfig(
+        flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=Gel.from_mapping(gel, 'the model card')
+    )
+
+
+def light_config(config: TrainConfig, touches: int) -> TrainConfig:
+    """Touches from nothing to where the paper's depths begin."""
+    data = dataclasses.replace(
+        config.data, presses=touches, seed=config.data.seed + 1, shallowest_mm=0.0, deepest_mm=LIGHTEST_MM,
+        without_contact=0.0,
+    )  # fmt: skip
+    return dataclasses.replace(config, data=data)
+
+
+def simulated_words(loaded: LoadedModel, config: TrainConfig) -> str:
+    """Which presses they are, and whether the gel is the one that the model was trained on."""
+    data, gel = config.data, config.gel.gel_id
+    words = (
+        f'simulated gel {gel}, random places within {2 * data.reach_mm:g}x{2 * data.reach_mm:g} mm and depths of '
+        f'{data.shallowest_mm:g} to {data.deepest_mm:g} mm, seed {data.seed}'
+    )
+    if gel == loaded.gel:
+        return words
+    return f'{words}; NOT the gel of the training, {loaded.gel}, which an earlier release simulated: train it again'
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,126 @@
+"""What a model says of samples, beside what was true of them, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """Truth and answer of each sample; lengths in mm in the surface frame, forces in N, NaN where a model knows none.
+
+    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `regions_seen` is the share
+    of the regions that the model knows in which there are markers to follow.
+    """
+
+    place_mm: Float[np.ndarray, 'samples 2']
+    depth_mm: Float[np.ndarray, ' samples']
+    true_n: Float32[np.ndarray, 'samples bins']
+    found_n: Float32[np.ndarray, 'samples bins']
+    found_mm: Float[np.ndarray, 'samples 2']
+    total_n: Float[np.ndarray, ' samples']
+    total_sigma_n: Float[np.ndarray, ' samples']
+    position_sigma_mm: Float[np.ndarray, ' samples']
+    unlikeness: Float[np.ndarray, ' samples']
+    regions_seen: Float[np.ndarray, ' samples']
+    bins: BinGrid
+    contact_threshold_n: float
+
+    def __len__(self) -> int:
+        return len(self.depth_mm)
+
+    def __getitem__(self, chosen: np.ndarray) -> Predictions:
+        """Some of the samples."""
+        arrays = {
+            each.name: value[chosen]
+            for each in fields(self)
+            if isinstance(value := getattr(self, each.name), np.ndarray)
+        }
+        return Predictions(**arrays, bins=self.bins, contact_threshold_n=self.contact_threshold_n)
+
+    @property
+    def touched(self) -> np.ndarray:
+        """Which samples are presses."""
+        return self.depth_mm > 0
+
+    @property
+    def force_n(self) -> Float[np.ndarray, ' samples']:
+        """True total force."""
+        total: np.ndarray = self.true_n.sum(axis=1, dtype=np.float64)
+        return total
+
+    @property
+    def force_error_n(self) -> Float[np.ndarray, ' samples']:
+        """Found minus true total force."""
+        error: np.ndarray = self.total_n - self.force_n
+        return error
+
+    @property
+    def place_error_mm(self) -> Float[np.ndarray, 'samples 2']:
+        """Found minus true place, along x and y."""
+        error: np.ndarray = self.found_mm - self.place_mm
+        return error
+
+    @property
+    def away_mm(self) -> Float[np.ndarray, ' samples']:
+        """Distance between the found and the true place."""
+        distance: np.ndarray = np.hypot(self.place_error_mm[:, 0], self.place_error_mm[:, 1])
+        return distance
+
+    @property
+    def detected(self) -> np.ndarray:
+        """Which samples the model takes for a contact: its total force reaches its own threshold."""
+        return self.total_n >= self.contact_threshold_n
+
+    @property
+    def flagged(self) -> np.ndarray:
+        """Which samples the model says to be unlike anything it knows; none if it cannot tell."""
+        return self.unlikeness > 1
+
+
+def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> list[ForceMap]:
+    """The model's answers, one sample at a time as the live node asks."""
+    estimator = ForceEstimator(loaded.model)
+    name = loaded.model.layout.encoding
+    answers = []
+    with (progress or Progress()).bar('reading forces', len(dataset.presses)) as bar:
+        for values, rest in zip(dataset.features, dataset.rest, strict=True):
+            answers.append(estimator.predict(Features(name, values.astype(np.float32), dataset.confidence[rest])))
+            bar.advance()
+    return answers
+
+
+def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
+    """Truth and answers for all samples of a data set."""
+    found = predict(loaded, dataset, progress)
+    bins = loaded.model.bins
+    return Predictions(
+        place_mm=np.asarray(dataset.presses[:, :2], np.float64),
+        depth_mm=np.asarray(dataset.presses[:, 2], np.float64),
+        true_n=dataset.labels(bins),
+        found_n=np.stack([each.normal_force_n.reshape(-1) for each in found]),
+        found_mm=np.array([each.contact_mm for each in found], np.float64),
+        total_n=np.array([each.total_n for each in found], np.float64),
+        total_sigma_n=np.array([each.total_sigma_n for each in found], np.float64),
+        position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
+        unlikeness=np.array([each.unlikeness for each in found], np.float64),
+        regions_seen=np.array([each.confidence for each in found], np.float64),
+        bins=bins,
+        contact_threshold_n=loaded.model.contact_threshold_n,
+    )
+
+
+def name_of(file: Path | str) -> str:
+    """What tables call a model: 'paper' for models/paper.safetensors."""
+    return Path(file).stem

@@ -1,0 +1,231 @@
+"""Scores as tables, for a terminal or a page; what a model does not state is a '-'."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+from tactile_nodes.learning.evaluation.pairs import PairScores
+from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
+from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
+from tactile_nodes.learning.evaluation.unlike import UnlikeScores
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.evaluation.evaluate import Evaluation
+
+MERITS = {
+    'presses': 'presses', 'armse_n': 'aRMSE N', 'd_loc_mm': 'd_loc mm', 'rmse_mc_n': 'RMSE_mc N',
+    'right_bin': 'right bin', 'total_median_n': 'force N', 'total_p95_n': '95 % N', 'total_rmse_n': 'RMSE N',
+    'position_median_mm': 'place mm', 'position_p95_mm': '95 % mm', 'missed': 'missed',
+}  # fmt: skip
+"""Heads of columns by the field of `PressScores`; force and place are median and 95th percentile of the error."""
+UNLIKE = {
+    'flagged': 'flagged', 'rest_flagged': 'at rest', 'false_contacts': 'false contacts',
+    'unflagged_rmse_n': 'RMSE N, not flagged', 'unflagged_p95_mm': '95 % mm, not flagged', 'rmse_n': 'RMSE N, all',
+    'unlikeness_median': 'unlikeness', 'regions_seen': 'regions seen',
+}  # fmt: skip
+PAIRS = {
+    'pairs': 'pairs', 'found': 'both found', 'placed': 'both placed', 'counted': 'two counted', 'flagged': 'flagged',
+    'wrong': 'wrong, not flagged', 'total_p95_n': 'total 95 % N',
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as text, a title above them."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __str__(self) -> str:
+        """Columns in line: the first to the left, the others to the right."""
+        lines = [self.heads, *self.rows]
+        widths = [max(len(line[column]) for line in lines) for column in range(len(self.heads))]
+        aligned = (
+            '  '.join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip() for line in lines
+        )
+        return '\n'.join([*([self.title] if self.title else []), *aligned])
+
+
+def report(evaluations: Sequence[Evaluation]) -> str:
+    """All that is known of some models, side by side first."""
+    parts = [str(comparison(evaluations))] if len(evaluations) > 1 else []
+    for each in evaluations:
+        parts += ['\n'.join(filter(None, [f'model {each.name} ({each.model_id})', each.data])), *map(str, tables(each))]
+    return '\n\n'.join(parts)
+
+
+def tables(evaluation: Evaluation) -> list[Table]:
+    """One model's tables."""
+    stated = [each for each in (evaluation.force_uncertainty, evaluation.position_uncertainty) if each]
+    return [
+        groups_table([evaluation]),
+        rest_table([evaluation]),
+        *([light_table(evaluation.light)] if evaluation.light else []),
+        *([coverage_table([evaluation])] if stated else []),
+        *(curve_table(each) for each in stated),
+        *(left_out_table(each) for each in stated),
+        *([unlike_table(evaluation.unlike)] if evaluation.unlike else []),
+        *([pairs_table(evaluation.pairs)] if evaluation.pairs else []),
+    ]
+
+
+def comparison(evaluations: Sequence[Evaluation]) -> Table:
+    """The figures that models are compared by, a row a model: all presses, light touches, rest, coverage."""
+    heads = (
+        '',
+        *list(MERITS.values())[1:],
+        f'{1000 * TOUCH_N:g} mN seen',
+        'false contacts',
+        '90 % force',
+        '90 % place',
+    )
+    rows = []
+    for each in evaluations:
+        merits = _cells(asdict(each.groups[ALL]), list(MERITS)[1:])
+        light = each.light.detected if each.light else math.nan
+        false = each.rest.false_contacts if each.rest else math.nan
+        covered = (_covered(stated, ALL) for stated in (each.force_uncertainty, each.position_uncertainty))
+        rows.append((each.name, *merits, percent(light), percent(false), *map(percent, covered)))
+    return Table('side by side, all presses', heads, tuple(rows))
+
+
+def groups_table(evaluations: Sequence[Evaluation]) -> Table:
+    """Scores by group; of several models a row for each model and group."""
+    several = len(evaluations) > 1
+    rows = (
+        ((f'{each.name}, {name}' if several else name), *_cells(asdict(scores), MERITS))
+        for name in dict.fromkeys(name for each in evaluations for name in each.groups)
+        for each in evaluations
+        if (scores := each.groups.get(name)) is not None
+    )
+    return Table('', ('', *MERITS.values()), tuple(rows))
+
+
+def rest_table(evaluations: Sequence[Evaluation]) -> Table:
+    """What models say while nothing touches."""
+    heads = (
+        'at rest',
+        'frames',
+        'mean N',
+        'RMS N',
+        'largest N',
+        'largest bin N',
+        'false contacts',
+        '90 % interval holds',
+    )
+    return Table('', heads, tuple((each.name, *_rest_cells(each.rest)) for each in evaluations))
+
+
+def _rest_cells(rest: RestScores | None) -> tuple[str, ...]:
+    if rest is None:
+        return ('0', *['-'] * 6)
+    return tuple(_cells(asdict(rest), RestScores.__dataclass_fields__))
+
+
+def light_table(light: LightScores) -> Table:
+    """Touches up to 0.25 mm deep, by their true force."""
+    title = (
+        f'light touches: {percent(light.detected)} of {light.of_20_mn} from {1000 * TOUCH_N:g} mN on are detected '
+        f'(contact counts from {1000 * light.threshold_n:.1f} mN)'
+    )
+    rows = [
+        (
+            _between(band),
+            str(band.touches), percent(band.detected), number(band.total_rmse_n, 4), number(band.position_median_mm, 3),
+        )
+        for band in light.bands
+    ]  # fmt: skip
+    return Table(title, ('true force', 'touches', 'detected', 'RMSE N', 'place mm'), tuple(rows))
+
+
+def _between(band: LightBand) -> str:
+    low, high = (f'{1000 * force:g}' for force in (band.low_n, band.high_n))
+    return f'{low} mN on' if band.high_n == LIGHT_N[-1] else f'{low} to {high} mN'
+
+
+def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
+    """Which share of true values the 90 % intervals hold, by depth."""
+    heads = ['90 % interval holds'] + [f'{each.name}, {what}' for each in evaluations for what in ('force', 'place')]
+    stated = [part for each in evaluations for part in (each.force_uncertainty, each.position_uncertainty)]
+    names = dict.fromkeys(name for part in stated if part for name in part.coverage)
+    rows = [(name, *(percent(_covered(part, name)) for part in stated)) for name in names]
+    if any(each.light for each in evaluations):
+        light = [value for each in evaluations for value in _light_coverage(each.light)]
+        rows.insert(1, ('light touches, detected for the place', *map(percent, light)))
+    ranks = [number(part.rank_correlation, 2) if part else '-' for part in stated]
+    return Table('', tuple(heads), (*rows, ('rank correlation with the error', *ranks)))
+
+
+def curve_table(stated: Uncertainty) -> Table:
+    """Stated against actual error, from the surest tenth to the least sure."""
+    places = 4 if stated.unit == 'N' else 3
+    what = 'force' if stated.unit == 'N' else 'place, along an axis'
+    shown = [[number(value, places) for value in (each.stated, each.actual)] for each in stated.curve]
+    heads = (f'{what}: tenth of the presses', *(str(tenth + 1) for tenth in range(len(shown))))
+    rows = tuple(
+        (f'{row} error {stated.unit}', *(cells[place] for cells in shown))
+        for place, row in enumerate(('stated', 'actual'))
+    )
+    return Table('', heads, rows)
+
+
+def left_out_table(stated: Uncertainty) -> Table:
+    """What remains of the error as the least sure are left out."""
+    places = 4 if stated.unit == 'N' else 3
+    what = 'force' if stated.unit == 'N' else 'place, along an axis'
+    heads = (f'{what}: least sure left out', *(f'{part:.0%}' for part in stated.left_out))
+    rows = (
+        (f'RMSE {stated.unit}', *(number(value, places) for value in stated.remaining)),
+        (f'at best {stated.unit}', *(number(value, places) for value in stated.at_best)),
+    )
+    return Table('', heads, rows)
+
+
+def unlike_table(unlike: Mapping[str, UnlikeScores]) -> Table:
+    """What a model says of each disturbance."""
+    rows = tuple((name, *_cells(asdict(scores), UNLIKE)) for name, scores in unlike.items())
+    return Table('', ('unlike inputs', *UNLIKE.values()), rows)
+
+
+def pairs_table(pairs: Mapping[str, PairScores]) -> Table:
+    """What a model says of two tips at once, by their distance."""
+    rows = tuple((name, *_cells(asdict(scores), PAIRS)) for name, scores in pairs.items())
+    return Table('', ('two tips', *PAIRS.values()), rows)
+
+
+def _light_coverage(light: LightScores | None) -> tuple[float, float]:
+    return (light.force_coverage, light.place_coverage) if light else (math.nan, math.nan)
+
+
+def _covered(stated: Uncertainty | None, group: str) -> float:
+    return stated.coverage.get(group, math.nan) if stated else math.nan
+
+
+def _cells(scores: dict[str, object], fields: Iterable[str]) -> list[str]:
+    return [cell(field, scores[field]) for field in fields]
+
+
+def cell(field: str, value: object) -> str:
+    """A number as its field's name says: N to a tenth of a mN, mm to a micrometre, counts, and shares in percent."""
+    assert isinstance(value, (int, float))
+    if isinstance(value, int):
+        return str(value)
+    if field.endswith('_n'):
+        return number(value, 4)
+    if field.endswith(('_mm', 'unlikeness_median')):
+        return number(value, 3)
+    return percent(value)
+
+
+def number(value: float, places: int) -> str:
+    """Fixed point, '-' for what is not known."""
+    return '-' if math.isnan(value) else f'{value:.{places}f}'
+
+
+def percent(value: float) -> str:
+    """A share, '-' for what is not known."""
+    return '-' if math.isnan(value) else f'{value:.1%}'

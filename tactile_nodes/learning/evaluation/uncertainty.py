@@ -1,0 +1,73 @@
+"""Is a model as sure as it should be? Coverage of its intervals, stated against actual errors, sparsification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.learning.evaluation.scores import ALL, depths_of
+from tactile_nodes.sensing import metrics
+
+LEFT_OUT = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
+LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How true the standard deviations are that a model states of one quantity (N, or mm along each axis).
+
+    `coverage` is that of the 90 % interval by group of presses, `levels` that of other intervals over all. `remaining`
+    is the root mean square error once the least sure share (`left_out`) is left out, `at_best` the same had the
+    errors themselves been known. `rank_correlation` is Spearman's, between what is stated and the size of the error.
+    """
+
+    unit: str
+    coverage: dict[str, float]
+    levels: dict[str, float]
+    curve: tuple[metrics.UncertaintyBin, ...]
+    left_out: tuple[float, ...]
+    remaining: tuple[float, ...]
+    at_best: tuple[float, ...]
+    rank_correlation: float
+
+
+def force_uncertainty(found: Predictions) -> Uncertainty | None:
+    """Of the total force, over presses; None if the model states none."""
+    chosen = found[found.touched & ~np.isnan(found.total_sigma_n)]
+    if not len(chosen):
+        return None
+    return _judge('N', chosen.force_error_n[:, None], chosen.total_sigma_n, chosen.depth_mm)
+
+
+def position_uncertainty(found: Predictions) -> Uncertainty | None:
+    """Of the place along each axis, over presses; None if the model states none."""
+    placed = ~np.isnan(found.position_sigma_mm) & ~np.isnan(found.away_mm)
+    chosen = found[found.touched & placed]
+    if not len(chosen):
+        return None
+    return _judge('mm', chosen.place_error_mm, chosen.position_sigma_mm, chosen.depth_mm)
+
+
+def _judge(
+    unit: str,
+    errors: Float[np.ndarray, 'samples axes'],
+    sigma: Float[np.ndarray, ' samples'],
+    depth_mm: Float[np.ndarray, ' samples'],
+) -> Uncertainty:
+    # Along an axis: the root of the mean over the axes has the same scale as the standard deviation stated for each.
+    size = np.sqrt(np.mean(errors**2, axis=1))
+    each = np.broadcast_to(sigma[:, None], errors.shape)
+    groups = {ALL: np.ones(len(sigma), bool), **depths_of(depth_mm)}
+    return Uncertainty(
+        unit=unit,
+        coverage={name: metrics.coverage(errors[who], each[who]) for name, who in groups.items() if who.any()},
+        levels={f'{level:.0%}': metrics.coverage(errors, each, level) for level in LEVELS},
+        curve=tuple(metrics.binned_uncertainty(size, sigma)),
+        left_out=LEFT_OUT,
+        remaining=tuple(metrics.sparsification(size, sigma, LEFT_OUT).tolist()),
+        at_best=tuple(metrics.sparsification(size, size, LEFT_OUT).tolist()),
+        rank_correlation=metrics.rank_correlation(sigma, size),
+    )

@@ -1,0 +1,309 @@
+"""Measure a gel's response: from presses to the splines that `tactile_nodes.sensing.explain.measured.response` inverts.
+
+All of it is linear algebra: principal components of the features, one regression on cubic splines (P-splines: Eilers
+and Marx, Statistical Science 11, 1996), and the covariance of what is left over. So it takes seconds, and the same
+presses give the same readout.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.calibration import calibrated, most_shift_gain, rescaled
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout, project
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.sensing.geometry import BinGrid
+
+LEAST_UNTOUCHED = 12
+UNTOUCHED_WEIGHT = 10.0
+CALIBRATION_SHARE = 0.15
+LEAST_VARIANCE = 1e-6
+"""Of noise, in units of that of a feature."""
+LEAST_REACH_MM = 0.1
+SAMPLES_AT_ONCE = 1000
+
+
+def fit_response(
+    dataset: Dataset, held_out: np.ndarray, config: ResponseConfig, bins: BinGrid, progress: Progress
+) -> ResponseReadout:
+    """The readout of a data set.
+
+    Smoothing and stated uncertainty are judged by presses at positions that the fit did not see; the final fit then
+    sees them all, but for `held_out` (a boolean for each sample), which it never sees.
+
+    Raises:
+        ConfigurationError: the weights of the penalty are none that can be tried.
+        DatasetError: too few presses or images of the untouched gel, or presses from which no response follows.
+    """
+    if not config.smoothing or min(config.smoothing) < 0:
+        raise ConfigurationError('response.smoothing must name weights to try, none below zero, such as [0.001, 0.1]')
+    used = np.flatnonzero(~held_out)
+    subspace = Subspace.of(dataset, used, config)
+    inner = inner_held_out(dataset, used, config.seed)
+    first, rest = used[~inner], used[inner]
+    if not (subspace.touched[first].any() and subspace.touched[rest].any()):
+        raise DatasetError('a response needs presses at many places, of which some can be kept to judge it by')
+    steps = len(config.smoothing) + 2
+    with progress.bar('measuring the response', steps) as bar:
+        normal = subspace.normal(first)
+        tried = []
+        for smoothing in config.smoothing:
+            coefficients = normal.solve(smoothing)
+            tried.append((subspace.misfit(rest, coefficients), smoothing, coefficients))
+            bar.advance(1, f'smoothing {smoothing:g}: misfit {tried[-1][0]:.4g}')
+        _, smoothing, coefficients = min(tried, key=lambda each: each[:2])
+        calibration, likeness = calibrated(subspace.readout(first, coefficients, bins), dataset, rest)
+        bar.advance(1, f'smoothing {smoothing:g}; uncertainty judged by {len(rest)} samples')
+        final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
+        final = replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
+        final = replace(final, calibration=rescaled(final, dataset, at_new_places(dataset, held_out)))
+        final = replace(final, most_shift_gain=most_shift_gain(final, dataset, held_out))
+        bar.advance(1)
+    return final
+
+
+def _require_enough(untouched: int, presses: int, components: int) -> None:
+    if untouched < LEAST_UNTOUCHED or presses < components:
+        raise DatasetError(
+            f'a response of {components} components needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
+            f'{components} presses, and there are {untouched} and {presses}; record more, or lower response.components'
+        )
+
+
+def at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
+    """Held-out samples at positions where no other sample is."""
+    known = {(x, y) for x, y in dataset.presses[~held_out, :2].tolist()}
+    return np.array([i for i in np.flatnonzero(held_out) if tuple(dataset.presses[i, :2].tolist()) not in known], int)
+
+
+def inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
+    """Which of the used samples judge: whole positions, so that interpolation between positions is judged too.
+
+    Images of the untouched gel have no position and count each for itself.
+    """
+    keys = np.column_stack([dataset.presses[used, :2], np.zeros(len(used))])
+    still = dataset.presses[used, 2] <= 0
+    keys[still] = np.column_stack([np.zeros((still.sum(), 2)), np.arange(1, still.sum() + 1)])
+    _, position = np.unique(keys, axis=0, return_inverse=True)
+    position = position.reshape(-1)
+    numbers = np.random.default_rng(seed).permutation(position.max() + 1)
+    chosen: np.ndarray = numbers[position] < max(1, round(CALIBRATION_SHARE * len(numbers)))
+    return chosen
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """Scaled features as principal components, and the places that they belong to."""
+
+    scaling: InputScaling
+    directions: Float32[np.ndarray, 'components inputs']
+    components: Float[np.ndarray, 'samples components']
+    places: Float[np.ndarray, 'samples 3']
+    touched: np.ndarray
+    axes: tuple[SplineAxis, SplineAxis, SplineAxis]
+    power: float
+
+    @classmethod
+    def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> Subspace:
+        touched = dataset.presses[:, 2] > 0
+        untouched = used[~touched[used]]
+        _require_enough(len(untouched), int(touched[used].sum()), config.components)
+        scaling = noise_scaling(dataset, untouched, config)
+        inputs, _ = scaled(dataset, scaling)
+        square = gram(inputs, used)
+        first = square.shape[0] - config.components
+        _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
+        directions = np.ascontiguousarray(vectors[:, ::-1].T, np.float32)
+        places = _places(dataset, config.power)
+        axes = _axes(places[used][touched[used]], config)
+        return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes, config.power)
+
+    @classmethod
+    def seen_by(cls, readout: ResponseReadout, dataset: Dataset) -> Subspace:
+        """Samples along the directions that a readout has."""
+        response, directions = readout.response, readout.likeness.directions
+        touched = dataset.presses[:, 2] > 0
+        scores = scores_of(dataset, readout.scaling, directions)
+        return cls(
+            readout.scaling, directions, scores, _places(dataset, response.power), touched, response.axes,
+            response.power,
+        )  # fmt: skip
+
+    def normal(self, chosen: np.ndarray) -> _Normal:
+        """The regression of some samples, before it is smoothed."""
+        chosen = chosen[self.touched[chosen]]
+        design = sparse_cubes(self.axes, self.places[chosen])
+        still = sparse_cubes(self.axes, _floor_of(self.axes))
+        square = (design.T @ design + UNTOUCHED_WEIGHT * (still.T @ still)).toarray()
+        return _Normal(square, design.T @ self.components[chosen], curvature(self.axes))
+
+    def misfit(self, chosen: np.ndarray, coefficients: np.ndarray) -> float:
+        """Root mean square of what coefficients leave over."""
+        return float(np.sqrt(np.mean(self._left(chosen, coefficients) ** 2)))
+
+    def readout(self, chosen: np.ndarray, coefficients: np.ndarray, bins: BinGrid) -> ResponseReadout:
+        """The readout of some samples, with uncertainties as the fit states them."""
+        whitening, growth = self._whitening(chosen, coefficients)
+        shape = (*(axis.count for axis in self.axes), len(whitening))
+        table = np.asarray((coefficients @ whitening.T).reshape(shape), np.float32)
+        response = Response(*self.axes, table, growth, self.power)
+        inputs = self.directions.shape[1]
+        likeness = Likeness(np.zeros(inputs, np.float32), self.directions, 1.0, 1.0)
+        return ResponseReadout(self.scaling, likeness, whitening, response, bins)
+
+    def _left(self, chosen: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        chosen = chosen[self.touched[chosen]]
+        left: np.ndarray = self.components[chosen] - sparse_cubes(self.axes, self.places[chosen]) @ coefficients
+        return left
+
+    def _whitening(self, chosen: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Components in which the noise at rest is 1 and what the splines miss is independent, growing with s²."""
+        values, vectors = np.linalg.eigh(steady_covariance(self.components[chosen[~self.touched[chosen]]]))
+        rough = (vectors / np.sqrt(np.maximum(values, max(1e-3 * float(np.median(values)), LEAST_VARIANCE)))).T
+        left = self._left(chosen, coefficients) @ rough.T
+        height = (self.places[chosen[self.touched[chosen]], 2] / self.axes[2].high) ** 2
+        missed = (left.T @ left - len(left) * np.eye(len(rough))) / height.sum()
+        growth, turned = np.linalg.eigh(missed)
+        return np.asarray(turned.T @ rough, np.float32), np.asarray(np.maximum(growth, 0.0), np.float32)
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of the splines' coefficients, and what smoothness adds to them."""
+
+    square: Float[np.ndarray, 'n n']
+    right: Float[np.ndarray, 'n components']
+    curvature: Float[np.ndarray, 'n n']
+
+    def solve(self, smoothing: float) -> Float[np.ndarray, 'n components']:
+        """Coefficients: least squares, smooth, and zero where there is no force."""
+        whole = self.square + smoothing * self.curvature
+        whole[np.diag_indices_from(whole)] += 1e-9 * np.trace(whole) / len(whole)
+        solved: np.ndarray = scipy.linalg.solve(whole, self.right, assume_a='pos', overwrite_a=True)
+        return solved
+
+
+def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.ndarray, 'components components']:
+    """Covariance with its off-diagonal part shrunk by components / (components + n): few samples cannot know it.
+
+    Of 40 samples of 40 components half of it is left; without that their covariance has no inverse.
+    """
+    count, components = samples.shape
+    found = np.cov(samples.T)
+    shrunk: np.ndarray = found + components / (components + count) * (np.diag(np.diag(found)) - found)
+    return shrunk
+
+
+def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig | AxisymmetricConfig) -> InputScaling:
+    """Features about their mean over the untouched gel, in units of their noise there; quiet ones count as the median.
+
+    Regions without markers are silenced.
+    """
+    trusted = dataset.trusted(config.trusted_floor)
+    if not trusted.any():
+        raise DatasetError('a response needs regions with markers in them, and the data set has none; check the camera')
+    return InputScaling(*rest_and_gain(dataset, untouched, trusted), trusted, config.confidence_floor)
+
+
+def rest_and_gain(
+    dataset: Dataset, untouched: np.ndarray, trusted: Float32[np.ndarray, 'rows cols']
+) -> tuple[Float32[np.ndarray, 'rows cols channels'], Float32[np.ndarray, 'rows cols channels']]:
+    """The mean of the untouched gel's features, and one over their noise, which counts as the median at least."""
+    values = dataset.features[untouched].astype(np.float32)
+    noise = values.std(axis=0)
+    least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
+    return values.mean(axis=0), np.asarray(1 / np.maximum(noise, max(least, 1e-6)), np.float32)
+
+
+def scaled(
+    dataset: Dataset, scaling: InputScaling
+) -> tuple[Float32[np.ndarray, 'samples inputs'], Bool[np.ndarray, 'samples inputs']]:
+    """All samples as the readout scales them, and which of their inputs are missing (and zero)."""
+    confidence = dataset.confidence[dataset.rest]
+    used = scaling.trusted * (confidence >= scaling.confidence_floor)
+    inputs = (dataset.features.astype(np.float32) - scaling.mean) * scaling.gain * used[..., None]
+    missing = np.repeat(scaling.missing(confidence)[..., None], inputs.shape[-1], axis=-1)
+    return inputs.reshape(len(inputs), -1), missing.reshape(len(inputs), -1)
+
+
+def scores_of(
+    dataset: Dataset, scaling: InputScaling, directions: Float32[np.ndarray, 'components inputs']
+) -> Float[np.ndarray, 'samples components']:
+    """All samples along some directions."""
+    found = [project(directions, *each).scores for each in zip(*scaled(dataset, scaling), strict=True)]
+    return np.stack(found).astype(float)
+
+
+def gram(inputs: Float32[np.ndarray, 'samples inputs'], used: np.ndarray) -> Float[np.ndarray, 'inputs inputs']:
+    """Sums of products over some samples, with double precision.
+
+    With single precision rounding decides directions of nearly the same variance, so that processors disagree on them.
+    """
+    parts = np.array_split(used, max(1, math.ceil(len(used) / SAMPLES_AT_ONCE)))
+    return sum((part.T @ part for part in (inputs[each].astype(float) for each in parts)), np.zeros(()))
+
+
+def _places(dataset: Dataset, power: float) -> Float[np.ndarray, 'samples 3']:
+    """x, y and s of each sample; s is 0 where nothing touches."""
+    force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
+    places = np.column_stack([dataset.presses[:, :2].astype(float), force**power])
+    places[dataset.presses[:, 2] <= 0, 2] = 0.0
+    return places
+
+
+def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:
+    """As `tactile_nodes.sensing.explain.splines.cubes`, of which 64 a row are not zero."""
+    parts = [scipy.sparse.csr_array(axis.design(places[:, i])) for i, axis in enumerate(axes)]
+    product = parts[0]
+    for part in parts[1:]:
+        product = _row_products(product, part)
+    return product
+
+
+def _row_products(left: scipy.sparse.csr_array, right: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    """Row by row the products of all entries, those of `left` slowest."""
+    many, width = right.shape
+    a, b = left.tocoo(), right
+    starts, lengths = b.indptr[:-1][a.row], np.diff(b.indptr)[a.row]
+    inner = np.repeat(starts - np.concatenate([[0], np.cumsum(lengths)[:-1]]), lengths) + np.arange(lengths.sum())
+    rows, values = np.repeat(a.row, lengths), np.repeat(a.data, lengths) * b.data[inner]
+    columns = np.repeat(a.col, lengths) * width + b.indices[inner]
+    return scipy.sparse.csr_array((values, (rows, columns)), shape=(many, left.shape[1] * width))
+
+
+def _axes(touched: Float[np.ndarray, 'n 3'], config: ResponseConfig) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
+    reach = np.abs(touched[:, :2]).max(axis=0)
+    if not (reach.min() >= LEAST_REACH_MM and touched[:, 2].max() > 0):
+        raise DatasetError('a response needs presses with a force and at different places along x and along y')
+    x, y = (SplineAxis(-far, far, max(1, round(2 * far / config.spacing_mm))) for far in reach.tolist())
+    return x, y, SplineAxis(0.0, float(touched[:, 2].max()), config.levels)
+
+
+def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
+    """Places without force, closely all over the surface."""
+    x, y = (np.linspace(axis.low, axis.high, 2 * axis.intervals + 1) for axis in axes[:2])
+    return np.stack(np.meshgrid(x, y, [0.0], indexing='ij'), axis=-1).reshape(-1, 3)
+
+
+def curvature(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n n']:
+    """Sum of the squared second differences of the coefficients along each axis, as a quadratic form."""
+    total = np.zeros(1)
+    for i in range(3):
+        parts = [np.eye(axis.count) for axis in axes]
+        difference = np.diff(parts[i], n=2, axis=0)
+        parts[i] = difference.T @ difference
+        total = total + np.kron(np.kron(parts[0], parts[1]), parts[2])
+    return total

@@ -1,0 +1,54 @@
+"""Measure the witness of a network: the response to one contact, in the presses that the network learns from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import fit_response
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.explain.witness import Witness
+from tactile_nodes.sensing.features import as_motion
+
+CONFIG = ResponseConfig(components=40, spacing_mm=2.0, levels=6, most_contacts=1)
+"""As the profile `fast` has it."""
+
+PRESSES_PER_PLACE = 8
+"""Splines lie further apart where fewer presses than this would tell of each place: the paper's plan has so many."""
+
+
+def config_for(presses: Float32[np.ndarray, 'samples 4']) -> ResponseConfig:
+    """Of 10952 presses over 27 mm splines are 2 mm apart, of 392 3.9 mm: seven places along each side."""
+    touched = presses[presses[:, 2] > 0]
+    side_mm = float(np.ptp(touched[:, :2], axis=0).max()) if len(touched) else 0.0
+    apart_mm = side_mm / math.sqrt(max(len(touched) / PRESSES_PER_PLACE, 1.0))
+    return replace(CONFIG, spacing_mm=max(CONFIG.spacing_mm, apart_mm))
+
+
+def with_witness(
+    readout: NetworkReadout,
+    dataset: Dataset,
+    held_out: np.ndarray,
+    encoding: str,
+    progress: Progress,
+    config: ResponseConfig | None = None,
+) -> NetworkReadout:
+    """The readout with a witness that saw what is not held out.
+
+    Without one, and told so, where the presses are no ground for it, or Ctrl-C ended the wait.
+    """
+    motion = replace(dataset, features=as_motion(encoding, dataset.features).astype(np.float16))
+    try:
+        response = fit_response(motion, held_out, config or config_for(dataset.presses), readout.bins, progress)
+    except (DatasetError, KeyboardInterrupt) as error:
+        why = str(error) or 'stopped'
+        progress.say(f'the network has no witness, so contacts that it does not know may pass for known ones: {why}')
+        return replace(readout, witness=None)
+    return replace(readout, witness=Witness(response, encoding))

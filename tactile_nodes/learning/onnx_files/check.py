@@ -1,0 +1,108 @@
+"""An exported model beside the one that it was made from, frame by frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.evaluation.evaluate import evaluation_config
+from tactile_nodes.learning.onnx_files.session import OnnxSession
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap, ForceModel
+from tactile_nodes.sensing.features import Features
+
+SEED = 1001
+"""Of the presses that `tactile evaluate` scores."""
+
+
+@dataclass(frozen=True)
+class Differences:
+    """The largest differences between an exported model and its original over `samples` frames.
+
+    Sigmas and unlikeness are compared as shares of the original's. The original answers with one contact here; in
+    `several` of the frames it would have named more, of which the export flags `several_flagged` as unlike.
+    """
+
+    samples: int
+    bin_n: float
+    place_mm: float
+    force_n: float
+    sigma_share: float
+    unlikeness_share: float
+    several: int = 0
+    several_flagged: int = 0
+
+
+def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = None) -> Dataset:
+    """The first frames that `tactile evaluate` takes for this model, every fifth of them at rest.
+
+    Raises:
+        ModelError: the model was not trained on simulated presses.
+    """
+    presses = -(-count * 4 // 5)
+    made = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
+    return made.take(np.arange(min(count, len(made.presses))))
+
+
+def frames(loaded: LoadedModel, samples: Dataset, lost_share: float = 0.0) -> list[Features]:
+    """The samples as a node sees them, if asked with this share of all regions lost, drawn anew for each."""
+    random, name = np.random.default_rng(0), loaded.model.layout.encoding
+    made = []
+    for values, rest in zip(samples.features, samples.rest, strict=True):
+        confidence = samples.confidence[rest]
+        kept = random.random(confidence.shape) >= lost_share
+        made.append(Features(name, values.astype(np.float32), (confidence * kept).astype(np.float32)))
+    return made
+
+
+def compare(loaded: LoadedModel, content: bytes, shown: list[Features]) -> Differences:
+    """Ask both about each frame.
+
+    Raises:
+        ConfigurationError: onnxruntime is not installed.
+    """
+    session, original = OnnxSession(content), ForceEstimator(_with_one_contact(loaded.model))
+    found = [session.answer(each.values, each.confidence) for each in shown]
+    gaps = [_gaps(original.predict(frame), each) for frame, each in zip(shown, found, strict=True)]
+    several = [len(ForceEstimator(loaded.model).predict(frame).contacts) > 1 for frame in shown]
+    flagged = sum(bool(each['unlikeness'] > 1) for each, more in zip(found, several, strict=True) if more)
+    bin_n, place_mm, force_n, sigma, unlike = (max(column) for column in zip(*gaps, strict=True))
+    return Differences(len(shown), bin_n, place_mm, force_n, sigma, unlike, sum(several), flagged)
+
+
+def _with_one_contact(model: ForceModel) -> ForceModel:
+    if not isinstance(model.readout, ResponseReadout):
+        return model
+    return dataclasses.replace(model, readout=dataclasses.replace(model.readout, most_contacts=1))
+
+
+def _gaps(expected: ForceMap, found: dict[str, np.ndarray]) -> tuple[float, float, float, float, float]:
+    place, force = found['contact'][:2], found['contact'][2]
+    return (
+        _gap(found['normal_force'], expected.normal_force_n),
+        _gap(place, expected.contact_mm),
+        _gap(force, expected.contacts[0].force_n),
+        max(
+            _share(found['position_sigma'], expected.position_sigma_mm),
+            _share(found['total_sigma'], expected.total_sigma_n),
+        ),
+        _share(found['unlikeness'], expected.unlikeness),
+    )
+
+
+def _gap(found: np.ndarray, expected: np.ndarray | float | tuple[float, float]) -> float:
+    """The largest difference; none where neither knows, and without limit where only one does."""
+    gaps = np.abs(np.float64(found) - np.asarray(expected))
+    unknown = np.isnan(found), np.isnan(expected)
+    return float(np.where(unknown[0] & unknown[1], 0.0, np.where(unknown[0] | unknown[1], np.inf, gaps)).max())
+
+
+def _share(found: np.ndarray, expected: float) -> float:
+    """The difference as a share of what is expected."""
+    gap = _gap(found, expected)
+    return gap / max(abs(expected), 1e-9) if gap > 0 else 0.0

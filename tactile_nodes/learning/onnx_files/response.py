@@ -1,0 +1,266 @@
+"""The graph of a response readout: `tactile_nodes.sensing.explain.measured.response` in ONNX, for one contact.
+
+Places and forces are 64 bit floats and features 32 bit ones, as in numpy. What ONNX has no operation for is written
+out: systems of three equations with cofactors, and those for missing regions with conjugate gradients.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tactile_nodes.learning.onnx_files.graph import Value, Writer
+from tactile_nodes.learning.onnx_files.parts import Answer, Inputs, hypot
+from tactile_nodes.learning.onnx_files.splines import laplacian, value_and_slopes
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.contact_shape import SHIFT_INFORMATION, SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
+from tactile_nodes.sensing.explain.measured.readout import SURE_OF_DIRECTIONS, ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import (
+    CONVERGED_MM,
+    DAMPING,
+    LARGEST_STEP_MM,
+    MOST_STEPS,
+    WORTHWHILE_GAIN,
+    Response,
+)
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, UNKNOWN
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM
+from tactile_nodes.sensing.geometry import BinGrid
+
+_SOME_RIM = 1e-6
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+def write_response(writer: Writer, readout: ResponseReadout, inputs: Inputs) -> Answer:
+    """Scaled features to the one contact that explains them best, its uncertainty, and the bins' forces."""
+    scores, left_over = _project(inputs, readout.likeness)
+    known = (
+        readout.likeness.directions.shape[1] // readout.scaling.trusted.size * int((readout.scaling.trusted > 0).sum())
+    )
+    enough = known - inputs.missing.sum() >= len(readout.likeness.directions)
+    # Of numbers that are none, the difference to themselves is none either.
+    finite = enough & ~writer.op('IsNaN', (scores - scores).sum() + (left_over - left_over), dtype=bool)
+    components = readout.whitening @ finite.where(scores, 0)
+    place, misfit, information = _locate(readout.response, components, readout.calibration.least_gain)
+    unlike = (misfit.sqrt() / readout.calibration.misfit_limit).most(left_over)
+    return _answer(readout, finite, components, place, misfit, information, unlike)
+
+
+def _project(inputs: Inputs, likeness: Likeness) -> tuple[Value, Value]:
+    """Scores along the principal directions, and what they leave over in units of its limit; see `project`."""
+    directions, scaled, writer = likeness.directions, inputs.scaled, inputs.scaled.writer
+    along = directions @ scaled
+    lost = inputs.missing.sum()
+    scores = writer.choose(
+        lost < 0.5, lambda: writer.op('Identity', along), lambda: _without(directions, along, inputs.missing)
+    )
+    whole, count = scaled @ scaled, (directions.shape[1] - lost).most(1)
+    left = (whole - scores @ along).most(0)
+    left_over = (left / count).sqrt() / (likeness.floor + likeness.share * (whole / count).sqrt())
+    return scores, left_over
+
+
+def _without(directions: np.ndarray, along: Value, missing: Value) -> Value:
+    """Scores if some inputs are missing: the least squares' system, by conjugate gradients."""
+    count = len(directions)
+    overlap = (directions * missing.reshape(1, -1)) @ np.ascontiguousarray(directions.T)
+    square = (np.eye(count, dtype=np.float32) * np.float32(1 + SURE_OF_DIRECTIONS) - overlap).cast(np.float64)
+    right = along.cast(np.float64)
+    enough = (right @ right) * 1e-18
+
+    def step(solved: Value, residual: Value, towards: Value, size: Value) -> tuple[Value, list[Value]]:
+        moved = square @ towards
+        share = size / (towards @ moved)
+        residual = residual - share * moved
+        smaller = residual @ residual
+        return enough < smaller, [solved + share * towards, residual, residual + smaller / size * towards, smaller]
+
+    # Rounding makes up to twice as many steps as unknowns; without any signal there is nothing to solve.
+    solved = along.writer.loop(2 * count, [right * 0, right, right, right @ right], step, enough < right @ right)
+    return solved[0].cast(np.float32)
+
+
+def _start(response: Response, components: Value) -> Value:
+    """The entry of the table that comes closest; see `Response.start`."""
+    writer, table = components.writer, response.start_components
+    norms = (table**2).sum(axis=1)
+    lightest = response.starts[:, 2] == response.starts[:, 2].min()
+    along = table @ components
+    share = writer.constant(lightest).where((along / np.maximum(norms, 1e-9)).most(0).least(1), 1)
+    best = writer.op('ArgMin', share * (share * norms - 2 * along), axis=0, keepdims=0, dtype=np.int64)
+    entry = writer.op('Gather', writer.constant(response.starts), best, axis=0)
+    chosen = writer.op('Gather', share, best, axis=0).cast(np.float64)
+    return writer.concat(entry[0], entry[1], entry[2] * chosen**response.power)
+
+
+def _locate(response: Response, components: Value, least_gain: float) -> tuple[Value, Value, Value]:
+    """The best contact of the steps, its misfit and its information; see `locate`."""
+    writer = components.writer
+    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
+    low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
+
+    def step(here: Value, best: Value, least: Value, known: Value) -> tuple[Value, list[Value]]:
+        misfit, information, slope = _compare(response, components, here)
+        better = misfit < least
+        place, lower = better.where(here, best), misfit.least(least)
+        hardly = least - lower < 2 * WORTHWHILE_GAIN / len(response.growth)
+        in_vain = hardly & (_gained(response, components, place, lower) < least_gain)
+        ahead = _solve(information + np.diag(DAMPING), slope)
+        moved = (here + ahead.most(-largest).least(largest)).most(low).least(high)
+        go_on = writer.op('Abs', moved - here).max() >= CONVERGED_MM
+        return go_on & ~in_vain, [moved, place, lower, better.where(information, known)]
+
+    begin = _start(response, components)
+    nothing = writer.constant(np.zeros((3, 3)))
+    worst = writer.constant(np.float32(np.finfo(np.float32).max))
+    _, best, least, information = writer.loop(MOST_STEPS, [begin, begin, worst, nothing], step)
+    return best, least, information
+
+
+def _gained(response: Response, components: Value, place: Value, misfit: Value) -> Value:
+    """How much more probable a contact is than none; see `gained`."""
+    nothing = (components * components * _certainty(response, place[2])).mean()
+    return (nothing - misfit) * (len(response.growth) / 2)
+
+
+def _compare(response: Response, components: Value, here: Value) -> tuple[Value, Value, Value]:
+    """Misfit, information and the way down."""
+    made, slopes = components.writer.split(value_and_slopes(response.axes, response.coefficients, here), 1, 3)
+    left, certainty = components - made.reshape(-1), _certainty(response, here[2])
+    slopes = slopes.cast(np.float64)
+    weighted = slopes * certainty.cast(np.float64)
+    return (left * left * certainty).mean(), weighted @ slopes.transpose(), weighted @ left.cast(np.float64)
+
+
+def _certainty(response: Response, s: Value) -> Value:
+    share = (s / response.s.high) ** 2.0
+    return 1 / (1 + share.cast(np.float32) * response.growth)
+
+
+def _cofactors(square: Value) -> tuple[Value, Value]:
+    """Cofactors and determinant of a 3x3 matrix; of a symmetric one the inverse is their quotient."""
+    flat = square.reshape(-1)
+    (a, b), (c, d) = ([flat.take(3 * rows[:, None] + cols) for cols in (_NEXT, _AFTER)] for rows in (_NEXT, _AFTER))
+    cofactors = a * d - b * c
+    return cofactors, (square[0] * cofactors[0]).sum()
+
+
+def _solve(square: Value, right: Value) -> Value:
+    cofactors, determinant = _cofactors(square)
+    return cofactors @ right / determinant
+
+
+def _answer(
+    readout: ResponseReadout, finite: Value, components: Value, place: Value, misfit: Value, information: Value,
+    unlike: Value,
+) -> Answer:  # fmt: skip
+    """Forces, contact and uncertainty; no force where it may well be noise; see `ResponseReadout.reading`."""
+    writer, calibration, response = components.writer, readout.calibration, readout.response
+    cofactors, determinant = _cofactors(information + np.diag(DAMPING))
+    variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
+    noise = _gained(response, components, place, misfit) < calibration.least_gain
+    told, other = _told(readout, components, place, cofactors / determinant)
+    told = noise.where(place, told)
+    height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
+    fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
+    sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
+    sigma_n = _factor(calibration.force_factors, height) * hypot(
+        force_slope * variances[2].sqrt(), calibration.force_floor_n
+    )
+    beyond = writer.constant(np.float32(BEYOND_UNLIKENESS))
+    unlike = noise.where(unlike, other.where(unlike.most(beyond), unlike))
+    nowhere = writer.constant(np.float64(NOWHERE_MM))
+    sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
+    force = told[2].most(0) ** (1 / response.power)
+    force = noise.where(force * 0, force)
+    bins = _spread(told, sigma_mm, force, readout.bins)
+    contact = writer.concat(told[0], told[1], force)
+    return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
+
+
+def _told(readout: ResponseReadout, components: Value, place: Value, inverse: Value) -> tuple[Value, Value]:
+    """The contact with a usual width, and whether it is another than a tip pressed straight down, or at an end.
+
+    See `ResponseReadout`; `inverse` is that of the information with its damping.
+    """
+    response = readout.response
+    low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
+    largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
+    made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
+    certainty = _certainty(response, place[2]).cast(np.float64)
+    left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
+    step, wide = _width(response, place, inverse, slopes, left, certainty)
+    dragged = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty) >= readout.most_shift_gain
+    at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
+    moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
+    other = ~(~at_end & ~wide & ~dragged & ~_near_ends(response, place))
+    return at_end.where(place, moved), other
+
+
+def _near_ends(response: Response, place: Value) -> Value:
+    """See `Response.near_ends`."""
+    low, high = np.array([response.x.low, response.y.low]), np.array([response.x.high, response.y.high])
+    steps = np.array([(axis.high - axis.low) / axis.intervals for axis in (response.x, response.y)])
+    across = place.take(np.array([0, 1]))
+    rim: Value = ((across - (high - steps)).most((low + steps) - across) / steps).most(0).sum()
+    near: Value = (rim >= _SOME_RIM) & (place[2] >= (1 - rim) * response.hard)
+    return near
+
+
+def _width(
+    response: Response, place: Value, inverse: Value, slopes: Value, left: Value, certainty: Value
+) -> tuple[Value, Value]:
+    """What x, y and s are another by with a usual width, and whether the contact is surely wide; see `contact_shape`.
+
+    A step of least squares by x, y, s and width, the last one set apart.
+    """
+    bend = laplacian(response.axes, response.coefficients, place).cast(np.float64)
+    shared = slopes @ (bend * certainty)
+    known = inverse @ shared
+    own = (bend * bend * certainty).sum() - shared @ known
+    width = (bend @ left - known @ (slopes @ left)) / own
+    usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
+    wide = (width >= WIDE_MM2) & (width >= 1 / own.sqrt() * SURE_OF_WIDTH)
+    step: Value = inverse @ (slopes @ left) - known * usual
+    return step, wide
+
+
+def _gained_by_shift(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> Value:
+    """See `contact_shape`; of features with two channels, whose equations are solved by hand."""
+    weighted = certainty * shifts
+    by_contact = slopes @ weighted.transpose()
+    shared = inverse @ by_contact
+    down = shifts @ left - shared.transpose() @ (slopes @ left)
+    own = weighted @ np.ascontiguousarray(shifts.T) - by_contact.transpose() @ shared + SHIFT_INFORMATION * np.eye(2)
+    along_x, along_y = own[0], own[1]
+    determinant = along_x[0] * along_y[1] - along_x[1] * along_y[0]
+    squares = down[0] * down[0] * along_y[1] - 2 * (down[0] * down[1] * along_x[1]) + down[1] * down[1] * along_x[0]
+    gain: Value = squares / determinant * 0.5
+    return gain
+
+
+def _factor(factors: tuple[float, ...], height: Value) -> Value:
+    """Straight lines between equal steps; see `factor_at`."""
+    along = height.most(0).least(1) * (len(factors) - 1)
+    below = along.cast(np.int64).least(max(len(factors) - 2, 0))
+    writer, numbers = height.writer, height.writer.constant(np.array(factors, np.float64))
+    ends = [writer.op('Gather', numbers, each, axis=0) for each in (below, (below + 1).least(len(factors) - 1))]
+    return ends[0] + (along - below.cast(np.float64)) * (ends[1] - ends[0])
+
+
+def _spread(place: Value, sigma: Value, force: Value, bins: BinGrid) -> Value:
+    """The force on each bin; see `spread_over_bins`."""
+    scale = sigma.most(1e-6) * math.sqrt(2)
+    along_x = _shares(place[0], scale, bins.cols, bins.width_mm)
+    along_y = _shares(place[1], scale, bins.rows, bins.height_mm)
+    return along_y.reshape(-1, 1) * along_x * force
+
+
+def _shares(at: Value, scale: Value, count: int, size_mm: float) -> Value:
+    borders = size_mm * (np.arange(1, count) / count - 0.5)
+    writer = at.writer
+    # 32 bits are enough for shares, and of 64 not every runtime knows this function.
+    below = writer.op('Erf', ((borders - at) / scale).cast(np.float32)).cast(np.float64) * 0.5 + 0.5
+    zero, one = writer.constant(np.zeros(1)), writer.constant(np.ones(1))
+    return writer.op('Concat', below, one, axis=0) - writer.op('Concat', zero, below, axis=0)

@@ -1,0 +1,283 @@
+"""Bags of presses in, a data set out: aligned, judged, measured, and what is left out told with its reason."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes import __version__
+from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.file import FORMAT, FORMAT_VERSION
+from tactile_nodes.learning.datasets.labels import describe
+from tactile_nodes.learning.datasets.learned_texture import RecordedTexture
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.progress import Bar, Progress
+from tactile_nodes.learning.recorded import exclusions
+from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress
+from tactile_nodes.learning.recorded.exclusions import LeftOut, Limits, judge
+from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.recorded.samples import Sample, Shelf
+from tactile_nodes.messages import types
+from tactile_nodes.params import load_mapping
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation.gel import Gel
+
+FRAMES = {
+    'mean': 'the mean of the images of a window, measured once: least noise, less than live images have',
+    'first': 'the first image of a window: the noise of a live image',
+    'each': 'every image of a window: the noise of live images, and a sample for each; calibrations take their mean',
+}
+
+
+@dataclass(frozen=True)
+class BuildOptions:
+    """How bags become samples.
+
+    Attributes:
+        frames: which images of a window are measured, one of `FRAMES`.
+        without_contact: share of the samples that show the untouched gel, as far as the bags hold such images.
+        gel: name or id of the gel, or all about a simulated one, with its id.
+        separate_runs: a press of the same plan in another bag is another press, not another attempt at it.
+        namespace: which sensor's topics to take from bags that hold several.
+        reference_clock: the recorder of edges whose clock all others are brought to; None: the machine's.
+    """
+
+    flow: Choice = field(default_factory=lambda: Choice('dis'))
+    encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
+    bins: BinGrid = field(default_factory=BinGrid)
+    frames: str = 'first'
+    without_contact: float = 0.05
+    limits: Limits = field(default_factory=Limits)
+    gel: dict[str, Any] = field(default_factory=lambda: {'id': ''})
+    crop: int = 440
+    separate_runs: bool = False
+    namespace: str | None = None
+    reference_clock: str | None = None
+
+
+def build(
+    bags: Sequence[Path], options: BuildOptions, progress: Progress | None = None, *, command: str = ''
+) -> RecordedPresses:
+    """The data set of some bags.
+
+    Ctrl-C ends it at once; what was measured so far is kept, and the next run goes on from there.
+
+    Raises:
+        BagError, DatasetError, ConfigurationError: a bag, an option or the cache cannot be used, or no press can.
+    """
+    progress = progress or Progress()
+    with ExitStack() as stack:
+        opened = [stack.enter_context(CollectionBag(path, options.namespace, options.reference_clock)) for path in bags]
+        for bag in opened:
+            for warning in bag.clocks.warnings:
+                progress.say(f'{bag.path}: {warning}; its stamps are taken as they are')
+        measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
+        bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
+        by_patches = options.flow.name == InverseCompositionalFlow.name
+        builder = Builder(options, measurer, bar, RecordedTexture() if by_patches else None)
+        for number, bag in enumerate(opened):
+            for press in bag.presses():
+                builder.take(number, press)
+    return builder.recordings([told_of(bag, options.gel['id']) for bag in opened], list(bags), command=command)
+
+
+class Builder:
+    """Takes presses as they come, bag after bag, and gives the data set of those that came so far.
+
+    With a `texture` it also learns how far each spot of the gel goes.
+    """
+
+    def __init__(
+        self, options: BuildOptions, measurer: Measurer, bar: Bar | None = None, texture: RecordedTexture | None = None
+    ) -> None:
+        self.options, self.measurer, self.bar, self.texture = options, measurer, bar, texture
+        self.shelf = Shelf(options.bins)
+        self.left_out: list[LeftOut] = []
+        self.untouched_found = 0
+        self._usable: dict[tuple[Any, ...], tuple[LeftOut, list[Sample]]] = {}
+        self._seen: set[tuple[Any, ...]] = set()
+        self._suspects: dict[tuple[str, int, int, int], str] = {}
+        self._without_contact = 0.0
+        self._rest = 0, measurer.rest_image
+
+    @property
+    def presses(self) -> int:
+        """How many can be used so far."""
+        return len(self._usable)
+
+    def take(self, bag: int, press: RecordedPress) -> list[Sample]:
+        """Judge and measure one attempt; its samples, none if it cannot be used."""
+        told = press.told
+        if told.status == types.Press.STATUS_SUSPECT:
+            self._suspects[told.plan_id, told.press, told.attempt, self._run(bag)] = told.reason
+            return []
+        entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
+        verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
+        samples: list[Sample] = []
+        if verdict is None:
+            try:
+                samples = self._samples(bag, press)
+            except ImageError as error:
+                verdict = exclusions.BAD_IMAGE, str(error)
+        if verdict is None:
+            self._keep(entry, samples)
+        else:
+            self._leave_out(entry, *verdict)
+        if self.bar is not None:
+            measurer, out = self.measurer, len(self.left_out)
+            self.bar.advance(1, f'{measurer.computed} measured, {measurer.found} known, {out} out')
+        return samples
+
+    def recordings(
+        self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path], *, command: str = ''
+    ) -> RecordedPresses:
+        """The data set so far.
+
+        Args:
+            told: an entry of the card for each bag, as `told_of` makes it.
+            bags: where they are.
+            command: what was typed.
+
+        Raises:
+            DatasetError: no press can be used.
+        """
+        samples = self.finish()
+        if not samples:
+            of = f' of {_listed(bags)}' if bags else ''
+            raise DatasetError(f'no press{of} can be used: {_reasons(self.left_out)}')
+        recordings = self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
+        if self.texture is None:
+            return replace(recordings, rest_image=self._rest[1])
+        return replace(recordings, rest_image=self._rest[1], texture_gains=self.texture.gains(self._rest[1]))
+
+    def finish(self) -> list[Sample]:
+        """All samples, in the order in which their presses were first told, but for those that became suspect."""
+        for key, (entry, _) in list(self._usable.items()):
+            suspect = entry.plan, entry.press, entry.attempt, self._run(entry.bag)
+            if (reason := self._suspects.get(suspect)) is not None:
+                self._leave_out(entry, exclusions.SUSPECT, reason)
+                del self._usable[key]
+        return [sample for _, samples in self._usable.values() for sample in samples]
+
+    def _run(self, bag: int) -> int:
+        return bag if self.options.separate_runs else 0
+
+    def _doubled(self, press: RecordedPress) -> exclusions.Verdict | None:
+        told = press.told
+        seen = (told.plan_id, told.press, told.attempt, *press.window_ns)
+        if seen in self._seen:
+            return exclusions.DOUBLED, 'the same attempt was told before'
+        self._seen.add(seen)
+        return None
+
+    def _keep(self, entry: LeftOut, samples: list[Sample]) -> None:
+        """The last attempt that can be used counts."""
+        key = (entry.plan, entry.press, self._run(entry.bag))
+        if earlier := self._usable.pop(key, None):
+            old, new = (earlier, (entry, samples))
+            if samples[0].window_ns < earlier[1][0].window_ns:  # the bags were given in another order than recorded
+                old, new = new, old
+            self._leave_out(old[0], exclusions.SUPERSEDED, f'attempt {new[0].attempt} in bag {new[0].bag + 1} counts')
+            self._usable[key] = new
+        else:
+            self._usable[key] = entry, samples
+
+    def _leave_out(self, entry: LeftOut, reason: str, detail: str) -> None:
+        self.left_out.append(LeftOut(entry.bag, entry.plan, entry.press, entry.attempt, reason, detail))
+
+    def _samples(self, bag: int, press: RecordedPress) -> list[Sample]:
+        assert press.reference is not None  # or it would have been judged
+        self.measurer.use_reference(press.reference.image)
+        if press.reference.stamp_ns >= self._rest[0]:
+            self._rest = press.reference.stamp_ns, self.measurer.rest_image
+        made = [self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)]
+        if self.texture is not None:
+            self.texture.take(self.measurer.rest_image, self.measurer.cut(press.frames[0].image))
+        if press.untouched:
+            self.untouched_found += 1
+            share = self.options.without_contact
+            self._without_contact += share / (1 - share)
+            if self._without_contact >= 1 - 1e-9:
+                self._without_contact -= 1
+                groups = _groups(press.untouched, self.options.frames)
+                made += [self._sample(bag, press, group, contact=False) for group in groups]
+        return made
+
+    def _sample(self, bag: int, press: RecordedPress, frames: Sequence[Frame], *, contact: bool) -> Sample:
+        measured = self.measurer.measure([frame.image for frame in frames])
+        return self.shelf.sample(bag, press, measured, frames, self.measurer.reference_id, contact=contact)
+
+
+def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
+    """The images of each sample."""
+    if mode == 'each':
+        return [[frame] for frame in frames]
+    return [frames[:1] if mode == 'first' else frames]
+
+
+def gel_told(text: str) -> dict[str, Any]:
+    """What is known of the gel: its name, or all properties of a simulated one whose YAML file is given.
+
+    Raises:
+        ConfigurationError: no such file, or one with something in it that is no property of a gel.
+    """
+    if not text.endswith(('.yaml', '.yml')):
+        return {'id': text}
+    written = {name.removeprefix('gel.'): located.value for name, located in load_mapping(text).items()}
+    gel = Gel.from_mapping(written, text)
+    return {'id': gel.gel_id, **asdict(gel)}
+
+
+def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:
+    """What a card says of a bag whose presses were all read."""
+    return {
+        'id': bag.bag_id,
+        'gel': gel,
+        'attempts': bag.press_count,
+        'problems': bag.problems,
+        'clocks': bag.clocks.as_list(),
+    }
+
+
+def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Path]) -> dict[str, Any]:
+    options, measurer = builder.options, builder.measurer
+    return {
+        'format': FORMAT,
+        'format_version': FORMAT_VERSION,
+        'made_with': f'tactile_nodes {__version__}',
+        'flow': {'name': measurer.flow.name, 'options': measurer.flow.options},
+        'encoding': {
+            'name': measurer.encoding.name,
+            'options': measurer.encoding.options,
+            'channels': list(measurer.encoding.channels),
+        },
+        'recipe': measurer.recipe_id,
+        'crop_px': measurer.side,
+        'frames': options.frames,
+        'without_contact': {'share': options.without_contact, 'presses_with_such_images': builder.untouched_found},
+        'labels': {**asdict(options.bins), 'reading': describe(options.bins)},
+        'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
+        'gel': json.loads(json.dumps(options.gel)),
+        'bags': list(told),
+        'bag_names': [path.name for path in bags],
+        'left_out': [each.as_dict() for each in builder.left_out],
+    }
+
+
+def _listed(bags: Sequence[Path]) -> str:
+    return ', '.join(map(str, bags))
+
+
+def _reasons(left_out: Sequence[LeftOut]) -> str:
+    counts = exclusions.counted(left_out)
+    if not counts:
+        return 'there is none'
+    example = left_out[0]
+    return f'{", ".join(f"{count} {reason}" for reason, count in counts.items())} (the first: {example.detail})'

@@ -1,0 +1,219 @@
+"""The clocks of a bag's recorders, each fitted to that of the rig by the edges of the line that all of them saw.
+
+What has the frame of an edge carries its recorder's clock: images with the frame of the camera's edges are stamped by
+the clock that stamped those edges. A clock that agrees with the rig's to 2 ms is left as it is, so that with equal
+clocks not a bit of a data set changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import RIG_STATE, SYNC_EDGE
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.errors import DatasetError, MessageError
+from tactile_nodes.messages import stamp_ns
+from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal, SyncLimits, fit_clocks
+
+REFERENCE = 'rig'
+"""The recorder whose clock the others are fitted to, where the bag holds no state of a machine to name it."""
+AGREES_S = 0.002
+LEAST_JITTER_S, MOST_JITTER_S = 0.005, 0.03
+
+
+@dataclass(frozen=True)
+class Edges:
+    """What one recorder saw, in order of its stamps; a half width of 0 s says that it is not known."""
+
+    stamp_ns: Int64[np.ndarray, ' n']
+    level: Bool[np.ndarray, ' n']
+    uncertainty_s: Float64[np.ndarray, ' n']
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @property
+    def known_s(self) -> Float64[np.ndarray, ' n'] | None:
+        """The half widths, if all are known."""
+        return self.uncertainty_s if len(self) and bool((self.uncertainty_s > 0).all()) else None
+
+
+@dataclass(frozen=True)
+class Clock:
+    """One recorder's clock against the reference.
+
+    Attributes:
+        recorder: the frame of its edges, and of whatever it stamps.
+        edges: what it saw.
+        outcome: the fit, or why there is none.
+        furthest_s: the largest difference between the two clocks over the recorder's edges; 0 without a fit.
+    """
+
+    recorder: str
+    edges: Edges
+    outcome: ClockFit | Refusal
+    furthest_s: float
+
+    @property
+    def corrects(self) -> bool:
+        """Whether stamps are changed by the fit."""
+        return isinstance(self.outcome, ClockFit) and self.furthest_s > AGREES_S
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the card of a data set: numbers to the microsecond."""
+        told: dict[str, Any] = {'recorder': self.recorder, 'edges': len(self.edges), 'corrected': self.corrects}
+        fit = self.outcome
+        if isinstance(fit, Refusal):
+            return {**told, 'refused': fit.reason.value, 'why': fit.text}
+        return {
+            **told,
+            'offset_s': round(fit.offset_s, 6),
+            'drift_ppm': round(fit.drift_ppm, 3),
+            'matched': fit.inliers,
+            'residual_median_s': round(fit.residual_median_s, 6),
+            'residual_max_s': round(fit.residual_max_s, 6),
+            'bound_s': round(fit.bound_s, 6),
+        }
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The recorders of a bag. `reference` is the one that the others are fitted to, `shared` its edges."""
+
+    reference: str = REFERENCE
+    shared: Edges = field(default_factory=lambda: _edges(()))
+    others: tuple[Clock, ...] = ()
+
+    def corrected_ns(self, stamp: int, frame_id: str) -> int:
+        """A stamp of what has this frame, on the reference's clock."""
+        fit = self._correcting(frame_id)
+        return stamp if fit is None else int(fit.host_ns(np.array([stamp], np.int64))[0])
+
+    def corrects(self, frame_id: str) -> bool:
+        """Whether stamps of this frame are changed."""
+        return self._correcting(frame_id) is not None
+
+    def error_ns(self, frame_id: str) -> int:
+        """How far off a corrected stamp may be; 0 for stamps that are left as they are."""
+        fit = self._correcting(frame_id)
+        return 0 if fit is None else math.ceil(fit.bound_s * NS_PER_S)
+
+    def _correcting(self, frame_id: str) -> ClockFit | None:
+        for clock in self.others:
+            if clock.recorder == frame_id and clock.corrects and isinstance(clock.outcome, ClockFit):
+                return clock.outcome
+        return None
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for each recorder whose clock could not be fitted."""
+        return [
+            f'the clock of {clock.recorder} could not be compared with that of {self.reference}: {clock.outcome.text}'
+            for clock in self.others
+            if isinstance(clock.outcome, Refusal)
+        ]
+
+    def as_list(self) -> list[dict[str, Any]]:
+        """For the card of a data set."""
+        return [clock.as_dict() for clock in self.others]
+
+
+def bag_clocks(reader: BagReader, namespace: str | None = None, reference: str | None = None) -> Clocks:
+    """The clocks of a bag, by its edges.
+
+    Args:
+        reader: of the bag.
+        namespace: of the sensor; None: all edges are of one.
+        reference: the recorder to fit to; None: the machine, by the frame of its states.
+
+    Raises:
+        DatasetError: no edges of that recorder are there, though it was asked for.
+    """
+    seen = read_edges(reader, namespace)
+    if not seen and reference is None:
+        return Clocks()
+    name = reference or _machine(reader, namespace)
+    if reference is not None and reference not in seen:
+        raise DatasetError(
+            f'{reader.path} holds no edges of {reference!r}; recorders in it are: {", ".join(seen) or "none"}'
+        )
+    return fitted(seen, name)
+
+
+def fitted(seen: Mapping[str, Edges], reference: str) -> Clocks:
+    """Every recorder's clock against that of one of them."""
+    shared = seen.get(reference, _edges(()))
+    others = (_clock(name, edges, shared) for name, edges in sorted(seen.items()) if name != reference)
+    return Clocks(reference, shared, tuple(others))
+
+
+def read_edges(reader: BagReader, namespace: str | None = None) -> dict[str, Edges]:
+    """The edges in a bag by their recorder."""
+    found: dict[str, list[tuple[int, bool, float]]] = {}
+    for message in reader.messages(_topics(reader, SYNC_EDGE.name, SYNC_EDGE.type_name, namespace)):
+        try:
+            edge = reader.decode(message)
+        except MessageError:
+            continue  # counted where the bag is read as a whole
+        told = stamp_ns(edge.header.stamp), bool(edge.level), float(edge.uncertainty)
+        found.setdefault(edge.header.frame_id, []).append(told)
+    return {name: _edges(sorted(edges)) for name, edges in found.items()}
+
+
+def _clock(name: str, edges: Edges, shared: Edges) -> Clock:
+    outcome = fit_clocks(
+        edges.stamp_ns,
+        shared.stamp_ns,
+        _limits(edges, shared),
+        edges.level,
+        shared.level,
+        edges.known_s,
+        shared.known_s,
+    )
+    furthest_s = 0.0
+    if isinstance(outcome, ClockFit):
+        furthest_s = float(np.abs(outcome.host_ns(edges.stamp_ns) - edges.stamp_ns).max()) / NS_PER_S
+    return Clock(name, edges, outcome, furthest_s)
+
+
+def _limits(edges: Edges, shared: Edges) -> SyncLimits:
+    """Edges are as far off as their recorders say, and a little more for what they do not know."""
+    said_s = [float(np.quantile(each.known_s, 0.9)) for each in (edges, shared) if each.known_s is not None]
+    return SyncLimits(jitter_s=min(max(LEAST_JITTER_S, 1.5 * sum(said_s)), MOST_JITTER_S))
+
+
+def _edges(told: Sequence[tuple[int, bool, float]]) -> Edges:
+    return Edges(
+        np.array([stamp for stamp, _, _ in told], np.int64),
+        np.array([level for _, level, _ in told], bool),
+        np.array([half for _, _, half in told], np.float64),
+    )
+
+
+def _machine(reader: BagReader, namespace: str | None) -> str:
+    """The frame of the first state of the machine."""
+    for message in reader.messages(_topics(reader, RIG_STATE.name, RIG_STATE.type_name, namespace)):
+        try:
+            return str(reader.decode(message).header.frame_id)
+        except MessageError:
+            continue
+    return REFERENCE
+
+
+def _topics(reader: BagReader, short: str, type_name: str, namespace: str | None) -> list[str]:
+    """The bag's topics of this name, in a namespace or in all; edges of the line may come from outside of any."""
+    wanted = None if namespace is None else '/' + '/'.join(filter(None, namespace.split('/')))
+    return [
+        name
+        for name, topic in reader.topics.items()
+        if topic.type_name == type_name
+        and name.rpartition('/')[2] == short
+        and wanted in (None, name.rpartition('/')[0])
+    ]

@@ -1,0 +1,157 @@
+"""Which presses are left out of a data set, and why."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.learning.datasets.labels import outside
+from tactile_nodes.learning.recorded.bags import RecordedPress
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.geometry import BinGrid
+
+REJECTED = 'rejected by the rig'
+NOT_SETTLED = 'not settled'
+LOST_FRAMES = 'lost frames'
+OTHER_TIME = 'images of another time'
+LIMITS = 'limits exceeded'
+OUTSIDE = 'outside the surface'
+NO_REFERENCE = 'no rest image'
+BAD_IMAGE = 'image of no use'
+BAD_NUMBERS = 'impossible numbers'
+DOUBLED = 'doubled'
+SUPERSEDED = 'tried again later'
+SUSPECT = 'perhaps not at its place'
+
+SIGMAS = 4.0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a press must keep to, beyond what the rig demanded while it pressed."""
+
+    force_rate_n_per_s: float = parameter(
+        0.2, 'most change of the force within the window, beyond what noise makes of it', minimum=0.0
+    )
+    force_deviation_n: float = parameter(0.1, 'largest standard deviation of the force in the window', minimum=0.0)
+    depth_error_mm: float = parameter(0.05, 'most that reported and commanded depth may differ', minimum=0.0)
+    largest_force_n: float = parameter(math.inf, 'most force', minimum=0.0)
+    pull_n: float = parameter(0.05, 'most force away from the gel, for what tare and noise leave', minimum=0.0)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One press that is not in the data set."""
+
+    bag: int
+    plan: str
+    press: int
+    attempt: int
+    reason: str
+    detail: str
+
+    def as_dict(self) -> dict[str, object]:
+        return asdict(self)
+
+
+Verdict = tuple[str, str]
+"""A reason, one of the words above, and its numbers."""
+
+
+def force_n(told: types.Press) -> float:
+    """The force into the gel; the wrench counts along z, which points out of it."""
+    return -float(told.wrench.force.z)
+
+
+def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None:
+    """Why a press cannot be used, as far as its message and stamps tell; None where it can."""
+    told = press.told
+    if told.status != types.Press.STATUS_RECORDED:
+        return REJECTED, told.reason or 'no reason given'
+    for verdict in (
+        _numbers(press),
+        _place(told, bins),
+        _settling(press, limits),
+        _limits(told, limits),
+        _frames(press),
+    ):
+        if verdict:
+            return verdict
+    return None
+
+
+def _numbers(press: RecordedPress) -> Verdict | None:
+    told = press.told
+    # The other parts of the wrench are NaN where a sensor does not measure them.
+    if not all(map(math.isfinite, (told.position.x, told.position.y, told.depth, told.wrench.force.z))):
+        return BAD_NUMBERS, 'position, depth or normal force is no number'
+    if told.depth <= 0:
+        return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is no press'
+    start_ns, end_ns = press.window_ns
+    if end_ns <= start_ns:
+        return BAD_NUMBERS, 'the window ends before it begins'
+    return None
+
+
+def _place(told: types.Press, bins: BinGrid) -> Verdict | None:
+    x_mm, y_mm = told.position.x * 1e3, told.position.y * 1e3
+    if outside(x_mm, y_mm, bins):
+        return OUTSIDE, f'({x_mm:g}, {y_mm:g}) mm is off {bins.width_mm:g}x{bins.height_mm:g} mm'
+    return None
+
+
+def _settling(press: RecordedPress, limits: Limits) -> Verdict | None:
+    told, deviation = press.told, float(press.told.wrench_deviation.force.z)
+    start_ns, end_ns = press.window_ns
+    noise = rate_noise(told.force_rate, deviation, told.samples, (end_ns - start_ns) / NS_PER_S)
+    if abs(told.force_rate) > limits.force_rate_n_per_s + SIGMAS * noise:
+        return NOT_SETTLED, f'force changed by {told.force_rate:+.3g} N/s'
+    if deviation > limits.force_deviation_n:
+        return NOT_SETTLED, f'force spread by {deviation:.3g} N'
+    return None
+
+
+def rate_noise(rate_n_per_s: float, deviation_n: float, samples: int, window_s: float) -> float:
+    """Standard error of the slope of a force, by what its spread leaves once the slope itself is taken out.
+
+    A spread of 0.01 N in 100 even samples over 0.1 s, with no slope: 0.01 * sqrt(12 / 100) / 0.1 = 0.035 N/s.
+    """
+    left = deviation_n**2 - (rate_n_per_s * window_s) ** 2 / 12
+    if not left > 0 or samples < 1:
+        return 0.0
+    return math.sqrt(left * 12 / samples) / window_s
+
+
+def _limits(told: types.Press, limits: Limits) -> Verdict | None:
+    force = force_n(told)
+    if force > limits.largest_force_n:
+        return LIMITS, f'force of {force:.3g} N'
+    if force < -limits.pull_n:
+        return LIMITS, f'force of {force:.3g} N, away from the gel'
+    error_mm = abs(told.depth_reported - told.depth) * 1e3  # NaN where the machine reports none: no objection
+    if error_mm > limits.depth_error_mm:
+        return LIMITS, f'depth {told.depth_reported * 1e3:.3g} mm instead of {told.depth * 1e3:.3g} mm'
+    return None
+
+
+def _frames(press: RecordedPress) -> Verdict | None:
+    found, announced = len(press.frames), press.told.frames
+    if not found and announced and press.held == announced:
+        return OTHER_TIME, 'by its corrected clock the camera took none of the images within the window'
+    if found == 0 or announced not in (found, press.held):
+        return LOST_FRAMES, f'{found} images are in the bag, {announced} were taken'
+    if press.reference is None:
+        return NO_REFERENCE, 'the bag holds none from before the window'
+    sizes = {frame.image.shape for frame in (*press.frames, press.reference)}
+    if len(sizes) > 1:
+        return BAD_IMAGE, 'images of the window and rest image differ in size'
+    return None
+
+
+def counted(left_out: Iterable[LeftOut]) -> dict[str, int]:
+    """How many presses each reason took, most first."""
+    return dict(Counter(each.reason for each in left_out).most_common())

@@ -1,0 +1,138 @@
+"""Features of recorded images, each measured once.
+
+What was measured is kept by its content: rest image, image, method and options. So it makes no difference which bag
+an image came from, and a run that was cut short goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from types import TracebackType
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes import paths
+from tactile_nodes.errors import ImageError
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.sensing.geometry import centre_crop, largest_side
+from tactile_nodes.sensing.picture.quality import require_picture
+from tactile_nodes.sensing.rest.reference import average, content_id
+from tactile_nodes.sensing.tracking import FeatureTracker
+
+RECIPE = 1
+"""Raised when the code below gives other features for the same images and options."""
+
+
+class Measurer:
+    """Turns images into features against the rest image that was set last.
+
+    Args:
+        flow, encoding: the methods, by name and options.
+        crop: side of the square cut from the middle of each image, px; smaller images are cut to what fits.
+
+    Raises:
+        ConfigurationError: no such method or option.
+        DatasetError: the cache cannot be used.
+    """
+
+    def __init__(self, flow: Choice, encoding: Choice, crop: int = 440) -> None:
+        self.flow, self.encoding = make_flow(flow.name, flow.options), make_encoding(encoding.name, encoding.options)
+        self.side = 0
+        self.reference_id = ''
+        self.computed = self.found = 0
+        self._tracker = FeatureTracker(self.flow, self.encoding)
+        self._crop = crop
+        self._reference = b''
+        self._shape = 0, 0, 0
+        folder = paths.cache_directory() / 'features'
+        folder.mkdir(exist_ok=True)
+        self._cache = FeatureCache(folder / f'{self.recipe_id}.sqlite')
+
+    @property
+    def recipe_id(self) -> str:
+        """Sixteen hexadecimal digits over everything but the images that features depend on."""
+        chosen = {
+            'recipe': RECIPE,
+            'opencv': cv2.__version__,
+            'flow': [self.flow.name, self.flow.options],
+            'encoding': [self.encoding.name, self.encoding.options],
+        }
+        return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
+
+    def use_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Measure against this rest image from now on.
+
+        Raises:
+            ImageError: it cannot be measured against, or has another size than those before.
+        """
+        cut = self.cut(image)
+        if (name := content_id(cut)) == self.reference_id:
+            return
+        self._tracker.use_reference(cut)
+        self.reference_id, self._reference = name, cut.tobytes()
+        self._shape = (
+            *self._tracker.features(DisplacementField(_still(cut))).confidence.shape,
+            len(self.encoding.channels),
+        )
+
+    @property
+    def rest_image(self) -> UInt8[np.ndarray, 'h w']:
+        """What is measured against now, as cut; without rows before there is any."""
+        reference = self._tracker.reference
+        return np.zeros((0, 0), np.uint8) if reference is None else reference
+
+    def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
+        """Features of the mean of some images: of one image, of that itself.
+
+        Raises:
+            ImageError: an image is black, overexposed or of another size than the rest image.
+        """
+        for image in images:
+            require_picture(image)
+        cut = self.cut(average(images) if len(images) > 1 else images[0])
+        key = hashlib.sha256(repr(cut.shape).encode() + self._reference + cut.tobytes()).digest()
+        if kept := self._cache.get(key, self._shape):
+            self.found += 1
+            return kept
+        features = self._tracker.features(self._tracker.field(cut))
+        measured = Measured(features.values.astype(np.float16), features.confidence)
+        self._cache.put(key, measured)
+        self.computed += 1
+        return measured
+
+    def keep(self) -> None:
+        """Keep what was measured so far, for a while in which nothing may come."""
+        self._cache.keep()
+
+    def close(self) -> None:
+        """Keep what was measured."""
+        self._cache.close()
+
+    def __enter__(self) -> Measurer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'side side']:
+        """The part of an image that is measured. Raises ImageError: it is of another size than those before."""
+        height, width = image.shape
+        regions = self.encoding.options
+        side = largest_side(width, height, self._crop, math.lcm(int(str(regions['rows'])), int(str(regions['cols']))))
+        if side != (self.side or side):
+            raise ImageError(f'{width}x{height} pixels after images that gave {self.side}x{self.side}')
+        self.side = side
+        return np.ascontiguousarray(centre_crop(image, side, side))
+
+
+def _still(image: np.ndarray) -> np.ndarray:
+    return np.zeros((*image.shape, 2), np.float32)

@@ -1,0 +1,190 @@
+"""A training run as a folder: what was asked, how each epoch went, where to go on after a kill, what came out.
+
+::
+
+    runs/paper-3f1c09a2b7/
+        run.yaml                the run with every default filled in
+        metrics.jsonl           one line an epoch: losses, scores, seconds
+        log.txt                 what was told
+        checkpoint.safetensors  where the next start goes on
+        result.json             the card of the model that came out
+        tensorboard/            the same curves as event files, if tensorboard is installed
+
+The name's digits follow from the run and its data, so the same command finds its folder again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from tactile_nodes import __version__
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.run import checkpoint
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.run.checkpoint import Snapshot
+
+WITHOUT_EFFECT = {'processes', 'checkpoint_s', 'epochs'}
+"""Settings that a run may be continued with other values of; more epochs let it go on."""
+
+
+class Run:
+    """Keeps nothing: for tests, and for use as a library."""
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Let go of it."""
+
+    def resume(self) -> Snapshot | None:
+        """Where an earlier start of this run stopped."""
+        return None
+
+    def keep(self, snapshot: Snapshot) -> None:
+        """Remember where the training stands."""
+
+    def record(self, epoch: int, measured: Mapping[str, float]) -> None:
+        """One epoch's losses and scores."""
+
+    def note(self, text: str) -> None:
+        """A sentence of what happened."""
+
+    def finish(self, result: Mapping[str, Any]) -> None:
+        """The run is over, with this card."""
+
+
+class RunFolder(Run):
+    """A run in a folder of its own, which no other process may train until it is let go of (``with``).
+
+    Raises:
+        ConfigurationError: another process trains it at this moment, or the folder cannot be written.
+    """
+
+    def __init__(self, parent: Path, config: TrainConfig, fingerprint: str, *, fresh: bool = False) -> None:
+        self.path = parent / f'{config.output.stem}-{run_id(config, fingerprint)}'
+        try:
+            if fresh and self.path.is_dir():
+                self._lock(self.path).close()
+                shutil.rmtree(self.path)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._held = self._lock(self.path)
+            (self.path / 'run.yaml').write_text(yaml.safe_dump(config.resolved(), sort_keys=False), encoding='utf-8')
+        except OSError as error:
+            raise ConfigurationError(
+                f'cannot write the run to {self.path} ({error.strerror}); choose another place with --runs'
+            ) from error
+        self._scalars: Callable[[int, Mapping[str, float]], None] | None = None
+
+    @staticmethod
+    def _lock(path: Path) -> Any:
+        """The kernel lets go of it when the process ends, however it ends."""
+        opened = (path / '.lock').open('w')
+        try:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            opened.close()
+            raise ConfigurationError(
+                f'another process is training {path} right now; wait for it, or change the run, say its seed'
+            ) from error
+        return opened
+
+    @property
+    def _checkpoint(self) -> Path:
+        return self.path / 'checkpoint.safetensors'
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._held.close()
+
+    def resume(self) -> Snapshot | None:
+        found = checkpoint.read(self._checkpoint)
+        epoch = found.counters.epoch if found else 0
+        file = self.path / 'metrics.jsonl'
+        kept = [line for line in _whole_lines(file) if json.loads(line)['epoch'] <= epoch]
+        file.write_text(''.join(kept), encoding='utf-8')
+        self._scalars = _event_writer(self.path / 'tensorboard', epoch)
+        return found
+
+    def keep(self, snapshot: Snapshot) -> None:
+        checkpoint.write(self._checkpoint, snapshot)
+
+    def record(self, epoch: int, measured: Mapping[str, float]) -> None:
+        with (self.path / 'metrics.jsonl').open('a', encoding='utf-8') as file:
+            file.write(json.dumps({'epoch': epoch, **measured}) + '\n')
+        if self._scalars:
+            self._scalars(epoch, measured)
+
+    def note(self, text: str) -> None:
+        with (self.path / 'log.txt').open('a', encoding='utf-8') as file:
+            file.write(f'{text}\n')
+
+    def finish(self, result: Mapping[str, Any]) -> None:
+        (self.path / 'result.json').write_text(json.dumps(result, indent=1, sort_keys=True), encoding='utf-8')
+
+
+def run_id(config: TrainConfig, fingerprint: str) -> str:
+    """Ten hexadecimal digits over all that the network depends on."""
+    asked = {name: value for name, value in config.resolved().items() if name not in ('output', 'data')}
+    asked['training'] = {name: value for name, value in asked['training'].items() if name not in WITHOUT_EFFECT}
+    split = {name: getattr(config.data, name) for name in ('split', 'split_seed', 'test')}
+    everything = {'release': __version__, 'data': fingerprint, 'run': asked, **split}
+    return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:10]
+
+
+def _whole_lines(file: Path) -> list[str]:
+    """The lines of a file; one that a kill cut short is none."""
+    text = file.read_text(encoding='utf-8') if file.is_file() else ''
+    return [line for line in text.splitlines(keepends=True) if line.endswith('\n')]
+
+
+def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float]], None] | None:
+    """What writes TensorBoard's event files, if tensorboard is installed; curves after `epoch` are drawn anew."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    writer = SummaryWriter(str(folder), purge_step=epoch + 1)
+
+    def write(at: int, measured: Mapping[str, float]) -> None:
+        for name, value in measured.items():
+            writer.add_scalar(name, value, at)
+        writer.flush()
+
+    return write
+
+
+@dataclass(frozen=True)
+class Told:
+    """A run as its folder tells it."""
+
+    name: str
+    settings: Mapping[str, Any]
+    epochs: list[Mapping[str, float]]
+    result: Mapping[str, Any]
+
+
+def read_run(path: Path) -> Told:
+    """A run, finished or not.
+
+    Raises:
+        ConfigurationError: the folder holds no run.
+    """
+    try:
+        settings = yaml.safe_load((path / 'run.yaml').read_text(encoding='utf-8'))
+        result = path / 'result.json'
+        told = json.loads(result.read_text(encoding='utf-8')) if result.is_file() else {}
+        epochs = [json.loads(line) for line in _whole_lines(path / 'metrics.jsonl')]
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigurationError(f'{path} holds no training run; give a folder that tactile train has made') from error
+    return Told(path.name, settings, epochs, told)

@@ -1,0 +1,295 @@
+"""Where a run's presses come from, simulated or recorded, and which of them it may learn from."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int
+
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+from tactile_nodes.learning.datasets.blurred_presses import BlurredPresses, simulate_blurred
+from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.datasets.learned_texture import simulated_texture
+from tactile_nodes.learning.datasets.plans import press_numbers
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.rest.texture_gains import TextureGains
+from tactile_nodes.simulation.gel import Gel
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """Samples, which of them are for validation, and what the model's card says of gel and data.
+
+    `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
+    measured against, without rows where presses are simulated. `blurred` are the first of the samples in pictures less
+    and less sharp. `texture` is how far each spot of the gel goes, where that is known.
+    """
+
+    config: TrainConfig
+    dataset: Dataset
+    held_out: np.ndarray
+    gel: dict[str, Any]
+    origin: dict[str, Any]
+    rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    blurred: tuple[BlurredPresses, ...] = ()
+    texture: TextureGains | None = None
+
+
+def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
+    """The samples to learn from.
+
+    Raises:
+        ConfigurationError: the configuration contradicts the file of recorded presses.
+        DatasetError: that file cannot be used.
+    """
+    if config.data.file:
+        return recorded_data(config, load_dataset(config.data.file), progress)
+    return simulated_data(config, progress)
+
+
+def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
+    """Simulated presses; of a grid a part is put aside for the test, as of recorded ones.
+
+    Raises:
+        DatasetError: there are too few for that.
+    """
+    dataset = simulate(config, progress)
+    origin = {**config.data.simulated(), 'origin': 'simulated', 'validation': config.training.validation}
+    if config.data.plan == 'random':
+        held_out = held_out_share(len(dataset.presses), config)
+        chosen = np.arange(len(dataset.presses))
+    else:
+        split = simulated_split(dataset, config.data, config.training.validation)
+        _tell(split, f'{config.data.plan} plan', config.data.split, progress)
+        chosen = np.sort(np.concatenate([split.train, split.validation]))
+        dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
+        origin |= _split_entries(config, split)
+    gel, blurred = {'id': config.gel.gel_id, **asdict(config.gel)}, simulated_blurred(config, chosen, progress)
+    texture = simulated_texture(config, chosen, progress)
+    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred, texture=texture)
+
+
+def simulated_blurred(
+    config: TrainConfig, chosen: Int[np.ndarray, ' chosen'], progress: Progress
+) -> tuple[BlurredPresses, ...]:
+    """Those of the chosen samples of a simulated data set that are blurred; only responses learn from them."""
+    if config.readout != 'response':
+        return ()
+    made = simulate_blurred(config, progress)
+    return tuple(replace(each, dataset=each.dataset.take(chosen[chosen < len(each.dataset.presses)])) for each in made)
+
+
+def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:
+    """Training, validation and test set of simulated presses on a grid.
+
+    Raises:
+        DatasetError: there are too few.
+    """
+    if data.split == 'position':
+        places = dataset.presses[:, :2]
+        return by_position(places, seed=data.split_seed, test=data.test, validation=validation)
+    depth_mm = dataset.presses[:, 2]
+    numbers = press_numbers(depth_mm)
+    return by_sample(numbers, depth_mm, seed=data.split_seed, test=data.test, validation=validation)
+
+
+def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
+    """What the training of a model put aside of its grid of simulated presses, and in words what that is.
+
+    Raises:
+        ModelError: nothing was put aside, or this release splits presses otherwise.
+    """
+    card = loaded.card
+    origin = card['data']
+    if 'split_id' not in origin or origin['origin'] != 'simulated':
+        raise ModelError(
+            f'the training of model {loaded.model_id} put no simulated presses aside; evaluate it on random ones'
+        )
+    known = {field.name for field in dataclasses.fields(DataConfig)}
+    data = DataConfig(**{name: value for name, value in origin.items() if name in known})
+    gel = Gel.from_mapping({name: value for name, value in card['gel'].items() if name != 'id'}, 'the model card')
+    config = TrainConfig(data=data, flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=gel)
+    dataset = simulate(config, progress)
+    split = simulated_split(dataset, data, origin['validation'])
+    if split.split_id != origin['split_id']:
+        raise ModelError(
+            f'the presses that model {loaded.model_id} was trained on come out differently here (other releases of '
+            'numpy or tactile_nodes); evaluate it on random ones, or train it again'
+        )
+    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
+    if dataset.fingerprint != origin['fingerprint']:  # a processor of another kind adds in another order
+        words += ', measured anew: not to the bit what training measured'
+    return dataset.take(split.test), words
+
+
+def _tell(split: Split, what: str, by: str, progress: Progress) -> None:
+    progress.say(
+        f'{what}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
+        f'{len(split.test)} put aside for the test, split by {by}'
+    )
+
+
+def _split_entries(config: TrainConfig, split: Split) -> dict[str, Any]:
+    """What makes the same split again."""
+    return {
+        'split': config.data.split,
+        'split_seed': config.data.split_seed,
+        'split_id': split.split_id,
+        'test': config.data.test,
+        'validation': config.training.validation,
+    }
+
+
+def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
+    """Which samples are for validation; chosen by the training's seed."""
+    random = np.random.default_rng(config.training.seed)
+    chosen: np.ndarray = random.permutation(samples) < max(1, round(samples * config.training.validation))
+    return chosen
+
+
+def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Progress) -> TrainingData:
+    """Training and validation set of recorded presses; the test set stays out of it.
+
+    Raises:
+        ConfigurationError: the configuration contradicts them.
+        DatasetError: there are too few.
+    """
+    config = with_file(config, recordings)
+    data, validation = config.data, config.training.validation
+    split = recordings.split(data.split, data.split_seed, test=data.test, validation=validation)
+    chosen = np.sort(np.concatenate([split.train, split.validation]))
+    _tell(split, data.file, data.split, progress)
+    origin = {
+        'origin': 'recorded',
+        'file': Path(data.file).name,
+        'bags': [bag['id'] for bag in recordings.card['bags']],
+        'frames': recordings.card['frames'],
+        'labels': recordings.card['labels']['reading'],
+        'samples': len(recordings),
+        **_split_entries(config, split),
+    }
+    held_out = np.isin(chosen, split.validation)
+    gel = dict(recordings.card['gel'])
+    texture = recordings.texture if config.readout == 'response' else None
+    samples = recordings.as_samples(chosen)
+    return TrainingData(config, samples, held_out, gel, origin, recordings.rest_image, texture=texture)
+
+
+def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
+    """The configuration with the file's flow, features, crop and bins.
+
+    Raises:
+        ConfigurationError: it names others itself.
+    """
+    card, bins = recordings.card, recordings.bins
+    said: dict[str, object] = {}
+    for block, method in (('flow', config.make_flow), ('encoding', config.make_encoding)):
+        if any(name.startswith(f'{block}.') for name in config.stated):
+            made = method()
+            said[block] = {'name': made.name, 'options': made.options}
+    said |= {name: getattr(config.network, name) for name in ('rows', 'cols') if f'network.{name}' in config.stated}
+    theirs = {**{name: _method(card[name]) for name in ('flow', 'encoding')}, 'rows': bins.rows, 'cols': bins.cols}
+    for name, value in said.items():
+        if value != theirs[name]:
+            raise ConfigurationError(
+                f'the run asks for {name} {value}, and {config.data.file} was made with {theirs[name]}; take {name} '
+                'out of the run, or build the data set anew'
+            )
+    return dataclasses.replace(
+        config,
+        flow=Choice(**_method(card['flow'])),
+        encoding=Choice(**_method(card['encoding'])),
+        recorded_bins=bins,
+        data=dataclasses.replace(config.data, crop=card['crop_px']),
+    )
+
+
+def _method(described: dict[str, Any]) -> dict[str, Any]:
+    return {name: described[name] for name in ('name', 'options')}
+
+
+def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: str | None) -> tuple[Dataset, str]:
+    """Samples that a model never saw, and in words which they are.
+
+    Of the file that it was trained on that is what was put aside, of another file everything, or the test set of the
+    split `kind` with seed 1.
+
+    Raises:
+        ModelError: it needs other features, or saw the presses that it would be judged by.
+        DatasetError: there are too few presses.
+    """
+    require_same_features(loaded, recordings)
+    origin = loaded.card.get('data', {})
+    if origin.get('origin') == 'recorded' and origin.get('fingerprint') == recordings.fingerprint:
+        return _put_aside(loaded, recordings, kind)
+    ours = {bag['id'] for bag in recordings.card['bags']}
+    if ours & set(origin.get('bags', ())):
+        raise ModelError(
+            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so that it may have '
+            'seen these; evaluate it on the file that it was trained on, or on other bags'
+        )
+    if kind is None:
+        return recordings.as_samples(), f'all {len(recordings)} samples, none of which the model was trained on'
+    chosen = recordings.split(kind, 1).test
+    return recordings.as_samples(chosen), f'{len(chosen)} samples, the test set by {kind}'
+
+
+def _put_aside(loaded: LoadedModel, recordings: RecordedPresses, kind: str | None) -> tuple[Dataset, str]:
+    origin = loaded.card['data']
+    if kind not in (None, origin['split']):
+        raise ModelError(
+            f'model {loaded.model_id} was trained with the split by {origin["split"]}, so it saw presses of the test '
+            f'set by {kind}; train one with --split {kind}'
+        )
+    split = recordings.split(
+        origin['split'], origin['split_seed'], test=origin['test'], validation=origin['validation']
+    )
+    if split.split_id != origin['split_id']:
+        raise ModelError(
+            f'the split that model {loaded.model_id} was trained with cannot be made again with this release of numpy; '
+            'evaluate it with the one that it was trained with'
+        )
+    return recordings.as_samples(split.test), f'{len(split.test)} samples put aside by {origin["split"]}'
+
+
+def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> None:
+    """Refuse presses that were measured otherwise than a model was trained.
+
+    Raises:
+        ModelError: says both.
+    """
+    card = recordings.card
+    for what, theirs, ours in (
+        ('flow', loaded.flow, tuple(_method(card['flow']).values())),
+        ('encoding', loaded.encoding, tuple(_method(card['encoding']).values())),
+        ('image size', loaded.image_size, (card['crop_px'], card['crop_px'])),
+    ):
+        if theirs != ours:
+            raise ModelError(
+                f'model {loaded.model_id} was trained with {what} {_unlike(theirs, ours)}, the data set was measured '
+                f'with {_unlike(ours, theirs)}; build the data set with the options of the model'
+            )
+
+
+def _unlike(one: tuple[Any, Any], other: tuple[Any, Any]) -> str:
+    """What of a method tells it from another: its name, or the options that differ, or of sizes both numbers.
+
+    >>> _unlike(('dis', {'preset': 'fast', 'threads': 1}), ('dis', {'preset': 'medium', 'threads': 1}))
+    "dis (preset='fast')"
+    """
+    name, options = one
+    if not isinstance(options, dict):
+        return f'{name}x{options}'
+    differ = {each: value for each, value in options.items() if other[1].get(each, ...) != value}
+    if name != other[0] or not differ:
+        return str(name)
+    return f'{name} ({", ".join(f"{each}={value!r}" for each, value in differ.items())})'

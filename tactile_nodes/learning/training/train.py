@@ -1,0 +1,203 @@
+"""Train a force model: presses, a readout fitted to them, its uncertainty, its card, its file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes import __version__, clock
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
+from tactile_nodes.learning.datasets.pressed_gels import pressed_gels
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
+from tactile_nodes.learning.measured.blurred_fit import with_blurs
+from tactile_nodes.learning.measured.fit import fit_response
+from tactile_nodes.learning.network.fit import fit_network
+from tactile_nodes.learning.network.inputs import judging_samples
+from tactile_nodes.learning.network.layers import import_torch
+from tactile_nodes.learning.network.scores import Validation
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.run.folder import Run, RunFolder
+from tactile_nodes.learning.training.source import TrainingData, training_data
+from tactile_nodes.learning.transfer.carried import learned_carried
+from tactile_nodes.learning.transfer.errors import Errors
+from tactile_nodes.learning.transfer.fit import live_errors
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth
+from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.paths import check_output
+from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+
+CALIBRATE = (
+    'to train on they are too few or too unlike one another; a model of another gel takes ten to a hundred: '
+    'tactile calibrate BAG --model portable -o FILE'
+)
+NETWORK_THRESHOLD_N = 0.05
+"""Above what a network that is trained as published reads while nothing touches."""
+
+
+def train(
+    config: TrainConfig,
+    *,
+    progress: Progress | None = None,
+    command: str = '',
+    runs: Path | None = None,
+    fresh: bool = False,
+    forced: bool = False,
+) -> Path:
+    """Get the presses, fit the readout, and write the model file that the configuration names.
+
+    With `runs` the run is kept in a folder below it, from which the same call goes on after a kill; `fresh` forgets
+    what is there. Ctrl-C ends the training and keeps the best network so far. The same configuration gives the same
+    readout on the same machine, in one go or in several. `command` goes into the model's card.
+
+    Raises:
+        ConfigurationError: torch is not installed, the configuration contradicts the recorded presses or the finer
+            model, or another process trains the same run.
+        ModelError: the finer model is missing or damaged.
+        DatasetError: the presses cannot be used, or are too few; recorded ones also if held-out ones are read no better
+            than by answering their mean, unless `forced`.
+    """
+    if config.readout == 'network':
+        import_torch()  # before any press is rendered
+    check_output(config.output)
+    progress = progress or Progress()
+    finer = finer_file(config)
+    data = training_data(config, progress)
+    run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
+    with run:
+        readout, report = fit(data, progress, run)
+        warning = require_learned(readout, data, forced=forced)
+        model = ForceModel(
+            layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
+            bins=data.config.bins,
+            readout=readout,
+            contact_threshold_n=threshold_of(data.config),
+        )
+        scores = validation_of(readout, data)
+        card = card_of(data, report, scores, command)
+        model_id = save_model(config.output, model, card, data.rest_image, data.texture, finer)
+        run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
+    progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
+    if warning:
+        progress.say(warning)
+    return config.output
+
+
+def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = False) -> str:
+    """What a person should know of a model trained on recorded presses; nothing where these are enough.
+
+    Raises:
+        DatasetError: it reads presses that were held out no better than by answering their mean, and is not `forced`.
+    """
+    presses = data.dataset.presses
+    judges = np.flatnonzero(data.held_out & (presses[:, 2] > 0))
+    if not (data.config.data.file and len(judges)):
+        return ''
+    after, mean = Errors.of(live_errors(readout, data.dataset, judges)), of_the_mean(presses[judges][:, [0, 1, 3]])
+    said = objection('model', after, None, mean)
+    require_worth(said, CALIBRATE, forced=forced, command='tactile train')
+    said = said or poor(after, mean)
+    return f'warning: {said}; {CALIBRATE}' if said else ''
+
+
+def finer_file(config: TrainConfig) -> Path | None:
+    """The file of the model that reads pictures unlike those of this training, if there is to be one.
+
+    Raises:
+        ConfigurationError: it is of another gel or other bins, or reads images of another size.
+        ModelError: it is missing or damaged.
+    """
+    if not config.finer:
+        return None
+    loaded = load_model(file := find_model(config.finer))
+    theirs = loaded.gel, loaded.model.bins, loaded.image_size
+    if theirs != (config.gel.gel_id, config.bins, (config.data.crop, config.data.crop)) or config.data.file:
+        raise ConfigurationError(
+            f'the finer model {config.finer} is of gel {loaded.gel} with {loaded.model.bins} in images of '
+            f'{loaded.image_size[0]} px, and not of the simulated gel that is trained on; train it on that one first'
+        )
+    return file
+
+
+def threshold_of(config: TrainConfig) -> float:
+    """The total force from which the live node says that something touches."""
+    thresholds = {
+        'response': config.response.contact_threshold_n,
+        'axisymmetric': config.axisymmetric.contact_threshold_n,
+        'field': config.field.contact_threshold_n,
+    }
+    return thresholds.get(config.readout, NETWORK_THRESHOLD_N)
+
+
+def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:
+    """The readout that the configuration asks for, and what the card says of its training."""
+    config, dataset = data.config, data.dataset
+    if config.readout == 'network':
+        return fit_network(dataset, data.held_out, config, progress, run)
+    begun = clock.perf_ns()
+    if config.readout == 'field':
+        made, fitted = train_field(dataset, config.field, config.bins, progress)
+        seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
+        return made, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
+    settings: ResponseConfig | AxisymmetricConfig
+    readout: AnyReadout
+    if config.readout == 'axisymmetric':
+        settings = config.axisymmetric
+        readout = with_carried(
+            fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress), config, progress
+        )
+    else:
+        settings = config.response
+        response = fit_response(dataset, data.held_out, settings, config.bins, progress)
+        readout = with_blurs(response, dataset, data.blurred, data.held_out, settings, progress)
+    seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
+    return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
+
+
+def with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
+    """With what calibrations for other gels get wrong alike, where the gel is simulated and others like it can be."""
+    gels = config.axisymmetric.other_gels
+    if not gels or config.data.file:
+        return readout
+    with progress.bar('calibrating other gels', gels) as bar:
+        # A bar within a bar cannot be drawn, so that the rendering shows none.
+        carried = learned_carried(readout, pressed_gels(config, gels, Progress()), advance=bar.advance)
+    return replace(readout, carried=carried)
+
+
+def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:
+    """Scores on the samples held out, each read as the live node reads it."""
+    dataset: Dataset = data.dataset
+    judges = judging_samples(dataset, data.held_out, data.config)
+    read = [
+        readout.read(dataset.features[i].astype(np.float32), dataset.confidence[dataset.rest[i]]).normal_force_n
+        for i in judges
+    ]
+    return Validation.of(
+        dataset.labels(data.config.bins)[judges], np.stack(read).reshape(len(judges), -1), data.config.bins
+    )
+
+
+def card_of(data: TrainingData, report: dict[str, Any], scores: Validation, command: str) -> dict[str, Any]:
+    """What a stranger needs to know about the model."""
+    config = data.config
+    return {
+        'command': command,
+        'made_with': f'tactile_nodes {__version__}',
+        'licence': 'the same as tactile_nodes',
+        'flow': {'name': config.flow.name, 'options': config.make_flow().options},
+        'encoding': {'name': config.encoding.name, 'options': config.make_encoding().options},
+        'crop_px': config.data.crop,
+        'gel': data.gel,
+        'data': {**data.origin, 'fingerprint': data.dataset.fingerprint},
+        'training': report,
+        'validation': asdict(scores),
+        **(card_of_sensor(config.field) if config.readout == 'field' else {}),
+    }

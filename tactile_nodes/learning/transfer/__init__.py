@@ -1,0 +1,1 @@
+"""Calibrations for another gel: fits, checks, and files."""

@@ -1,0 +1,84 @@
+"""Stated uncertainties of a calibrated model, by presses that were held out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+
+from tactile_nodes.learning.axisymmetric.calibration import Judged, least_gain
+from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.uncertainty import Calibration
+
+RASTER = 40
+NORMAL_50 = 0.6745
+"""Half of normal errors are within so many standard deviations."""
+
+
+def calibration_of(
+    readout: AxisymmetricReadout, held: list[Judged], dataset: Dataset, untouched: np.ndarray
+) -> Calibration:
+    """Stated uncertainties that nine of ten held-out presses fall within; with few presses rather more do.
+
+    `readout` still has the calibration of its source, whose floors and limits hold at least.
+    """
+    old = readout.calibration
+    errors, sigmas = (np.concatenate([getattr(each, name) for each in held]) for name in ('errors', 'sigmas'))
+    place = np.hypot(old.place_floor_mm, np.repeat(sigmas[:, 0], 2))
+    force = np.hypot(old.force_floor_n, sigmas[:, 1])
+    nearer = nearer_by(dataset.presses[dataset.presses[:, 2] > 0, :2])
+    isolation = nearer_errors(nearer, beyond_noise(held, dataset))
+    misfits = [fit.misfit for each in held for fit in each.fits]
+    return replace(
+        old,
+        place_factors=(isolation * cautious(np.abs(errors[:, :2]).reshape(-1) / place, len(errors)) / NORMAL_90,),
+        force_factors=(cautious(np.abs(errors[:, 2]) / force, len(errors)) / NORMAL_90,),
+        misfit_limit=max(old.misfit_limit, math.sqrt(max(misfits))),
+        least_gain=max(old.least_gain, least_gain(readout, dataset, untouched)),
+    )
+
+
+def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
+    """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
+    level = min(1.0, COVERAGE * (1 + 1 / presses))
+    return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))
+
+
+def beyond_noise(held: list[Judged], dataset: Dataset) -> float:
+    """The share of the variance of held-out places that noise alone, as a readout would state it, does not explain."""
+    sure = [
+        Judged.of(replace(each.readout, response=replace(each.readout.response, unsure=None)), dataset, each.rows)
+        for each in held
+    ]
+    noise_mm = float(np.median(np.concatenate([each.sigmas[:, 0] for each in sure])))
+    off_mm = np.median(np.abs(np.concatenate([each.errors[:, :2] for each in held]))) / NORMAL_50
+    return max(0.0, 1 - (noise_mm / max(float(off_mm), 1e-9)) ** 2)
+
+
+def nearer_errors(nearer: float, beyond: float) -> float:
+    """By what errors shrink where presses are nearer by a share: that of their variance does which is beyond noise.
+
+    Presses twice as near halve it (the root of the distance); if it is half of the variance, errors are 0.866 times as
+    large.
+    """
+    return math.sqrt(1 - beyond + beyond * nearer)
+
+
+def nearer_by(places: Float[np.ndarray, 'n 2']) -> float:
+    """How much nearer presses are to anywhere between them than to one another, at most 1.
+
+    Places at random are as far from one another as from anywhere else. Places that keep far apart are not: each of
+    them, held out, is in the middle of the largest gap there is, and read less exactly than most.
+    """
+    places = np.unique(np.round(places, 1), axis=0)
+    if len(places) < 2:
+        return 1.0
+    tree = cKDTree(places)
+    anywhere = np.stack(np.meshgrid(*np.linspace(places.min(0), places.max(0), RASTER).T), axis=-1).reshape(-1, 2)
+    to_others = np.median(tree.query(places, k=2)[0][:, 1])
+    return float(min(1.0, np.median(tree.query(anywhere)[0]) / to_others))

@@ -1,0 +1,104 @@
+"""What a calibration cannot be made from, said before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError, ModelError
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.explain.axisymmetric.readout import LEAST_REGIONS, AxisymmetricReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.network import InputScaling, NetworkReadout
+
+LEAST_PRESSES = 5
+LEAST_SPREAD = 0.4
+"""Of what the source knows: how far presses must lie apart along x and along y."""
+MOST_OFFSET_N = 0.1
+"""Beyond what differences between gels bring about, by twice and more."""
+
+
+def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout:
+    """The readout of a model that can be transferred.
+
+    Raises:
+        ModelError: it is a network, or its features are no Cartesian motion.
+    """
+    readout, layout = loaded.model.readout, loaded.model.layout
+    if isinstance(readout, NetworkReadout):
+        raise ModelError(
+            f'model {loaded.model_id} is a {readout.kind}, and only the response of a gel can be transferred to '
+            'another; choose an axisymmetric model, such as portable, or give a network its layer: tactile calibrate '
+            '--dataset FILE'
+        )
+    if layout.encoding != 'cartesian_mean':
+        raise ModelError(
+            f'model {loaded.model_id} reads {layout.encoding}, and only motion along x and y can be transferred; '
+            'choose a model with encoding: cartesian_mean, such as portable'
+        )
+    if not isinstance(readout, FieldReadout):
+        return readout
+    if readout.tips is None:
+        raise ModelError(
+            f'model {loaded.model_id} is a field alone, without what reads tips, by which presses are checked; begin '
+            'with one that has both, such as field'
+        )
+    return readout.tips
+
+
+def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
+    """Refuse presses that are too few or too close together.
+
+    Raises:
+        DatasetError: says what to do.
+    """
+    touched = dataset.presses[dataset.presses[:, 2] > 0]
+    if wrong := int((~np.isfinite(touched).all(axis=1)).sum()):
+        raise DatasetError(f'place or force of {wrong} pictures of presses is no number; leave these out')
+    places = np.unique(touched[:, :2], axis=0)
+    if len(places) < LEAST_PRESSES:
+        raise DatasetError(
+            f'a calibration needs presses at {LEAST_PRESSES} places at least, and there are {len(places)}; record more'
+        )
+    if not (touched[:, 3] > 0).any():
+        raise DatasetError('a calibration needs presses with a force, and none has one; check the force sensor')
+    known_mm = 2 * source.correction.reach_mm
+    for name, along in zip('xy', places.T, strict=True):
+        if np.ptp(along) < LEAST_SPREAD * known_mm:
+            raise DatasetError(
+                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known_mm:.1f} mm that the '
+                'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
+            )
+
+
+def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
+    """Refuse pictures that show the gel in too few regions to be read, or motion that is no number.
+
+    Raises:
+        DatasetError: says what to do.
+    """
+    regions = int((scaling.trusted > 0).sum())
+    if regions < LEAST_REGIONS:
+        raise DatasetError(
+            f'markers show in nine of ten pictures in {regions} regions alone, and a place is read from '
+            f'{LEAST_REGIONS} at least; check the camera and the light'
+        )
+    shown = (scaling.trusted > 0) & (dataset.confidence >= scaling.confidence_floor)[dataset.rest]
+    wrong = int((shown & ~np.isfinite(dataset.features).all(axis=-1)).any(axis=(1, 2)).sum())
+    if wrong:
+        raise DatasetError(f'regions of {wrong} pictures moved by what is no number; leave these pictures out')
+
+
+def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
+    """Refuse forces that are off by much more than gels differ, and than what few presses leave open.
+
+    `spread_n` is the standard deviation of the offset: of ten deep presses 0.06 to 0.09 N (development gels).
+
+    Raises:
+        DatasetError: says by how much.
+    """
+    if abs(offset_n) > MOST_OFFSET_N + spread_n:
+        raise DatasetError(
+            f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and press again'
+        )

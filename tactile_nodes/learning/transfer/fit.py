@@ -1,0 +1,330 @@
+"""Calibrate a model for another gel from a few presses: as many numbers as these support, no more.
+
+What a press does around it is much the same in any soft layer, so the known gel's profiles serve the other one. Three
+forms from the simplest on: only hardness, what differs as a whole (hardness, thickness, camera), and with that every
+region's own place and couplings, held near what regions of the known gel scatter by. Each is judged by presses that its
+fit did not see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.axisymmetric.calibration import Judged
+from tactile_nodes.learning.axisymmetric.local import with_local
+from tactile_nodes.learning.axisymmetric.regions import (
+    Presses,
+    Shared,
+    measured_doubt,
+    shared_of,
+    views,
+)
+from tactile_nodes.learning.axisymmetric.unsure import with_unsure
+from tactile_nodes.learning.datasets.holds import still_holds
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.measured.fit import LEAST_UNTOUCHED, rest_and_gain
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer.calibration import calibration_of
+from tactile_nodes.learning.transfer.checks import (
+    MOST_OFFSET_N,
+    require_motion,
+    require_presses,
+    require_tared,
+)
+from tactile_nodes.learning.transfer.errors import Errors, Point
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.regions import ASIDE, Smooth, fit_with_smooth
+from tactile_nodes.learning.transfer.source import axisymmetric_source
+from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
+from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.network import InputScaling
+
+FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
+REGION_TURNS = 4
+SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
+"""Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them.
+Streaks are those of the known gel."""
+LEAST_DOUBT = 0.02
+"""Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
+IN_GAPS = 0.65
+"""Times what regions are off by under presses that are held out, since each of these lies in the gap that it leaves."""
+FOLDS = 5
+WORTH = 1.02
+"""A simpler form is taken if its held-out misfit is at most this times the best."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """A calibrated readout, and how it came about.
+
+    `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
+    `field` says how the force field was fitted, of a model that has one, `curve` what fewer presses tell of it, where
+    that was asked for. `objection` is why it is not worth to be used, if it was forced.
+    `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer.whole.SIZES`.
+    """
+
+    readout: AxisymmetricReadout | FieldReadout
+    form: str
+    misfits: Mapping[str, float]
+    before: Errors
+    after: Errors
+    presses: int
+    force_offset_n: float
+    whole: Mapping[str, float]
+    objection: str = ''
+    field: str = ''
+    curve: tuple[Point, ...] = ()
+
+    @property
+    def reason(self) -> str:
+        """Why this form, in a sentence."""
+        return told_reason(self.form, self.misfits)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What a model's card says of it."""
+        plain = asdict(replace(self, readout=None, curve=()))  # type: ignore[arg-type]
+        plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict(), 'reason': self.reason}
+        return {name: value for name, value in plain.items() if name not in ('readout', 'curve')}
+
+
+def transfer(
+    source: AnyReadout, dataset: Dataset, progress: Progress | None = None, *, forced: bool = False
+) -> Transfer:
+    """The readout for the gel of a data set; `source` is an axisymmetric one, or a response that one follows from.
+
+    With `forced` also one that reads held-out presses no better than the source, or than their mean.
+
+    Raises:
+        ModelError: the source cannot be transferred.
+        DatasetError: presses from which no calibration follows, or which it would read no better than that.
+    """
+    progress = progress or Progress()
+    known = axisymmetric_source(source)
+    require_presses(dataset, known)
+    other = OtherGel.of(known, dataset)
+    with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
+        wholes = {form: other.whole(form) for form in FORMS if form != 'regions'}
+        wholes['regions'] = wholes['whole']
+        fold = folds_of(other.presses.contacts)
+        offset = other.offset(wholes['whole'])
+        require_tared(offset, other.offset_spread(wholes['whole'], fold) if abs(offset) > MOST_OFFSET_N else 0.0)
+        bar.advance()
+        folds = other.folds(wholes, fold, bar.advance)
+        misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
+        form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
+        whole, doubt = wholes[form], other.doubt(folds[form], fold)
+        response = whole.response if form != 'regions' else other.regions(whole.response)
+        readout = other.locally(other.readout(response, doubt, form))
+        held = [
+            Judged.of(
+                other.locally(other.readout(made, doubt, form), np.flatnonzero(fold != number)),
+                dataset, other.rows[fold == number],
+            )
+            for number, made in zip(np.unique(fold), folds[form], strict=True)
+        ]  # fmt: skip
+        bar.advance()
+    held = [each for each in held if each.fits]
+    if not held:
+        raise DatasetError('no press shows enough regions to be read; check the camera and the light')
+    read = live_errors(source, dataset, other.rows)
+    before = Errors.of(read[np.isfinite(read).all(axis=1)])
+    after = Errors.of(np.concatenate([each.errors for each in held]))
+    said = objection('calibration', after, before, of_the_mean(other.presses.contacts))
+    require_worth(said, 'keep the model, or press at more places', forced=forced)
+    readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
+    told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
+    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told, said)
+
+
+@dataclass(frozen=True)
+class OtherGel:
+    """Presses on another gel, and what is expected of its regions before any of them is looked at.
+
+    `presses` are means over the pictures of each hold, to fit to; `rows` is one picture of each, to judge by: a model
+    is read from single pictures.
+    """
+
+    source: AxisymmetricReadout
+    scaling: InputScaling
+    presses: Presses
+    rows: np.ndarray
+    untouched: np.ndarray
+    typical: Typical
+    view: Float[np.ndarray, 'regions 2']
+    pictures: Int[np.ndarray, ' presses']
+
+    @classmethod
+    def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
+        """Its regions are those that show markers on it, whether or not they did on the known gel.
+
+        Raises:
+            DatasetError: these are too few, or their motion is no number.
+        """
+        touched = dataset.presses[:, 2] > 0
+        scaling = _scaling_of(source.scaling, dataset)
+        require_motion(dataset, scaling)
+        holds, untouched = still_holds(dataset, np.flatnonzero(touched), scaling.trusted), np.flatnonzero(~touched)
+        typical = Typical.of(source.response, views(source.scaling.trusted))
+        presses, rows = Presses.of_holds(dataset, holds, scaling), np.array([each[0] for each in holds])
+        pictures = np.array([len(each) for each in holds])
+        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted), pictures)
+
+    @property
+    def start(self) -> AxisymmetricResponse:
+        return self.typical.at(self.view)
+
+    @property
+    def live_scaling(self) -> InputScaling:
+        """For pictures to come, which will be measured against another rest image.
+
+        What the presses' own rest image lacks of the gel untouched is noise that no other one shares.
+        """
+        return replace(self.scaling, mean=np.zeros_like(self.scaling.mean))
+
+    @property
+    def pressed_n(self) -> float:
+        """The hardest press whose force is known; 0 if none is."""
+        return float(np.nanmax(self.presses.contacts[:, 2], initial=0.0))
+
+    def whole(self, form: str) -> WholeFit:
+        """What differs as a whole, of those numbers that a form leaves open, by all presses."""
+        return fit_whole(self.start, self.presses, FORMS[form])
+
+    def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
+        """The force (N) that some presses, or all, seem to begin at."""
+        return fit_whole(self.start, self.presses.take(chosen), begin=whole.numbers, offset=True).offset_n
+
+    def offset_spread(self, whole: WholeFit, fold: Int[np.ndarray, ' presses']) -> float:
+        """The standard deviation of that force, by what it is without each fold (jackknife)."""
+        found = np.array([self.offset(whole, np.flatnonzero(fold != number)) for number in np.unique(fold)])
+        return float(np.sqrt((len(found) - 1) * found.var()))
+
+    def folds(
+        self, wholes: Mapping[str, WholeFit], fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
+    ) -> dict[str, list[AxisymmetricResponse]]:
+        """Each form fitted to the presses of all folds but one, for each of them."""
+        rest = [np.flatnonzero(fold != number) for number in np.unique(fold)]
+        made = {}
+        for form in ('hardness', 'whole'):
+            begin = wholes[form].numbers
+            fits = [fit_whole(self.start, self.presses.take(each), FORMS[form], begin=begin) for each in rest]
+            made[form] = [each.response for each in fits]
+            advance(1, form)
+        made['regions'] = [self.regions(whole, each) for whole, each in zip(made['whole'], rest, strict=True)]
+        advance(1, 'regions')
+        return made
+
+    def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
+        """With every region's own numbers, by some of the presses or all."""
+        presses = self.presses if chosen is None else self.presses.take(chosen)
+        return self.regions_of(response, lambda _: presses, REGION_TURNS, ASIDE)
+
+    def regions_of(
+        self,
+        response: AxisymmetricResponse,
+        presses: Callable[[AxisymmetricResponse], Presses],
+        turns: int,
+        aside: float,
+    ) -> AxisymmetricResponse:
+        """With every region's own numbers, by presses that are asked for anew each turn, by the response so far."""
+        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view, aside)
+        shared = Shared(shared_of(response), SHARED_SIGMA)
+        # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
+        doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
+        for _ in range(turns):
+            response, smooth = fit_with_smooth(response, presses(response), smooth, precision, doubt, shared)
+        return with_unsure(response, presses(response), precision, doubt)
+
+    def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
+        """Root mean square of what held-out presses leave over, in units of what is expected of them."""
+        squares = []
+        for number, response in zip(np.unique(fold), folds, strict=True):
+            out = self.presses.take(np.flatnonzero(fold == number))
+            left = (out.motion - response.motion(out.contacts)) * self._weights(out)
+            squares.append(np.square(left).ravel())
+        return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+    @staticmethod
+    def _weights(presses: Presses) -> np.ndarray:
+        """The same for every form: of noise, and of a tenth of the motion that was seen."""
+        size = np.square(presses.motion).sum(axis=-1, keepdims=True)
+        return np.asarray(np.sqrt(presses.certainty / (1 + presses.certainty * 0.01 * size)))
+
+    def doubt(
+        self, folds: list[AxisymmetricResponse], fold: Int[np.ndarray, ' presses']
+    ) -> Float[np.ndarray, ' distances']:
+        """By what shares of their motion regions are off, by presses that were held out."""
+        shares = [
+            measured_doubt(response, self.presses.take(np.flatnonzero(fold == number)))
+            for number, response in zip(np.unique(fold), folds, strict=True)
+        ]
+        return np.asarray(IN_GAPS * np.sqrt(np.mean(np.square(shares), axis=0)))
+
+    def readout(
+        self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], form: str = 'regions'
+    ) -> AxisymmetricReadout:
+        """The source's readout with another response, and a correction for what such calibrations get wrong alike.
+
+        Where nobody measured that, its own one serves for places, whose errors are due to the lens. What that adds to
+        forces follows from the source's own markers.
+        """
+        source, presses = self.source, len(self.presses)
+        terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
+        if source.carried is not None and form == 'regions':
+            terms = source.carried.after(presses)
+        correction = replace(source.correction, terms=terms, local=None)
+        return replace(
+            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None,
+            pressed_n=self.pressed_n,
+        )  # fmt: skip
+
+    def locally(self, readout: AxisymmetricReadout, chosen: np.ndarray | slice = slice(None)) -> AxisymmetricReadout:
+        """The readout without what it gets wrong at some of the presses, or all, which it was fitted to."""
+        return with_local(readout, self.presses.take(chosen), self.pictures[chosen])
+
+
+def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
+    """The other gel's own rest and noise, where enough images of it untouched are there; else the source's."""
+    untouched = dataset.presses[:, 2] <= 0
+    trusted = np.asarray(dataset.trusted(0.5), np.float32)
+    if untouched.sum() < LEAST_UNTOUCHED:
+        return replace(source, trusted=trusted * source.trusted)
+    mean, gain = rest_and_gain(dataset, np.flatnonzero(untouched), trusted)
+    return replace(source, mean=mean, gain=gain, trusted=trusted)
+
+
+def told_reason(form: str, misfits: Mapping[str, float]) -> str:
+    """Why this form, in a sentence: 'whole: regions leaves no more than 2 % less …'; the form alone without presses."""
+    if len(misfits) < 2:
+        return f'{form}: too few presses to try another' if misfits else form
+    best = min(misfits, key=lambda name: misfits[name])
+    if best == form:
+        return f'{form}: no other form leaves less of held-out presses unexplained'
+    return f'{form}: {best} leaves no more than {100 * (WORTH - 1):.0f} % less of held-out presses unexplained'
+
+
+def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
+    """A number of 0 to 4 for each press; presses at one place have the same."""
+    _, first, place = np.unique(np.round(presses[:, :2], 3), axis=0, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))
+    fold: np.ndarray = rank[place.reshape(-1)] % FOLDS
+    return fold
+
+
+def live_errors(readout: AnyReadout, dataset: Dataset, rows: np.ndarray) -> Float[np.ndarray, 'n 3']:
+    """Errors of x, y (mm) and force (N) as the live node would answer; NaN of what is not known or cannot be read."""
+    errors = []
+    for row in rows.tolist():
+        found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        x, y, _, force_n = dataset.presses[row].tolist()
+        errors.append((found.contacts[0].x_mm - x, found.contacts[0].y_mm - y, found.normal_force_n.sum() - force_n))
+    return np.reshape(errors, (-1, 3)).astype(float)

@@ -1,0 +1,87 @@
+"""How regions scatter about what is typical, told outwards and across: as the depths of their markers have it.
+
+Markers that lie deeper than usual are seen further out or in, and all that their region shows changes with it. On one
+side of the image that is a place further left, on the other one further right; outwards from the middle of the image it
+is the same everywhere, the more so the further out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+
+RING = 0.2
+"""Of the image's half width: regions at distances from the middle that differ by so much are alike by 0.61."""
+ALL_ROUND = 0.3
+"""The share of the covariance that is the same at all distances, since regions at one of them are few."""
+LEAST_SCATTER = 1e-5
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What the regions of a known gel are off by, outwards and across, and their distances from the image's middle.
+
+    `mirror` is 1 for numbers that a mirror image of a gel has as well, and -1 for those that it has with another sign.
+    """
+
+    off: Float[np.ndarray, 'regions numbers']
+    distances: Float[np.ndarray, ' regions']
+    mirror: Float[np.ndarray, ' numbers']
+    lateral: int
+
+    @classmethod
+    def of(
+        cls,
+        response: AxisymmetricResponse,
+        off: Float[np.ndarray, 'regions numbers'],
+        view: Float[np.ndarray, 'regions 2'],
+        free: int,
+    ) -> Scatter:
+        """From what regions at `view` (-1 to 1) are off by, in the order of `numbers_of`.
+
+        That is off smooth functions of which each has `free` numbers.
+        """
+        count, lateral = response.couplings.shape[2], response.lateral
+        mirror = _mirror(count, lateral)
+        turned = np.einsum('rij,rj->ri', outwards(view, count, lateral), off)
+        unbiased = np.sqrt(len(off) / max(len(off) - free, 1))
+        return cls(turned * unbiased, np.hypot(*view.T), mirror, lateral)
+
+    def covariance(self, view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions numbers numbers']:
+        """Of the numbers of regions at these places in the image, along x and y again."""
+        distances = np.minimum(np.hypot(*view.T), self.distances.max())
+        alike = np.exp(-np.square(distances[:, None] - self.distances) / (2 * RING**2))
+        near = np.einsum('nr,ri,rj->nij', alike / alike.sum(axis=1, keepdims=True), self.off, self.off, optimize=True)
+        everywhere = self.off.T @ self.off / len(self.off)
+        # A gel is as likely as its mirror image: what changes its sign there goes together with nothing that does not.
+        alone = self.mirror[:, None] == self.mirror
+        told = ((1 - ALL_ROUND) * near + ALL_ROUND * everywhere) * alone + LEAST_SCATTER * np.eye(len(alone))
+        turn = outwards(view, len(self.mirror) // 2 - 1, self.lateral)
+        covariance: np.ndarray = turn.transpose(0, 2, 1) @ told @ turn
+        return covariance
+
+
+def outwards(
+    view: Float[np.ndarray, 'regions 2'], columns: int, lateral: int
+) -> Float[np.ndarray, 'regions numbers numbers']:
+    """What turns numbers along x and y into those outwards from the middle of the image, and across that."""
+    along = view / np.maximum(np.hypot(*view.T), 1e-9)[:, None]
+    turn = np.stack([along, along[:, ::-1] * (-1.0, 1.0)], axis=1)
+    shown = np.tile(np.eye(columns), (len(view), 1, 1))
+    for first in range(0, 2 * lateral, 2):
+        shown[:, first : first + 2, first : first + 2] = turn
+    made = np.zeros((len(view), 2 * columns + 2, 2 * columns + 2))
+    made[:, :-2, :-2] = np.einsum('rab,rcd->racbd', turn, shown).reshape(len(view), 2 * columns, 2 * columns)
+    made[:, -2:, -2:] = turn
+    return made
+
+
+def _mirror(columns: int, lateral: int) -> Float[np.ndarray, ' numbers']:
+    """The signs of numbers outwards and across in the mirror image of a gel: couplings by motion, then the place."""
+    shown = np.r_[np.tile([1.0, -1.0], lateral), np.ones(columns - 2 * lateral)]
+    signs: np.ndarray = np.r_[shown, -shown, 1.0, -1.0]
+    return signs

@@ -1,0 +1,164 @@
+"""How another gel differs from a known one as a whole: hardness, thickness, and how its camera looks at it.
+
+The regions' places and couplings of the known gel are first smoothed over the image, since what single markers add to
+them is nothing that the other gel shares. Of that gel a few numbers are free, and found by nonlinear least squares on
+whole fields of motion, which every press gives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.learning.axisymmetric.regions import FIRST_DOUBT, Presses, numbers_of, with_numbers
+from tactile_nodes.learning.transfer.scatter import Scatter
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+
+MOST_STEPS = 10
+CONVERGED = 1e-4
+"""Share of the cost: steps end where none gains more."""
+STEP = 1e-3
+FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e5
+MARKERS_ELSEWHERE = 0.1
+"""Of each region's motion: what a gel whose markers lie elsewhere is expected to show differently."""
+ROUNDS = 2
+RIM = 0.9
+"""Of the image's half width: regions beyond are cut by the gel's rim, on every gel in another way."""
+RIM_SCATTER = 4.0
+"""How much larger variances are there than further in: on the known gel 2 to 6 times those of places."""
+
+SIZES = {
+    'softness': 0.5, 'width': 0.1, 'turn_xx': 0.1, 'turn_yx': 0.1, 'turn_xy': 0.1, 'turn_yy': 0.1,
+    'shift_x_mm': 2.0, 'shift_y_mm': 2.0, 'lateral': 0.05, 'vertical': 0.1, 'roll': 0.2,
+    'view_x': 0.3, 'view_y': 0.3,
+}  # fmt: skip
+"""The free numbers, 0 for an equal gel, and how far from that each may be expected to be. Of the gel: the logarithms of
+how soft it is and how wide distances are. Of the places that regions look at: a linear map and a shift. Of what
+they see: logarithms of how much of lateral and vertical motion, a turn of both, and vertical motion seen aside."""
+HARDNESS = ('softness', 'lateral', 'vertical')
+OFFSET_N = 1.0
+"""How far from zero the forces may be expected to begin, where that is free too."""
+
+
+def powers(view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions terms']:
+    """Polynomials of the third degree in the place in the image (-1 to 1)."""
+    u, v = view.T
+    return np.stack([u**i * v**j for i in range(4) for j in range(4 - i)], axis=1)
+
+
+@dataclass(frozen=True)
+class Typical:
+    """The regions of a known gel as smooth functions over the image, and how they scatter about these."""
+
+    terms: Float[np.ndarray, 'terms numbers']
+    scatter: Scatter
+    response: AxisymmetricResponse
+
+    @classmethod
+    def of(cls, response: AxisymmetricResponse, view: Float[np.ndarray, 'regions 2']) -> Typical:
+        numbers = numbers_of(response)
+        terms = np.linalg.lstsq(powers(view), numbers, rcond=None)[0]
+        inside = np.abs(view).max(axis=1) < RIM
+        off = (numbers - powers(view) @ terms)[inside]
+        return cls(terms, Scatter.of(response, off, view[inside], len(terms)), response)
+
+    def precision(self, view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions numbers numbers']:
+        """One over how far regions at these places in the image are expected to be from the smooth functions."""
+        looser = np.where(np.abs(view).max(axis=1) < RIM, 1.0, RIM_SCATTER)
+        precision: np.ndarray = np.linalg.inv(self.scatter.covariance(view)) / looser[:, None, None]
+        return precision
+
+    def at(self, view: Float[np.ndarray, 'regions 2']) -> AxisymmetricResponse:
+        """The known gel's response as regions at these places in the image would see it on average."""
+        blank = np.zeros((len(view), 2, self.response.couplings.shape[2]))
+        plain = replace(self.response, couplings=blank, places=np.zeros((len(view), 2)), unsure=None)
+        return with_numbers(plain, powers(view) @ self.terms)
+
+
+def changed(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' numbers']) -> AxisymmetricResponse:
+    """The response of a gel that differs by these numbers, in the order of `SIZES`."""
+    softness, width, xx, yx, xy, yy, right, down, lateral, vertical, roll, aside, below = numbers.tolist()
+    turn = np.array([[1 + xx, xy], [yx, 1 + yy]])
+    seen = math.exp(lateral) * np.array([[1.0, roll], [-roll, 1.0]])
+    couplings = np.einsum('ab,rbd->rad', seen, response.couplings)
+    first = 2 * response.lateral
+    couplings[:, :, first:] *= math.exp(vertical)
+    couplings[:, :, first] += np.array([aside, below])
+    return replace(
+        response,
+        places=response.places @ turn.T + np.array([right, down]),
+        couplings=couplings,
+        width=response.width * math.exp(width),
+        softness=response.softness * math.exp(softness),
+    )
+
+
+@dataclass(frozen=True)
+class WholeFit:
+    """The numbers of a whole gel's difference, and the force (N) that its presses seem to begin at."""
+
+    response: AxisymmetricResponse
+    numbers: Float[np.ndarray, ' numbers']
+    offset_n: float = 0.0
+
+
+def fit_whole(
+    start: AxisymmetricResponse,
+    presses: Presses,
+    free: tuple[str, ...] = tuple(SIZES),
+    *,
+    begin: np.ndarray | None = None,
+    offset: bool = False,
+) -> WholeFit:
+    """The response, changed as a whole, that explains the presses best; Levenberg's and Marquardt's steps.
+
+    `free` names the numbers that may change; with `offset` so may the force that counts as none. `begin` may be the
+    numbers of a fit to other presses.
+    """
+    sizes = np.array([*(size if name in free else 0.0 for name, size in SIZES.items()), OFFSET_N * offset])
+    open_ = np.flatnonzero(sizes)
+    doubt = np.hypot(FIRST_DOUBT, MARKERS_ELSEWHERE)
+    here = np.zeros(len(sizes)) if begin is None else np.append(begin, 0.0)
+    for _ in range(ROUNDS if begin is None else 1):
+        # By what is foretold, not by what was seen: that would give regions that happen to move little more say.
+        weight = presses.weights(changed(start, here[:-1]), doubt)
+
+        def left(numbers: np.ndarray, weight: np.ndarray = weight) -> np.ndarray:
+            contacts = presses.contacts - np.array([0.0, 0.0, numbers[-1]])
+            contacts[:, 2] = np.maximum(contacts[:, 2], 0.0)
+            told = changed(start, numbers[:-1]).motion(contacts)
+            residual: np.ndarray = ((presses.motion - told) * weight).ravel()
+            return residual
+
+        here = _descend(left, here, open_, 1 / sizes[open_] ** 2)
+    return WholeFit(changed(start, here[:-1]), here[:-1], float(here[-1]))
+
+
+def _descend(
+    left: Callable[[np.ndarray], np.ndarray], here: np.ndarray, open_: np.ndarray, prior: np.ndarray
+) -> np.ndarray:
+    """Levenberg's and Marquardt's steps of the open numbers, with slopes by differences."""
+    residual, damping = left(here), FIRST_DAMPING
+    cost = residual @ residual + prior @ here[open_] ** 2
+    for _ in range(MOST_STEPS):
+        lever = np.stack([(left(here + STEP * unit) - residual) / STEP for unit in np.eye(len(here))[open_]], axis=1)
+        square, down = lever.T @ lever + np.diag(prior), -(lever.T @ residual + prior * here[open_])
+        while damping < LAST_DAMPING:
+            further = here.copy()
+            further[open_] += np.linalg.solve(square + damping * np.diag(np.diag(square)), down)
+            tried = left(further)
+            value = tried @ tried + prior @ further[open_] ** 2
+            if value < cost:
+                break
+            damping *= 10
+        else:
+            break
+        gained, here, residual, cost = cost - value, further, tried, value
+        damping = max(damping / 10, 1e-9)
+        if gained < CONVERGED * cost:
+            break
+    return here

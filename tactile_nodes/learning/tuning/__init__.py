@@ -1,0 +1,1 @@
+"""The smallest configuration that meets a wish."""

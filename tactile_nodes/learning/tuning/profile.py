@@ -1,0 +1,65 @@
+"""What tuning found, told and kept: a model and the run that trains it again, which together are a profile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import yaml
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.datasets.file import save_dataset
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.tuning.search import METRICS, Tried, Tuned
+from tactile_nodes.model_file import save_model
+
+
+def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPresses | None = None) -> list[Path]:
+    """Write the model, and beside it a training run that makes it again; of recorded presses their data set too.
+
+    Raises:
+        ConfigurationError: a file cannot be written.
+        DatasetError: the data set cannot be written.
+    """
+    if output.suffix != '.safetensors':
+        raise ConfigurationError(f'a model file ends in .safetensors, got {output}')
+    config = replace(chosen.config, output=output)
+    files = [output, output.with_suffix('.yaml')]
+    if presses is not None:
+        files.append(output.with_suffix('.npz'))
+        save_dataset(files[-1], presses)
+        config = replace(config, data=replace(config.data, file=str(files[-1])))
+    run = yaml.safe_dump(config.resolved(), sort_keys=False)
+    try:
+        save_model(output, chosen.model, chosen.card)
+        files[1].write_text(f'# Chosen by: {command}\n#   tactile train {files[1]}\n{run}', encoding='utf-8')
+    except OSError as error:
+        raise ConfigurationError(
+            f'cannot write {error.filename} ({error.strerror}); choose another place with -o'
+        ) from error
+    return files
+
+
+def table_rows(tuned: Tuned) -> tuple[Sequence[str], list[list[str]]]:
+    """Heads, and a row for each candidate, cheapest first; the front and the chosen one are marked."""
+    on_front = {id(each) for each in tuned.front}
+    rows = []
+    for each in sorted(tuned.tried, key=lambda one: one.ms):
+        mark = 'chosen' if each is tuned.chosen else 'front' if id(each) in on_front else ''
+        scores = asdict(each.scores)
+        rows.append([each.candidate.name, f'{each.ms:.2f}', *(f'{scores[name]:.4f}' for name in METRICS), mark])
+    return ('flow, regions, components', 'CPU ms', *METRICS, ''), rows
+
+
+def said_of(tuned: Tuned, metric: str) -> str:
+    """The choice in a sentence, and what the next smaller one would have cost."""
+    chosen, smaller = tuned.chosen, tuned.smaller
+    first = f'{chosen.candidate.name}: {metric} {chosen.error(metric):.4f} at {chosen.ms:.2f} ms of CPU a frame.'
+    if smaller is None:
+        return f'{first} There is no smaller one on the front.'
+    times = smaller.error(metric) / max(chosen.error(metric), 1e-12)
+    return (
+        f'{first} The next smaller one, {smaller.candidate.name}, would take {smaller.ms:.2f} ms and cost {times:.2f} '
+        f'times the error ({smaller.error(metric):.4f}).'
+    )

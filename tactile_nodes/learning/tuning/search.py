@@ -1,0 +1,250 @@
+"""The smallest configuration that meets a wish: candidates trained alike, scored on presses none of them saw, timed.
+
+A candidate is a flow with its options, a grid of regions and a readout. Each is trained on the same presses and scored
+on the same held-out ones (they choose; what a split puts aside for the test is not looked at). Then all are timed in
+turn on the same images. Of those that no other beats in both time and error, the front, the wish takes one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.learning.config import Choice, TrainConfig
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.network.scores import Validation
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.bags import CollectionBag
+from tactile_nodes.learning.recorded.building import BuildOptions, build
+from tactile_nodes.learning.run.folder import Run
+from tactile_nodes.learning.training.source import TrainingData, recorded_data, training_data
+from tactile_nodes.learning.training.train import card_of, fit, threshold_of, validation_of
+from tactile_nodes.learning.tuning.times import cpu_times_ms
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.metrics import pareto_front
+from tactile_nodes.simulation.optics import Optics, Press
+
+METRICS = {
+    'armse_n': "aRMSE [N], the paper's: root mean square error of each bin, averaged over the bins",
+    'rmse_mc_n': "RMSE_mc [N], the paper's: of the strongest bin's force",
+    'd_loc_mm': "d_loc [mm], the paper's: mean distance between strongest bins",
+    'total_rmse_n': 'root mean square error of the total force [N]',
+}
+IMAGES = 12
+"""Frames that are timed."""
+OURS = 'inverse_compositional'
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A configuration to try, named as tables name it."""
+
+    name: str
+    flow: Choice
+    regions: int
+    components: int
+
+    def of(self, base: TrainConfig) -> TrainConfig:
+        """The run that trains it, in all else like `base`."""
+        spacing = 2.0 if self.components <= 40 else 1.75
+        return replace(
+            base,
+            readout='response',
+            flow=self.flow,
+            encoding=Choice('cartesian_mean', {'rows': self.regions, 'cols': self.regions}),
+            response=replace(base.response, components=self.components, spacing_mm=spacing),
+        )
+
+
+def candidates() -> list[Candidate]:
+    """Our flow at full, half and quarter size, DIS by its presets, each on several grids, and readouts of two sizes.
+
+    Networks are not among them: on no data so far was one on the front (docs/results/accuracy.md).
+    """
+    made = []
+    for scale, size in ((2, 'quarter'), (1, 'half'), (0, 'full')):
+        for regions, components in ((10, 24), (10, 40), (20, 40), (20, 64), (40, 64)):
+            if (scale, regions) == (2, 40):  # patches of three pixels
+                continue
+            options = {'rows': regions, 'cols': regions, 'finest_scale': scale}
+            name = f'ours at {size} size, {regions}x{regions}, {components}'
+            made.append(Candidate(name, Choice(OURS, options), regions, components))
+    for preset in ('ultrafast', 'fast', 'medium'):
+        for regions, components in ((10, 40), (20, 64)):
+            name = f'DIS {preset}, {regions}x{regions}, {components}'
+            made.append(Candidate(name, Choice('dis', {'preset': preset, 'finest_scale': 1}), regions, components))
+    return made
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked for: an error of at most, a time of at most (CPU ms a frame), or both."""
+
+    max_error: float | None = None
+    max_ms: float | None = None
+    metric: str = 'armse_n'
+
+    def __post_init__(self) -> None:
+        if self.max_error is None and self.max_ms is None:
+            raise ConfigurationError('say what is wished for: --max-error, --max-ms, or both')
+        if any(each is not None and not each > 0 for each in (self.max_error, self.max_ms)):
+            raise ConfigurationError('--max-error and --max-ms must be above 0')
+        if self.metric not in METRICS:
+            raise ConfigurationError(f'there is no metric {self.metric!r}; use one of: {", ".join(METRICS)}')
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate, trained: its scores on held-out presses, and what a frame costs in contact."""
+
+    candidate: Candidate
+    model: ForceModel
+    config: TrainConfig
+    scores: Validation
+    card: dict[str, Any]
+    ms: float = float('nan')
+
+    def error(self, metric: str) -> float:
+        return float(getattr(self.scores, metric))
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """All that was tried, the front (cheapest first), which of it the wish takes, and the next cheaper one."""
+
+    tried: list[Tried]
+    front: list[Tried]
+    chosen: Tried
+    smaller: Tried | None
+
+
+class Source(Protocol):
+    """Where presses and images come from."""
+
+    def data(self, candidate: Candidate, progress: Progress) -> TrainingData: ...
+
+    def images(self) -> list[UInt8[np.ndarray, 'h w']]:
+        """A rest image and then images of presses."""
+        ...
+
+
+class SimulatedSource:
+    """Presses that a training run's configuration simulates."""
+
+    def __init__(self, base: TrainConfig) -> None:
+        if base.data.file:
+            raise ConfigurationError(
+                'a data set holds features of one flow and one grid, not images, so nothing can be tuned with it; name '
+                'the bags that it was built from, or a run of simulated presses'
+            )
+        self._base = base
+
+    def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
+        config = candidate.of(self._base)
+        # Candidates are compared by presses in pictures as they are.
+        settings = replace(config.response, blurred_presses=0, texture_presses=0)
+        return training_data(replace(config, response=settings), progress)
+
+    def images(self) -> list[UInt8[np.ndarray, 'h w']]:
+        gel = self._base.gel
+        optics = Optics(gel, contact_table(gel))
+        places = np.random.default_rng(1).uniform((-13.0, -13.0, 0.25), (13.0, 13.0, 2.0), (IMAGES, 3)).tolist()
+        return [optics.render((), 1), *(optics.render((Press(*each[:3]),), 2 + i) for i, each in enumerate(places))]
+
+
+class RecordedSource:
+    """Presses in the bags of a collection, measured anew for each flow and grid."""
+
+    def __init__(self, bags: Sequence[Path], options: BuildOptions, base: TrainConfig) -> None:
+        self._bags, self._options, self._base = list(bags), options, base
+        self._built: dict[str, RecordedPresses] = {}
+
+    def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
+        config = candidate.of(self._base)
+        key = f'{candidate.flow} {candidate.regions}'
+        if key not in self._built:
+            options = replace(self._options, flow=config.flow, encoding=config.encoding)
+            self._built = {key: build(self._bags, options, progress)}
+        return recorded_data(config, self._built[key], progress)
+
+    def presses(self, candidate: Candidate, progress: Progress, command: str) -> RecordedPresses:
+        """The data set of a candidate, to be kept."""
+        config = candidate.of(self._base)
+        options = replace(self._options, flow=config.flow, encoding=config.encoding)
+        return build(self._bags, options, progress, command=command)
+
+    def images(self) -> list[UInt8[np.ndarray, 'h w']]:
+        found: list[np.ndarray] = []
+        with CollectionBag(self._bags[0], self._options.namespace, self._options.reference_clock) as bag:
+            presses = bag.presses()
+            assert isinstance(presses, Generator)
+            with closing(presses):  # it holds the bag's file open
+                for press in presses:
+                    if press.reference is not None and press.frames:
+                        found = found or [press.reference.image]
+                        found.append(press.frames[0].image)
+                    if len(found) > IMAGES:
+                        break
+        return found
+
+
+def tune(
+    source: Source, wish: Wish, progress: Progress, command: str = '', among: Sequence[Candidate] | None = None
+) -> Tuned:
+    """Try all candidates (those of `candidates` unless told) and take the one that the wish asks for.
+
+    Raises:
+        ConfigurationError: none of them meets the wish; says which comes closest.
+        DatasetError, BagError: the presses cannot be used, or are too few for a candidate.
+    """
+    chosen_from = list(candidates() if among is None else among)
+    tried = list(_tried(source, chosen_from, progress, command))
+    times = cpu_times_ms([(each.model, each.config) for each in tried], source.images(), progress)
+    timed = [replace(each, ms=ms) for each, ms in zip(tried, times, strict=True)]
+    order = pareto_front([each.ms for each in timed], [each.error(wish.metric) for each in timed])
+    front = [timed[i] for i in order]
+    place = chosen_place(front, wish)
+    return Tuned(timed, front, front[place], front[place - 1] if place else None)
+
+
+def chosen_place(front: Sequence[Tried], wish: Wish) -> int:
+    """Which of a front, cheapest first: the cheapest that is good enough, or the best that is fast enough.
+
+    Raises:
+        ConfigurationError: there is none.
+    """
+    if wish.max_error is not None:
+        good = [i for i, each in enumerate(front) if each.error(wish.metric) <= wish.max_error]
+        if good and (wish.max_ms is None or front[good[0]].ms <= wish.max_ms):
+            return good[0]
+        best = front[good[0] if good else -1]
+    else:
+        assert wish.max_ms is not None
+        fast = [i for i, each in enumerate(front) if each.ms <= wish.max_ms]
+        if fast:
+            return fast[-1]
+        best = front[0]
+    raise ConfigurationError(
+        f'no candidate meets the wish; the closest is {best.candidate.name}, with {wish.metric} '
+        f'{best.error(wish.metric):.4f} at {best.ms:.2f} ms a frame: wish for less, or give more presses to learn from'
+    )
+
+
+def _tried(source: Source, among: Sequence[Candidate], progress: Progress, command: str) -> Iterator[Tried]:
+    with progress.bar('trying configurations', len(among)) as bar:
+        for candidate in among:
+            data = source.data(candidate, Progress())
+            readout, report = fit(data, Progress(), Run())
+            layout = FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:])
+            model = ForceModel(layout, data.config.bins, readout, threshold_of(data.config))
+            scores = validation_of(readout, data)
+            bar.advance(1, f'{candidate.name}: {scores}')
+            yield Tried(candidate, model, data.config, scores, card_of(data, report, scores, command))

@@ -1,0 +1,330 @@
+"""Readouts as named arrays and plain numbers, which is how a model file keeps them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
+from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.blurs import Blur, Blurs
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.measured.response import Response
+from tactile_nodes.sensing.explain.network import (
+    ACTIVATIONS,
+    CalibrationLayer,
+    InputScaling,
+    Mlp,
+    NetworkReadout,
+    TotalSpread,
+)
+from tactile_nodes.sensing.explain.numbers import check_numbers
+from tactile_nodes.sensing.explain.reading import Readout
+from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.sensing.explain.witness import Witness
+from tactile_nodes.sensing.geometry import BinGrid
+
+Arrays = dict[str, np.ndarray]
+WITNESS, TIPS = 'witness.', 'tips.'
+FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
+BLUR_ARRAYS = 'change', 'turning', 'growth'
+AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
+RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
+RANGES['pressed_n'] = RANGES['hardest_n']
+RANGES |= {'noise_px': (1e-6, 10.0), 'doubt': (0.0, 1.0), 'misfit_limit': (1e-3, 1e3), 'least_gain': (0.0, 1e9)}
+"""No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
+
+
+def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays by name, and the numbers beside them; both stand in a model file."""
+    if isinstance(readout, NetworkReadout):
+        made = _network_arrays(readout)
+    elif isinstance(readout, ResponseReadout):
+        made = _response_arrays(readout)
+    elif isinstance(readout, FieldReadout):
+        made = _field_arrays(readout)
+    else:
+        made = _axisymmetric_arrays(readout)
+    return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
+
+
+def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AnyReadout:
+    """What `readout_arrays` took apart.
+
+    Raises:
+        KeyError, TypeError, ValueError: a part is missing, or is none.
+    """
+    made: AnyReadout
+    if said['kind'] == NetworkReadout.kind:
+        made = _network(arrays, said, bins)
+    elif said['kind'] == FieldReadout.kind:
+        made = _field(arrays, said, bins)
+    else:
+        made = (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
+    check_numbers(made)
+    return made
+
+
+def _known_activation(name: str) -> str:
+    if name not in ACTIVATIONS:
+        raise ValueError(f'hidden units cannot be {name!r:.40}')
+    return name
+
+
+def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
+    arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
+    for i, (weight, bias) in enumerate(zip(readout.network.weights, readout.network.biases, strict=True)):
+        arrays[f'layer{i}.weight'] = weight.astype(np.float16)
+        arrays[f'layer{i}.bias'] = bias
+    if readout.layer:
+        arrays |= {'calibration.change': readout.layer.change, 'calibration.bias': readout.layer.bias}
+    heard, told = _witness_arrays(readout.witness)
+    return arrays | heard, {
+        **_said(readout.kind, readout.scaling, readout.likeness),
+        'sizes': list(readout.network.sizes),
+        'hidden': readout.network.hidden,
+        'output': 'identity',
+        'output_scale_n': readout.output_scale_n,
+        'spread': _finite(asdict(readout.spread)),
+        **({'calibration_layer': 'relu'} if readout.layer else {}),
+        **told,
+    }
+
+
+def _witness_arrays(witness: Readout | None) -> tuple[Arrays, dict[str, Any]]:
+    """Under a prefix of their own; files of networks without one are as they always were."""
+    if not isinstance(witness, Witness):
+        return {}, {}
+    arrays, said = _response_arrays(witness.readout)
+    return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said | {'encoding': witness.encoding}}
+
+
+def _witness(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid) -> Witness | None:
+    if said is None:
+        return None
+    own = {name.removeprefix(WITNESS): each for name, each in arrays.items() if name.startswith(WITNESS)}
+    return Witness(_response(own, said, bins), said['encoding'])
+
+
+def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
+    layers = range(len(said['sizes']) - 1)
+    network = Mlp(
+        tuple(arrays[f'layer{i}.weight'].astype(np.float32) for i in layers),
+        tuple(arrays[f'layer{i}.bias'] for i in layers),
+        _known_activation(said['hidden']),
+    )
+    spread = TotalSpread(**{name: value for name, value in said['spread'].items() if value is not None})
+    likeness = _likeness(arrays, said['likeness'])
+    layer = None
+    if 'calibration_layer' in said:
+        layer = CalibrationLayer.of_change(arrays['calibration.change'], arrays['calibration.bias'])
+    witness = _witness(arrays, said.get('witness'), bins)
+    return NetworkReadout(
+        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer, witness
+    )
+
+
+def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
+    response = readout.response
+    arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
+    arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
+    blurred, told = _blurs_arrays(readout.blurs)
+    limits = {} if readout.most_shift_gain == math.inf else {'most_shift_gain': readout.most_shift_gain}
+    return arrays | blurred, {
+        **_said(readout.kind, readout.scaling, readout.likeness),
+        'axes': [asdict(axis) for axis in response.axes],
+        'power': response.power,
+        'calibration': asdict(readout.calibration),
+        'most_contacts': readout.most_contacts,
+        **told,
+        **limits,
+    }
+
+
+def _most_shift_gain(said: Mapping[str, Any]) -> float:
+    """Earlier releases held what drags add, and told them by what such a one gains: the same limit, to a tenth."""
+    return float(said.get('most_shift_gain', said.get('drag', {}).get('least_gain', math.inf)))
+
+
+def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
+    """A name of its own for each level; earlier releases leave them unread and read blurred pictures as they did."""
+    if blurs is None:
+        return {}, {}
+    arrays: Arrays = {}
+    levels = []
+    for number, each in enumerate(blurs.levels):
+        arrays |= {f'blur{number}.{name}': getattr(each, name) for name in BLUR_ARRAYS}
+        limits = {name: getattr(each, name) for name in ('sharpness', 'floor', 'share')}
+        levels.append({**limits, 'calibration': asdict(each.calibration)})
+    return arrays, {'blurs': {'sharpness': blurs.sharpness, 'levels': levels}}
+
+
+def _blurs(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Blurs | None:
+    if said is None:
+        return None
+    levels = tuple(
+        Blur(
+            sharpness=each['sharpness'],
+            calibration=_calibration(each['calibration']),
+            floor=each['floor'],
+            share=each['share'],
+            **{name: arrays[f'blur{number}.{name}'] for name in BLUR_ARRAYS},
+        )
+        for number, each in enumerate(said['levels'])
+    )
+    return Blurs(said['sharpness'], levels)
+
+
+def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
+    x, y, s = (SplineAxis(**axis) for axis in said['axes'])
+    likeness = _likeness(arrays, said['likeness'])
+    if likeness is None:
+        raise KeyError('likeness.directions')
+    return ResponseReadout(
+        _scaling(arrays, said),
+        likeness,
+        arrays['whitening'],
+        Response(x, y, s, arrays['coefficients'], arrays['growth'], said['power']),
+        bins,
+        _calibration(said['calibration']),
+        said['most_contacts'],
+        _blurs(arrays, said.get('blurs')),
+        _most_shift_gain(said),
+    )
+
+
+def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str, Any]]:
+    response, correction = readout.response, readout.correction
+    arrays = _scaling_arrays(readout.scaling)
+    arrays |= {name: np.asarray(getattr(response, name), np.float32) for name in ('profiles', 'places', 'couplings')}
+    if response.unsure is not None:
+        arrays['unsure'] = response.unsure.astype(np.float16)
+    arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
+    if correction.local is not None:
+        arrays['local'] = np.asarray(correction.local, np.float32)
+    carried = {}
+    if readout.carried is not None:
+        arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
+        carried = {'carried': list(readout.carried.presses)}
+    return arrays, {
+        **_said(readout.kind, readout.scaling, None),
+        'lateral': response.lateral,
+        'hardest_n': response.hardest_n,
+        'width': response.width,
+        'softness': response.softness,
+        'streak': asdict(response.streak),
+        'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
+        'calibration': asdict(readout.calibration),
+        'most_contacts': readout.most_contacts,
+        **({'pressed_n': readout.pressed_n} if readout.pressed_n else {}),
+        **carried,
+    }
+
+
+def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
+    _require_within(said)
+    _require_within(said['correction'])
+    profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
+    numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
+    streak = Streak(**said.get('streak', {}))
+    unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
+    local = arrays['local'].astype(float) if 'local' in arrays else None
+    carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
+    return AxisymmetricReadout(
+        _scaling(arrays, said),
+        AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
+        arrays['doubt'].astype(float),
+        Correction(arrays['correction'].astype(float), **said['correction'], local=local),
+        bins,
+        _calibration(said['calibration']),
+        said['most_contacts'],
+        carried,
+        said.get('pressed_n', 0.0),
+    )
+
+
+def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
+    """Of the response halves of floats hold more digits than presses tell; what reads tips has names of its own."""
+    arrays = {
+        **_scaling_arrays(readout.scaling),
+        'field': readout.response.astype(np.float16),
+        'surface': readout.surface,
+    }
+    tips: dict[str, Any] = {}
+    if readout.tips is not None:
+        inner, said = _axisymmetric_arrays(readout.tips)
+        arrays |= {TIPS + name: each for name, each in inner.items()}
+        tips = {'tips': said}
+    numbers = {name: getattr(readout, name) for name in FIELD_NUMBERS}
+    return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, 'spread': asdict(readout.spread), **tips}
+
+
+def _spread(said: Mapping[str, Any]) -> FieldSpread:
+    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
+    return FieldSpread(**plain)
+
+
+def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
+    _require_within(said)
+    own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
+    tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
+    numbers = {name: float(said[name]) for name in FIELD_NUMBERS}
+    response = arrays['field'].astype(np.float32)
+    surface = arrays.get('surface', STILL)
+    return FieldReadout(
+        _scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, surface=surface, **numbers
+    )  # fmt: skip
+
+
+def _require_within(said: Mapping[str, Any]) -> None:
+    for name in RANGES.keys() & said.keys():
+        low, high = RANGES[name]
+        if not low <= said[name] <= high:
+            raise ValueError(f'{name} is {said[name]!r:.40}, and not from {low:g} to {high:g}')
+
+
+def _calibration(said: Mapping[str, Any]) -> Calibration:
+    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
+    return Calibration(**plain)
+
+
+def _said(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:
+    limits = None if likeness is None else {'floor': likeness.floor, 'share': likeness.share}
+    return {'kind': kind, 'confidence_floor': scaling.confidence_floor, 'likeness': limits}
+
+
+def _scaling_arrays(scaling: InputScaling) -> Arrays:
+    return {'input.mean': scaling.mean, 'input.gain': scaling.gain, 'input.trusted': scaling.trusted}
+
+
+def _scaling(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any]) -> InputScaling:
+    return InputScaling(
+        arrays['input.mean'], arrays['input.gain'], arrays['input.trusted'], float(said['confidence_floor'])
+    )
+
+
+def _likeness_arrays(likeness: Likeness | None) -> Arrays:
+    if likeness is None:
+        return {}
+    return {'likeness.mean': likeness.mean, 'likeness.directions': likeness.directions}
+
+
+def _likeness(arrays: Mapping[str, np.ndarray], limits: Mapping[str, float] | None) -> Likeness | None:
+    if limits is None:
+        return None
+    return Likeness(arrays['likeness.mean'], arrays['likeness.directions'], limits['floor'], limits['share'])
+
+
+def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
+    """JSON knows no NaN."""
+    return {name: value if np.isfinite(value) else None for name, value in numbers.items()}

@@ -1,0 +1,1 @@
+"""The readout `axisymmetric`: ball tips, by one response for all places."""

@@ -1,0 +1,355 @@
+"""A readout that knows what a press does around it: which place and force explain how all regions move?
+
+Every region has a say by how well it is known: noise counts, and beside it a share of the motion that grows towards
+the press, where single markers rule. The contact that explains the regions best is found by Gauss-Newton steps whose
+weights follow along, from the best entry of a coarse table. What profiles that are alike everywhere get wrong, smoothly
+over the surface, a polynomial corrects in the end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.local import between
+from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.measured.response import Fit, damping
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at
+from tactile_nodes.sensing.geometry import BinGrid
+
+DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
+"""Distances from the press at which the share of motion that a region may be off by is stated."""
+MOST_STEPS = 12
+LARGEST_STEP_MM = 1.5
+CONVERGED = np.array([2e-3, 2e-3, 2e-4])
+"""Steps end with the first of which none along x, y (mm) or force (N) is longer; the next would be a tenth of it."""
+HOPELESS, SLOW = 4.0, 0.9
+"""Contacts that leave so many times of what they may (squared) explain nothing: steps end with the first that leaves
+more than this share of what the step before left."""
+START_SPACING_MM = 2.0
+START_FORCES = np.array([0.15, 0.5, 0.9])
+"""Of the hardest press."""
+MARGIN = 1.1
+"""How much harder than the hardest known press a contact may come out."""
+LEAST_REGIONS = 12
+NOMINAL_STEPS = 5
+"""Places along x and along y, and forces, at which the nominal error is asked for."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Polynomials in a contact's place and force that are added to it: x, y (mm), and a share of the force.
+
+    Of the fourth degree in x and y, of the second where they are multiplied with the force; `reach_mm` and `hardest_n`
+    are what counts as 1, in distances and forces of the gel that they were measured on. A place beyond counts as there.
+    `local` is added after that by the place alone, x, y and share alike: a table from minus to plus the reach.
+    """
+
+    terms: Float[np.ndarray, 'terms 3']
+    reach_mm: float
+    hardest_n: float
+    local: Float[np.ndarray, 'rows cols 3'] | None = None
+
+    @classmethod
+    def none(cls, reach_mm: float, hardest_n: float) -> Correction:
+        """Nothing is added."""
+        return cls(np.zeros((cls.powers(np.zeros((1, 3)), 1.0, 1.0).shape[1], 3)), reach_mm, hardest_n)
+
+    @staticmethod
+    def powers(contacts: Float[np.ndarray, 'n 3'], reach_mm: float, hardest_n: float) -> Float[np.ndarray, 'n terms']:
+        """What the terms are multiplied with."""
+        x, y = np.clip(contacts[:, :2] / reach_mm, -1.0, 1.0).T
+        height = contacts[:, 2] / hardest_n - 0.5
+        low = [np.ones_like(x), x, y, x * x, x * y, y * y]
+        high = [x**3, x * x * y, x * y * y, y**3, x**4, x * x * y * y, y**4]
+        return np.stack([*low, *high, *(each * height for each in low)], axis=1)
+
+    def __call__(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+        added = self.powers(contacts, self.reach_mm, self.hardest_n) @ self.terms
+        added[:, 2] *= contacts[:, 2]
+        corrected: np.ndarray = contacts + added
+        if self.local is not None:
+            further = between(self.local, corrected[:, :2] / self.reach_mm)
+            further[:, 2] *= corrected[:, 2]
+            corrected += further
+        return corrected
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame: motion of the known regions (px), and one over the variance of its noise; 0 where it is not seen."""
+
+    motion: Float[np.ndarray, 'regions 2']
+    certainty: Float[np.ndarray, 'regions 2']
+
+    @property
+    def enough(self) -> bool:
+        return int((self.certainty[:, 0] > 0).sum()) >= LEAST_REGIONS and bool(np.isfinite(self.motion).all())
+
+
+@dataclass(frozen=True)
+class AxisymmetricReadout:
+    """Motion of regions to contacts, contacts to bins.
+
+    `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
+    response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
+    distances `DOUBT_MM` from the press. `carried` has no say in a reading; calibrations for other gels begin with it.
+    `pressed_n` is the hardest press that a calibration was fitted to: a softer gel's can be beyond what is known of the
+    profiles, and what was fitted is read.
+    """
+
+    scaling: InputScaling
+    response: AxisymmetricResponse
+    doubt: Float[np.ndarray, ' distances']
+    correction: Correction
+    bins: BinGrid
+    calibration: Calibration = field(default_factory=Calibration)
+    most_contacts: int = 1
+    carried: Carried | None = None
+    pressed_n: float = 0.0
+
+    kind = 'axisymmetric'
+
+    @property
+    def highest_n(self) -> float:
+        """The force (N) up to which this gel is known."""
+        return max(self.response.highest_n, self.pressed_n)
+
+    @property
+    def parameter_count(self) -> int:
+        """Profiles, places and couplings, correction, doubt, and the scaling of the regions."""
+        correction = self.correction.terms.size + (0 if self.correction.local is None else self.correction.local.size)
+        return self.response.parameter_count + correction + self.doubt.size + 2 * self.scaling.mean.size
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        regions = int((self.scaling.trusted > 0).sum())
+        if self.scaling.mean.size != features or bins != self.bins or regions != len(self.response.places):
+            raise ModelError(
+                f'an axisymmetric response of {regions} known regions, {self.scaling.mean.size} features and '
+                f'{self.bins} does not fit {features} features and {bins}; train it again or use another model file'
+            )
+
+    def nominal_n(self, _total_n: float) -> float:
+        """Root mean square of the uncertainty that it states of presses all over its places and forces."""
+        return self._nominal_n
+
+    @cached_property
+    def _nominal_n(self) -> float:
+        reach_mm = self.correction.reach_mm * self.response.width
+        across = np.linspace(-reach_mm, reach_mm, 2 * NOMINAL_STEPS + 1)[1::2].tolist()
+        forces = [self.response.highest_n * (step + 0.5) / NOMINAL_STEPS for step in range(NOMINAL_STEPS)]
+        stated = [self._stated(np.array([at])) for at in itertools.product(across, across, forces)]
+        return float(np.sqrt(np.mean(np.square(stated))))
+
+    def _stated(self, contact: Float[np.ndarray, '1 3']) -> float:
+        """The uncertainty of the force of such a contact."""
+        fit, _, _ = self._compare(Seen(self.response.motion(contact)[0], self._certainty), contact)
+        return self.contacts(fit)[0].sigma_n
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
+
+    @cached_property
+    def _at_rest(self) -> Float[np.ndarray, 'regions 2']:
+        mean: np.ndarray = self.scaling.mean.reshape(-1, 2)[self._known].astype(float)
+        return mean
+
+    @cached_property
+    def _certainty(self) -> Float[np.ndarray, 'regions 2']:
+        squared: np.ndarray = np.square(self.scaling.gain.reshape(-1, 2)[self._known].astype(float))
+        return squared
+
+    def certainty_of(self, shown: Bool[np.ndarray, 'n regions 2']) -> Float[np.ndarray, 'n regions 2']:
+        """One over the variance of noise in a picture; 0 where a region is not seen."""
+        return np.asarray(np.where(shown, self._certainty, 0.0))
+
+    @cached_property
+    def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
+        """Contacts to begin with, the motion that they cause, and its square."""
+        reach = self.correction.reach_mm * self.response.width
+        along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
+        forces = START_FORCES * self.highest_n
+        starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
+        fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
+        return starts, fields, np.square(fields).sum(axis=1)
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        return self.reading(self.seen(values, confidence))
+
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Seen:
+        """Motion since rest; regions that cannot be followed now have no say."""
+        lost = confidence.reshape(-1)[self._known] < self.scaling.confidence_floor
+        motion = values.reshape(-1, 2)[self._known] - self._at_rest
+        if not lost.any():
+            return Seen(motion, self._certainty)
+        motion[lost] = 0.0
+        return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
+
+    def fit(self, seen: Seen, most_contacts: int = 0, worth: float = math.inf) -> Fit:
+        """As few contacts as explain what is seen, so many at most; 0: `most_contacts`. Not yet corrected.
+
+        `worth`: so many that leave more than so many times of what they may (not squared) are of no use.
+        """
+        most = most_contacts or self.most_contacts
+        fit = self._locate(seen, self._start(seen.motion)[None], worth if most == 1 else math.inf)
+        limit = self.calibration.misfit_limit**2
+        while fit.misfit > limit and len(fit.contacts) < most:
+            left = (seen.motion - self.response.motion(fit.contacts).sum(axis=0)) * (seen.certainty > 0)
+            last = len(fit.contacts) + 1 == most
+            more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]), worth if last else math.inf)
+            if more.misfit > 0.5 * fit.misfit:
+                break
+            fit = more
+        return fit
+
+    def _start(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, ' 3']:
+        """The entry of the table that comes closest, with the share of its force that comes closest."""
+        starts, fields, squares = self._starts
+        along = fields @ motion.reshape(-1).astype(np.float32)
+        share = np.clip(along / np.maximum(squares, 1e-12), 0.0, MARGIN / START_FORCES[-1])
+        best = int((share * (share * squares - 2 * along)).argmin())
+        x, y, force_n = starts[best].tolist()
+        return np.array([x, y, force_n * float(share[best])])
+
+    def share_of(self, seen: Seen, noise_px: float, tips: int) -> float:
+        """How much of the squared motion, without such noise of each region, so many tips of the table explain; 0 to 1.
+
+        Each is the one that explains most of what those before leave (orthogonal matching pursuit, Pati 1993).
+        """
+        _, fields, squares = self._starts
+        left = motion = seen.motion.reshape(-1).astype(np.float32)
+        axes = np.empty((0, motion.size), np.float32)
+        for _ in range(tips):
+            along = np.maximum(fields @ left, 0.0)
+            best = fields[int((along * along / np.maximum(squares, 1e-12)).argmax())]
+            axis = best - (axes @ best) @ axes
+            axis /= max(math.sqrt(float(axis @ axis)), 1e-6)
+            left, axes = left - (left @ axis) * axis, np.vstack([axes, axis])
+        noise, whole = motion.size * noise_px**2, float(motion @ motion)
+        return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
+
+    def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
+        """Gauss-Newton from `begin` to the most probable contacts; to those of no use it does not go."""
+        half = self.bins.width_mm / 2, self.bins.height_mm / 2
+        high = np.array([*half, MARGIN * self.highest_n])
+        low = np.array([-half[0], -half[1], 0.0])
+        largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
+        granted, hopeless = damping(len(begin)), HOPELESS * self.calibration.misfit_limit**2
+        count = max(int((seen.certainty > 0).sum()), 1)
+        useless = (worth * self.calibration.misfit_limit) ** 2 * count
+        here, found = begin.copy(), []
+        for _ in range(MOST_STEPS):
+            fit, down, cost = self._compare(seen, here)
+            found.append((cost, fit))
+            if len(found) > 1 and fit.misfit > max(hopeless, SLOW * found[-2][1].misfit):
+                break
+            step = np.linalg.solve(fit.information + granted, down)
+            if fit.misfit * count - float(down @ step) > useless:
+                break  # what would be left if motion were as straight as it is here
+            step = step.reshape(-1, 3)
+            moved = np.clip(here + np.clip(step, -largest, largest), low, high)
+            if not moved[:, 2].any():
+                break
+            if (np.abs(moved - here) < CONVERGED).all():
+                found[-1] = cost, replace(fit, contacts=moved)
+                break
+            here = moved
+        return min(found, key=lambda each: each[0])[1]
+
+    def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
+        """How well contacts explain what is seen, the way down, and how improbable they are."""
+        made, slopes, columns = self.response.motion_slopes_and_columns(contacts)
+        # Contacts together move a region by its numbers times the sum of what each of them shows.
+        unsure = self.response.variance(slopes.sum(axis=1, keepdims=True), columns.sum(axis=0, keepdims=True))[0]
+        certainty = self.weights(seen, contacts, made, unsure)
+        left = seen.motion - made.sum(axis=0)
+        count = max(int((certainty > 0).sum()), 1)
+        lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
+        weighted = lever * certainty.reshape(-1)
+        squared = left * left * certainty
+        misfit = float(squared.sum()) / count
+        doubt = float(np.log(np.where(certainty > 0, seen.certainty / np.maximum(certainty, 1e-300), 1.0)).sum())
+        fit = Fit(contacts, weighted @ lever.T, misfit)
+        return fit, weighted @ left.reshape(-1), misfit + doubt / count
+
+    def weights(
+        self,
+        seen: Seen,
+        contacts: Float[np.ndarray, 'contacts 3'],
+        made: Float[np.ndarray, 'contacts regions 2'],
+        unsure: Float[np.ndarray, 'regions 2'],
+    ) -> Float[np.ndarray, 'regions 2']:
+        """One over the variance of each region: of its noise, of its share of the motion, and as it is not known."""
+        share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
+        off = (np.square(share) * np.square(made).sum(axis=-1)).sum(axis=0)
+        certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
+        return certainty
+
+    def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
+        """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
+        return self.told(seen, self.fit(seen, most_contacts)) if seen.enough else nothing_read(self.bins)
+
+    def told(self, seen: Seen, fit: Fit, noisier: float = 1.0) -> Reading:
+        """What a fit says, of a picture so many times as noisy as those of the training."""
+        contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
+        unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
+        if self.gain(seen, fit) < self.calibration.least_gain * noisier**2:
+            contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        elif self._beyond(fit.contacts):
+            unlike = max(unlike, BEYOND_UNLIKENESS)
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def left_over(self, seen: Seen, fit: Fit) -> Float32[np.ndarray, 'rows cols 2']:
+        """The motion (px) of each region that a fit does not explain; 0 of regions that are not known."""
+        left = np.zeros((self.scaling.trusted.size, 2), np.float32)
+        left[self._known] = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return left.reshape(*self.scaling.trusted.shape, 2)
+
+    def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether a contact is harder, or further from the middle, than any that was measured."""
+        reach_mm = self.correction.reach_mm * self.response.width
+        return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.highest_n).any())
+
+    def gain(self, seen: Seen, fit: Fit) -> float:
+        """How much more probable the fitted contacts are than none: half the fall of the squared misfit, in noise."""
+        left = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return float(((np.square(seen.motion) - np.square(left)) * seen.certainty).sum()) / 2
+
+    def contacts(self, fit: Fit) -> tuple[Contact, ...]:
+        """The contacts of a fit, corrected, with their uncertainties, strongest first."""
+        corrected = self.corrected(fit.contacts)
+        found = [self._contact(*each) for each in zip(corrected.tolist(), fit.variances.tolist(), strict=True)]
+        return tuple(sorted(found, key=lambda contact: -contact.force_n))
+
+    def corrected(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+        """With the correction, which is told in distances and forces of the gel that it was measured on."""
+        corrected: np.ndarray = self.correction(contacts / self.unit) * self.unit
+        return corrected
+
+    @property
+    def unit(self) -> Float[np.ndarray, ' 3']:
+        """What 1 mm and 1 N of the gel that the profiles were measured on are on this one."""
+        return np.array([self.response.width, self.response.width, 1 / self.response.softness])
+
+    def _contact(self, place: list[float], variance: list[float]) -> Contact:
+        (x, y, force_n), c = place, self.calibration
+        height = force_n / self.highest_n
+        fitted_mm, fitted_n = math.sqrt((variance[0] + variance[1]) / 2), math.sqrt(variance[2])
+        sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        return Contact(x, y, max(force_n, 0.0), min(sigma_mm, NOWHERE_MM), sigma_n)

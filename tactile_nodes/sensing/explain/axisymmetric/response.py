@@ -1,0 +1,219 @@
+"""A gel's response told once for all places: what a press does around it, and how each region sees that.
+
+A soft layer answers a round tip alike wherever it presses: at a distance the gel moves towards or away from the press
+and up or down, by amounts that depend on nothing but that distance and the force (axial symmetry; Johnson, Contact
+Mechanics, 1985, ch. 3). These profiles are functions of two numbers. A region of the image adds where on the surface
+it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them. Seen aslant,
+these lie in a streak, which `axisymmetric.streaks` tells of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.explain.axisymmetric.streaks import NEAR_MM, STREAK_MM, WIDE_MM, Streak
+from tactile_nodes.sensing.explain.splines import SplineAxis
+
+BEND_MM = 1.0
+"""Profiles are splines of arcsinh(distance / this): fine near the press, coarse far from it."""
+CORE_MM = 0.15
+"""Within about this of the press lateral motion has no direction, and is let go to zero."""
+FURTHEST_MM = 45.0
+DISTANCES = SplineAxis(0.0, float(np.arcsinh(FURTHEST_MM / BEND_MM)), 21)
+TINY_MM = 1e-3
+
+_FOUR = np.arange(4)
+
+
+@dataclass(frozen=True)
+class AxisymmetricResponse:
+    """Profiles over distance and force, and how each region sees them.
+
+    `profiles` are coefficients of cubic splines over arcsinh(distance / `BEND_MM`) and force, to be multiplied by the
+    force: `lateral` of them are motion away from the press, the others vertical motion. A region at `places` (mm,
+    surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
+    Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
+    the force times `softness` and the distance over `width`. `streak` bends that distance by the region's place.
+
+    Where regions are known from a few presses only, `unsure` are factors of the covariance of a region's numbers, apart
+    for what it shows along x and along y: first of its couplings, then of its place.
+    """
+
+    profiles: Float[np.ndarray, 'profiles distances forces']
+    lateral: int
+    hardest_n: float
+    places: Float[np.ndarray, 'regions 2']
+    couplings: Float[np.ndarray, 'regions 2 columns']
+    width: float = 1.0
+    softness: float = 1.0
+    streak: Streak = field(default_factory=Streak)
+    unsure: Float[np.ndarray, 'regions 2 numbers factors'] | None = None
+
+    @cached_property
+    def force(self) -> SplineAxis:
+        """The axis of force, of the gel that the profiles were measured on."""
+        return SplineAxis(0.0, self.hardest_n, self.profiles.shape[2] - 3)
+
+    @property
+    def highest_n(self) -> float:
+        """The force (N) on this gel that the profiles end at."""
+        return self.hardest_n / self.softness
+
+    @property
+    def parameter_count(self) -> int:
+        return int(self.profiles.size + self.places.size + self.couplings.size + 4)
+
+    def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
+        """Motion of each region (px) under each contact (x, y in mm and force in N)."""
+        if compiled_loops() is not None:
+            return self.motion_slopes_and_columns(contacts)[0]
+        return self.seen(self.columns(contacts))
+
+    def motion_and_slopes(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
+        """Motion as above, and its slopes along x, y and force."""
+        return self.motion_slopes_and_columns(contacts)[:2]
+
+    def motion_slopes_and_columns(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[
+        Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2'], Float[np.ndarray, 'n regions columns']
+    ]:
+        """With them the profiles' values, of which couplings make that motion."""
+        if (loops := compiled_loops()) is not None:
+            return self._compiled(loops, contacts)
+        columns, slopes = self.columns_and_slopes(contacts)
+        return self.seen(columns), np.stack([self.seen(each) for each in slopes]), columns
+
+    def variance(
+        self, slopes: Float[np.ndarray, '3 n regions 2'], columns: Float[np.ndarray, 'n regions columns']
+    ) -> Float[np.ndarray, 'n regions 2']:
+        """By what motion with these slopes and columns may be off, squared (px^2), as regions are known no better."""
+        if self.unsure is None:
+            return np.zeros(slopes.shape[1:])
+        if (loops := compiled_loops()) is not None:
+            made = np.empty(slopes.shape[1:])
+            loops.motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), made)
+            return made
+        both = np.broadcast_to(columns[:, :, None], (*slopes.shape[1:], columns.shape[2]))
+        levers = np.concatenate([both, -slopes[:2].transpose(1, 2, 3, 0)], axis=-1)
+        off: np.ndarray = np.square(np.einsum('nrcl,rclf->nrcf', levers, self.unsure)).sum(axis=-1)
+        return off
+
+    def _compiled(
+        self, loops: ModuleType, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        made = np.empty((len(contacts), len(self.places), 2))
+        slopes, columns = np.empty((3, *made.shape)), np.empty((*made.shape[:2], self.couplings.shape[2]))
+        loops.motion_and_slopes(np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes, columns)
+        return made, slopes, columns
+
+    @cached_property
+    def _for_loops(self) -> tuple[np.ndarray, ...]:
+        """Places, couplings and profiles, further numbers, and the axes of distance and force, as loops want them."""
+        numbers = [self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM]
+        numbers += [STREAK_MM, NEAR_MM, WIDE_MM, self.streak.shift_mm, self.streak.squeeze]
+        axes = [[each.low, each.high, each.intervals] for each in (DISTANCES, self.force)]
+        arrays = self.places, self.couplings, self.profiles, np.array(numbers), np.array(axes)
+        return tuple(np.ascontiguousarray(each, float) for each in arrays)
+
+    def seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
+        """What the regions show (px) of columns, or of slopes of columns."""
+        seen: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
+        return seen
+
+    def columns(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions columns']:
+        """The profiles' values at each region: two columns (x, y) for each lateral one, one for each vertical one."""
+        away, distance = self._away(contacts)
+        value = self._values_alone(distance, contacts[:, 2])
+        return self._columns(value, away / distance[..., None] * np.tanh(distance / CORE_MM)[..., None])
+
+    def columns_and_slopes(
+        self, contacts: Float[np.ndarray, 'n 3']
+    ) -> tuple[Float[np.ndarray, 'n regions columns'], Float[np.ndarray, '3 n regions columns']]:
+        """Columns as above, and their slopes along the contact's x, y and force."""
+        away, distance = self._away(contacts)
+        value, outward, by_force = self._values(distance, contacts[:, 2])
+        toward, core = away / distance[..., None], np.tanh(distance / CORE_MM)
+        lateral, unit = self.lateral, toward * core[..., None]
+        # d(g u)/dx for motion g along the unit vector u: the slope of g along u, and g / distance across it.
+        along = outward[..., :lateral] * core[..., None] + value[..., :lateral] * ((1 - core**2) / CORE_MM)[..., None]
+        across = value[..., :lateral] * (core / distance)[..., None]
+        slopes = np.empty((3, *distance.shape, self.couplings.shape[2]))
+        for axis in (0, 1):
+            for channel in (0, 1):
+                product = (toward[..., axis] * toward[..., channel])[..., None]
+                slopes[axis, ..., channel : 2 * lateral : 2] = along * product + across * ((axis == channel) - product)
+            slopes[axis, ..., 2 * lateral :] = outward[..., lateral:] * toward[..., axis, None]
+        slopes[:2] = self._bent(contacts, slopes[:2]) / self.width
+        slopes[2] = self._columns(by_force, unit)
+        return self._columns(value, unit), slopes
+
+    def _columns(self, value: Float[np.ndarray, 'n regions profiles'], unit: np.ndarray) -> np.ndarray:
+        """Values along a direction (lateral) and as they are (vertical)."""
+        lateral = self.lateral
+        columns = np.empty((*value.shape[:2], 2 * lateral + value.shape[2] - lateral))
+        columns[..., 0 : 2 * lateral : 2] = value[..., :lateral] * unit[..., :1]
+        columns[..., 1 : 2 * lateral : 2] = value[..., :lateral] * unit[..., 1:]
+        columns[..., 2 * lateral :] = value[..., lateral:]
+        return columns
+
+    def _bent(self, contacts: np.ndarray, slopes: Float[np.ndarray, '2 n regions columns']) -> np.ndarray:
+        """Slopes along the contact's x and y, from those along where the streaks show it."""
+        aslant, bend = self.streak.aslant(self.places), self.streak.slopes(self._plain(contacts), self.places)
+        over = aslant[:, :1] * slopes[0] + aslant[:, 1:] * slopes[1]
+        return np.stack([slopes[axis] + over * bend[..., axis, None] for axis in (0, 1)])
+
+    def _plain(self, contacts: np.ndarray) -> Float[np.ndarray, 'n regions 2']:
+        away: np.ndarray = (contacts[:, None, :2] - self.places) / self.width
+        return away
+
+    def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
+        """From each region to each contact as its streak shows it, and how far that is, both over the width."""
+        away = self.streak.shown(self._plain(contacts), self.places)
+        return away, np.sqrt(np.square(away).sum(axis=-1) + TINY_MM**2)
+
+    def away_of(self, contacts: Float[np.ndarray, 'n 3'], regions: np.ndarray) -> Float[np.ndarray, 'n 2']:
+        """From one region for each contact to it, as above."""
+        places = self.places[regions]
+        return self.streak.shown((contacts[:, :2] - places) / self.width, places)
+
+    def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
+        """From each contact to each region as its streak shows it, over the width."""
+        return self._away(contacts)[1]
+
+    def _values_alone(
+        self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
+    ) -> Float[np.ndarray, 'n regions profiles']:
+        """The profiles' values without their slopes, in a third of the time."""
+        force = force_n * self.softness
+        k, weights = self.force.weights_of(force)
+        along = np.einsum('pdnf,nf->ndp', self.profiles[:, :, k[:, None] + _FOUR], weights[0] * force[:, None])
+        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
+        four = along[np.arange(len(force))[:, None, None], i[..., None] + _FOUR]
+        value: np.ndarray = np.matmul(near[0][..., None, :], four)[..., 0, :]
+        return value
+
+    def _values(
+        self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The profiles' values, and their slopes along distance and force: (n, regions, profiles) each."""
+        force = force_n * self.softness
+        k, weights = self.force.weights_of(force)
+        inside = (force < self.hardest_n)[:, None]
+        by_force = np.stack([weights[0] * force[:, None], weights[0] + weights[1] * force[:, None] * inside])
+        block = self.profiles[:, :, k[:, None] + _FOUR]
+        along = np.einsum('pdnf,gnf->gndp', block, by_force)
+        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
+        number = np.arange(len(force))[:, None, None]
+        four = along[:, number, i[..., None] + _FOUR]
+        value = np.einsum('nrip,nri->nrp', four[0], near[0])
+        outward = np.einsum('nrip,nri->nrp', four[0], near[1]) / np.sqrt(distance**2 + BEND_MM**2)[..., None]
+        return value, outward, np.einsum('nrip,nri->nrp', four[1], near[0]) * self.softness

@@ -1,0 +1,1 @@
+"""The readout `field`: normal force and shear of any contact."""

@@ -1,0 +1,104 @@
+"""Contacts of a force field: which patches belong together, and what acts on them."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.reading import UNKNOWN, Contact, Region
+
+TOUCHED = 0.03
+"""Share of the highest force on a patch from which a patch belongs to a contact."""
+
+LEAST_SHARE = 0.03
+"""Of the whole force: a contact with less is not told by itself."""
+
+HALF = 0.5
+SLIPS = 0.9
+"""Share of the greatest friction in a contact at which a patch counts as being at the limit."""
+
+LEAST_FRICTION = 0.15
+"""Shear over pressure below which nothing can be said to slip."""
+
+
+def contacts_of(field: Field, patches: PatchGrid, spread: FieldSpread) -> tuple[Contact, ...]:
+    """The contacts of a field, the strongest first; none where no force is."""
+    pressed = field.forces_n[0]
+    if not pressed.any():
+        return ()
+    touched = (pressed > TOUCHED * pressed.max()).reshape(patches.shape)
+    count, labels = cv2.connectedComponents(touched.astype(np.uint8), connectivity=8)
+    parts = [labels.ravel() == number for number in range(1, count)]
+    parts = [each for each in parts if pressed[each].sum() >= LEAST_SHARE * pressed.sum()]
+    parts.sort(key=lambda each: -float(pressed[each].sum()))
+    return tuple(_contact(field, patches, each, spread) for each in parts)
+
+
+def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'], spread: FieldSpread) -> Contact:
+    pressed, shear = field.forces_n[0] * part, field.forces_n[1:] * part
+    total = float(pressed.sum())
+    centre = pressed @ patches.centres_mm / total
+    away = patches.centres_mm - centre
+    torsion = float((away[:, 0] * shear[1] - away[:, 1] * shear[0]).sum())
+    normal, along, turning, across = field.deviations(_levers(away[field.active], part[field.active], total)).tolist()
+    lever = float(np.sqrt((pressed * np.square(away).sum(axis=1)).sum() / total))
+    region = Region(
+        (float(shear[0].sum()), float(shear[1].sum())), spread.shear_n(along, total), torsion,
+        spread.torsion_n_mm(turning, total, lever), *_extent(pressed, away, patches), slip_share(pressed, shear),
+    )  # fmt: skip
+    return Contact(
+        float(centre[0]), float(centre[1]), total, spread.place_mm(across), spread.normal_n(normal, total),
+        UNKNOWN, UNKNOWN, region,
+    )  # fmt: skip
+
+
+def _levers(
+    away: Float[np.ndarray, 'active 2'], inside: Bool[np.ndarray, ' active'], total: float
+) -> Float[np.ndarray, 'm 4']:
+    """What of the active patches' forces makes a contact's normal force, its shear along x, its torsion, and where it
+    is along x."""
+    levers = np.zeros((3, len(away), 4))
+    x, y = away.T * inside
+    levers[0, :, 0] = levers[1, :, 1] = inside
+    levers[1, :, 2], levers[2, :, 2], levers[0, :, 3] = -y, x, x / total
+    return levers.reshape(-1, 4)
+
+
+def _extent(
+    pressed: Float[np.ndarray, ' patches'], away: Float[np.ndarray, 'patches 2'], patches: PatchGrid
+) -> tuple[float, float, float, float]:
+    """Area (mm²) at half the highest pressure, length, width (mm) and angle of its longest axis (rad).
+
+    Length and width are those of an even pressure over a rectangle with the same second moments.
+    """
+    within = pressed >= HALF * pressed.max()
+    width, height = patches.size_mm
+    about = away[within] - away[within].mean(axis=0)
+    count = len(about)
+    (xx, xy), (_, yy) = (12 * (about.T @ about) / count).tolist()
+    xx, yy = xx + width**2, yy + height**2
+    mean, off = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)  # of Mohr's circle
+    return count * width * height, math.sqrt(mean + off), math.sqrt(mean - off), math.atan2(2 * xy, xx - yy) / 2
+
+
+def slip_share(pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, '2 patches']) -> float:
+    """Share of the normal force where the shear is close to the greatest friction that the contact shows.
+
+    Coulomb's limit is the same all over a contact: where shear over pressure is as high as anywhere, it slips. The
+    greatest is that which a tenth of the force exceeds.
+    """
+    total = float(pressed.sum())
+    touched = pressed > TOUCHED * pressed.max()
+    friction = np.hypot(*shear[:, touched]) / pressed[touched]
+    order = np.argsort(friction)
+    above = np.cumsum(pressed[touched][order]) >= 0.9 * pressed[touched].sum()
+    greatest = float(friction[order][np.argmax(above)])
+    if greatest < LEAST_FRICTION:
+        return 0.0
+    return float(pressed[touched][friction >= SLIPS * greatest].sum() / total)

@@ -1,0 +1,277 @@
+"""The readout `field`: every frame by the simplest explanation that its motion allows: nothing, tips, or the field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.explain.field.contacts import contacts_of
+from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways, inside_of, noise_of
+from tactile_nodes.sensing.explain.field.where_now import moved_along
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
+from tactile_nodes.sensing.geometry import BinGrid
+
+LEAST_REGIONS = 12
+MOST_TIPS = 3
+TIP_BINS = 3
+"""A tip's force is found on bins within so many rows and columns."""
+
+PEAKS, NOISE_N = (0.5, 0.25), 0.008
+"""Of the linear answer: a place is no wider than a tip where it is half as high as the highest; places that are a
+quarter as high are looked for. Both above its noise."""
+
+RUBBED = 0.35
+"""Shear over pressure in the linear answer from which a contact is no tip that only presses, not even at the rim."""
+
+TABLE_SHARE = 0.8
+"""Of the motion that as many tips of the table explain: of one to three tips anywhere it is 0.85 and more."""
+
+WORTH = 2.0
+"""Unlikeness beyond which tips are no explanation: the first step towards one promises 1.3 at most, towards two 1.6;
+where another body presses it is 2.2 and more."""
+
+FOUND_NOISE = 0.85
+"""Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
+
+ALIKE = 0.93
+"""Unlikeness up to which tips explain a frame, and the field is not asked."""
+
+
+STILL = np.zeros((2, 1, 1), np.float32)
+"""A surface of which nobody knows how far shear takes it along: models of before."""
+
+
+@dataclass(frozen=True)
+class FieldReadout:
+    """Motion of regions to any contact.
+
+    `scaling` says what the regions show at rest and which are known; `response` is their motion (px) under 1 N on each
+    patch, as `FieldSolver` has it. `misfit_limit` is the misfit beyond which a frame is unlike anything that the
+    response knows, `least_gain` what has to be gained by any force. `tips` reads frames in which only tips press.
+    `surface` is how far shear takes the surface along, as `moved_along` has it.
+    """
+
+    scaling: InputScaling
+    response: Float32[np.ndarray, 'rows unknowns']
+    bins: BinGrid
+    noise_px: float
+    doubt: float = 0.03
+    spread: FieldSpread = field(default_factory=FieldSpread)
+    misfit_limit: float = 1.5
+    least_gain: float = 8.0
+    tips: AxisymmetricReadout | None = None
+    surface: Float32[np.ndarray, '2 near near'] = field(default_factory=lambda: STILL)
+
+    kind = 'field'
+
+    @property
+    def parameter_count(self) -> int:
+        """Of the response, of the scaling, and of what reads tips."""
+        return self.response.size + 2 * self.scaling.mean.size + (self.tips.parameter_count if self.tips else 0)
+
+    def nominal_n(self, total_n: float) -> float:
+        return self.spread.nominal_n(total_n)
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        known = int((self.scaling.trusted > 0).sum())
+        wanted = 2 * known, 3 * PatchGrid(bins).count
+        if self.scaling.mean.size != features or bins != self.bins or self.response.shape != wanted:
+            raise ModelError(
+                f'a field of {self.response.shape[0]} motions, {self.scaling.mean.size} features and {self.bins} does '
+                f'not fit {features} features and {bins}; calibrate it again or use another model file'
+            )
+        if self.tips is not None:
+            self.tips.require_fit(features, bins)
+
+    @cached_property
+    def solver(self) -> FieldSolver:
+        """What finds the field."""
+        camera = camera_ways(self.scaling.trusted.shape, self._known)
+        return FieldSolver(self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt)
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
+
+    @cached_property
+    def _inside(self) -> np.ndarray:
+        return inside_of(self.scaling.trusted > 0)
+
+    def weighed(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float[np.ndarray, 'rows cols']
+    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
+        """What the known regions moved by (px), beside what they show at rest, and how much each of them counts."""
+        moved = values - self.scaling.mean
+        return self._weighed(moved, confidence.reshape(-1)[self._known], noise_of(moved, self._inside))
+
+    def _weighed(
+        self, moved: Float[np.ndarray, 'rows cols 2'], sure: Float[np.ndarray, ' regions'], noise_px: float
+    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
+        motion = moved.reshape(-1, 2)[self._known].astype(float)
+        return motion, self.solver.weights(motion, sure, noise_px)
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        """The simplest explanation of a frame: nothing, tips that only press, or the field.
+
+        Tips are taken where they leave no more over than those of their training do, or where the field, beside one for
+        each of its forces, explains no more (Akaike 1974).
+        """
+        moved, sure = values - self.scaling.mean, confidence.reshape(-1)[self._known]
+        followed = np.count_nonzero(sure >= self.scaling.confidence_floor)
+        if followed < LEAST_REGIONS or not np.isfinite(moved.reshape(-1, 2)[self._known]).all():
+            return nothing_read(self.bins)
+        noise_px = noise_of(moved, self._inside)
+        motion, weights = self._weighed(moved, sure, noise_px)
+        coarse = self.solver.coarse(motion)
+        tips = self._tips(coarse, noise_px / FOUND_NOISE, values, confidence)
+        if tips is not None and tips[0].unlikeness <= ALIKE:
+            return self._with_acting(tips[0])
+        found = self.solver.field(motion, weights, coarse)
+        unlike, count = found.misfit / self.misfit_limit, len(found.active)
+        if found.gain < max(self.least_gain, count):
+            return self._untouched(unlike)
+        if tips is not None:
+            left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
+            if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
+                return self._with_acting(tips[0])
+        return self._told(found, unlike)
+
+    def _tips(
+        self, coarse: Float[np.ndarray, '3 bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
+    ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
+        """The frame as tips that only press, where it may be, and the motion that they leave over."""
+        count = self._places(coarse)
+        if self.tips is None or not count:
+            return None
+        seen = self.tips.seen(values, confidence)
+        if not seen.enough:
+            return None
+        if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
+            return None
+        worth = WORTH * max(1.0, noise_px / self._usual_px)
+        fit = self.tips.fit(seen, count, worth)
+        if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
+            return None
+        left = self.tips.left_over(seen, fit)
+        noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self._usual_px)
+        return self.tips.told(seen, fit, noisier), left
+
+    @cached_property
+    def _usual_px(self) -> float:
+        """The noise of the median region."""
+        return float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
+
+    def prepare(self) -> None:
+        """Make all that the first frame would wait for."""
+        still = np.zeros(self.scaling.mean.shape, np.float32)
+        self.read(still, np.ones(still.shape[:2], np.float32))
+        if self.tips is not None:
+            self.tips.read(still, np.ones(still.shape[:2], np.float32))
+
+    def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
+        """At how many places tips may press, at most; 0 where the linear answer speaks against any."""
+        pressed = np.maximum(coarse[0], 0.0)
+        most, rubbed = float(pressed.max()), float(np.hypot(*coarse[1:].sum(axis=1)))
+        if most < NOISE_N or rubbed > RUBBED * float(pressed.sum()) + NOISE_N:
+            return 0
+        half, quarter = (self._together(pressed > max(share * most, NOISE_N)) for share in PEAKS)
+        return min(len(quarter), MOST_TIPS) if (half <= TIP_BINS).all() else 0
+
+    def _together(self, on: Bool[np.ndarray, ' bins']) -> Int[np.ndarray, 'places 2']:
+        """Of bins that lie side by side: how many columns and rows each place of them has."""
+        grid = on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8)
+        boxes = cv2.connectedComponentsWithStats(grid, connectivity=8)[2]
+        sides: np.ndarray = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+        return sides
+
+    def _told(self, found: Field, unlike: float) -> Reading:
+        patches, widened = self.solver.patches, max(unlike, 1.0)
+        found = replace(found, forces_n=moved_along(found.forces_n, self.surface, patches))
+        spread = self.spread.times(widened)
+        forces = patches.over_bins(found.forces_n).astype(np.float32)
+        wrench, covariance = spread.wrench(found, patches)
+        acting = Acting(
+            'field', np.moveaxis(forces[1:], 0, -1), spread.bins_n(found, patches).astype(np.float32),
+            wrench, covariance, partial(self._surface, found, widened),
+        )  # fmt: skip
+        sigma_n = math.sqrt(covariance[2, 2])
+        return Reading(forces[0], contacts_of(found, patches, spread), sigma_n, unlike, acting=acting)
+
+    def _surface(self, found: Field, widened: float) -> SurfaceField:
+        """Pressure and shear on the patches."""
+        patches = self.solver.patches
+        area = float(np.prod(patches.size_mm))
+        count = len(found.active)
+        deviations = np.full((3, patches.count), UNSEEN_N)
+        if count:
+            deviations[:, found.active] = np.linalg.norm(found.root, axis=0).reshape(3, count)
+        maps = [(each / area).reshape(patches.shape).astype(np.float32) for each in found.forces_n]
+        pressed, along_x, along_y = ((widened * each / area).reshape(patches.shape) for each in deviations)
+        sheared = np.sqrt((np.square(along_x) + np.square(along_y)) / 2)
+        return SurfaceField(maps[0], np.stack(maps[1:], -1), pressed.astype(np.float32), sheared.astype(np.float32))
+
+    def nothing(self) -> Acting:
+        """What is known while nothing presses, as far as can be seen."""
+        patches = self.solver.patches
+        still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
+        shape = self.bins.rows, self.bins.cols
+        off = np.diag(np.square([self.spread.nominal[0]] * 3 + [self.spread.nominal[0] * self.bins.width_mm / 4] * 3))
+        return Acting(
+            'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, UNSEEN_N, np.float32), np.zeros(6), off,
+            partial(self._surface, still, 1.0),
+        )  # fmt: skip
+
+    def _untouched(self, unlike: float) -> Reading:
+        none, sigma_n = np.zeros((self.bins.rows, self.bins.cols), np.float32), self.spread.nominal[0]
+        return Reading(none, (Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n),), sigma_n, unlike, acting=self.nothing())
+
+    def _with_acting(self, reading: Reading) -> Reading:
+        """Tips with what they do beside: no shear, and pressure on the patches about their places."""
+        patches = self.solver.patches
+        pressed = np.zeros(patches.count)
+        for each in reading.contacts:
+            pressed += each.force_n * _about(each.x_mm, each.y_mm, patches)
+        forces = np.stack([pressed, np.zeros_like(pressed), np.zeros_like(pressed)])
+        still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0)
+        places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
+        x, y, force = places.T
+        wrench = np.array([0.0, 0.0, -force.sum(), -(y * force).sum(), (x * force).sum(), 0.0])
+        covariance = _covariance_of_tips(reading.contacts)
+        none = np.zeros((self.bins.rows, self.bins.cols, 2), np.float32)
+        share = reading.total_sigma_n / max(float(force.sum()), 1e-6)
+        sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)
+        acting = Acting('tips', none, sigma, wrench, covariance, partial(self._surface, still, 1.0))
+        return replace(reading, acting=acting)
+
+
+def _about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
+    """1 shared by the patches about a place: a square of a patch's size there, as it lies over them."""
+    shares = [
+        np.maximum(1 - np.abs(line - np.clip(at, line[0], line[-1])) / size, 0.0)
+        for at, line, size in zip((x_mm, y_mm), patches.lines_mm, patches.size_mm, strict=True)
+    ]
+    return np.outer(shares[1], shares[0]).ravel()
+
+
+def _covariance_of_tips(contacts: tuple[Contact, ...]) -> Float[np.ndarray, '6 6']:
+    """Of force and torque: each tip's force and place are off by themselves."""
+    covariance = np.zeros((6, 6))
+    for each in contacts:
+        # (-f, -y f, x f): off by the force, and by the place.
+        by_force = np.array([0.0, 0.0, -1.0, -each.y_mm, each.x_mm, 0.0]) * each.sigma_n
+        by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
+        covariance += np.outer(by_force, by_force) + np.diag(np.square(by_place))
+    return covariance

@@ -1,0 +1,93 @@
+"""How far the numbers of a force field are off: its covariance, and what the response is off by beside that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.field.solver import Field
+
+UNSEEN = np.array([0, 0, 1, 1, 1, 0])
+"""What a contact whose middle shows nothing leaves unknown of force x, y, z and torque x, y, z."""
+
+_SIX = np.arange(6)
+
+
+@dataclass(frozen=True)
+class FieldSpread:
+    """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
+
+    `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
+    bin and its neighbours. `wide` is the share of the normal force of contacts whose middle shows nothing. `place` is a
+    factor and the least that a place is off by (mm). `nominal` is what is usual of a total: a floor (N) and a share.
+    All are for a response fitted to presses; one that was not is off by `response` beside that.
+    """
+
+    normal: tuple[float, float] = (0.7, 0.018)
+    shear: tuple[float, float] = (0.8, 0.012)
+    bins: tuple[float, float] = (0.45, 0.065)
+    wide: float = 0.07
+    place: tuple[float, float] = (1.0, 0.08)
+    nominal: tuple[float, float] = (0.012, 0.05)
+    response: float = 0.0
+
+    def times(self, factor: float) -> FieldSpread:
+        """With deviations that are so much larger."""
+        if factor == 1:
+            return self
+        names = 'normal', 'shear', 'bins', 'place', 'wide', 'response'
+        larger: dict[str, Any] = {name: factor * np.array(getattr(self, name)) for name in names}
+        return replace(self, **larger)
+
+    def normal_n(self, fitted: float, force_n: float) -> float:
+        """Of a normal force."""
+        return math.hypot(self.normal[0] * fitted, self.normal[1] * force_n, self.response * force_n)
+
+    def shear_n(self, fitted: float, force_n: float) -> float:
+        """Of a shear force along an axis, beside so much normal force."""
+        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n, self.response * force_n)
+
+    def torsion_n_mm(self, fitted: float, force_n: float, lever_mm: float) -> float:
+        """Of a torsion of a contact whose force is so far (root mean square) from its centre."""
+        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n * lever_mm)
+
+    def place_mm(self, fitted: float) -> float:
+        """Of a place along an axis."""
+        return math.hypot(self.place[0] * fitted, self.place[1])
+
+    def nominal_n(self, total_n: float) -> float:
+        """What is usual of a total."""
+        floor, share = self.nominal
+        return math.hypot(floor, math.hypot(share, self.response) * total_n)
+
+    def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
+        """Of the normal force on each bin."""
+        fitted = self._fitted_bins(field, patches)
+        told = patches.over_bins(field.forces_n[0])
+        near = cv2.boxFilter(told, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
+        return off
+
+    @staticmethod
+    def _fitted_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
+        """Of the normal force on each bin, of the fit alone."""
+        return field.deviations(patches.member[field.active]).reshape(patches.bins.rows, patches.bins.cols)
+
+    def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
+        """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
+        wrench = field.forces_n.reshape(-1) @ patches.levers.reshape(-1, 6)
+        each = field.root @ patches.levers[:, field.active].reshape(-1, 6).astype(field.root.dtype)
+        shear, normal, total = self.shear, self.normal, field.total_n
+        factors, shares = np.array([shear, shear, normal, normal, normal, shear]).T
+        right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9)).tolist()
+        reach = total * np.array([1.0, 1.0, 1.0, down, right, math.hypot(right, down)])
+        unseen = self.wide * field.wide * UNSEEN
+        covariance = (each.T @ each).astype(float) * np.outer(factors, factors)
+        covariance[_SIX, _SIX] += (np.square(shares) + self.response**2 + np.square(unseen)) * np.square(reach)
+        return wrench, covariance

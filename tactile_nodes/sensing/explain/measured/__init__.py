@@ -1,0 +1,1 @@
+"""The readout `response`: ball tips, by the response measured at every place."""

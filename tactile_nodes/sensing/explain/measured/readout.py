@@ -1,0 +1,279 @@
+"""A measured response as a readout: features to scores, scores to contacts, contacts to bins, and how sure that is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.explain.likeness import Likeness
+from tactile_nodes.sensing.explain.measured.blurs import Blurs
+from tactile_nodes.sensing.explain.measured.contact_shape import (
+    SHIFT_INFORMATION,
+    SURE_OF_WIDTH,
+    USUAL_MM2,
+    WIDE_MM2,
+    Shape,
+    shape_of,
+    with_usual_width,
+)
+from tactile_nodes.sensing.explain.measured.response import START_LEVELS, Fit, Response, at_an_end, ends, gained, locate
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.reading import (
+    BEYOND_UNLIKENESS,
+    UNKNOWN,
+    Contact,
+    Reading,
+    nothing_read,
+    spread_over_bins,
+)
+from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at
+from tactile_nodes.sensing.geometry import BinGrid
+
+NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
+"""Places along x and along y, and forces, at which the nominal error is asked for."""
+
+SURE_OF_DIRECTIONS = 1e-3
+"""Keeps directions that only missing regions could tell apart at zero."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One frame's scores along the principal directions, what they leave over, and the whole: root mean squares."""
+
+    scores: Float32[np.ndarray, ' components']
+    left_over: float
+    size: float
+
+
+def project(
+    directions: Float32[np.ndarray, 'components inputs'],
+    inputs: Float32[np.ndarray, ' inputs'],
+    missing: Bool[np.ndarray, ' inputs'],
+) -> Seen:
+    """Least squares scores of inputs along orthonormal directions, where some inputs are missing (and zero)."""
+    along = directions @ inputs
+    scores = along
+    if missing.any():
+        lost = directions[:, missing]
+        square = np.eye(len(directions), dtype=np.float32) * (1 + SURE_OF_DIRECTIONS) - lost @ lost.T
+        scores = np.linalg.solve(square, along)
+    count = max(len(inputs) - int(missing.sum()), 1)
+    whole = float(inputs @ inputs)
+    left = max(whole - float(scores @ along), 0.0)
+    return Seen(scores, math.sqrt(left / count), math.sqrt(whole / count))
+
+
+@dataclass(frozen=True)
+class ResponseReadout:
+    """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
+
+    `blurs` is what it knows of pictures less sharp than those of its training. Contacts that gain more than
+    `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin: that is unlike its training.
+    """
+
+    scaling: InputScaling
+    likeness: Likeness
+    whitening: Float32[np.ndarray, 'components components']
+    response: Response
+    bins: BinGrid
+    calibration: Calibration = field(default_factory=Calibration)
+    most_contacts: int = 1
+    blurs: Blurs | None = None
+    most_shift_gain: float = math.inf
+
+    kind = 'response'
+
+    @property
+    def parameter_count(self) -> int:
+        """Coefficients of the splines, principal directions, and the scaling of the components.
+
+        Those of sharp pictures: what blur changes is not counted.
+        """
+        numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
+        return sum(each.size for each in numbers)
+
+    @cached_property
+    def straight(self) -> ResponseReadout:
+        """The same that takes every press for one straight down."""
+        return self if self.most_shift_gain == math.inf else replace(self, most_shift_gain=math.inf)
+
+    def require_fit(self, features: int, bins: BinGrid) -> None:
+        if self.likeness.directions.shape[1] != features or bins != self.bins:
+            raise ModelError(
+                f'a response to {self.likeness.directions.shape[1]} features on {self.bins} does not fit {features} '
+                f'features and {bins}; train it again or use another model file'
+            )
+
+    def read(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Reading:
+        if (loops := compiled_loops()) is not None:
+            return self._read(loops, values, confidence)
+        return self.reading(self.seen(values, confidence))
+
+    def _read(self, loops: ModuleType, values: np.ndarray, confidence: np.ndarray) -> Reading:
+        """The same, compiled."""
+        contacts = np.empty((self.most_contacts, 5))
+        forces = np.empty((self.bins.rows, self.bins.cols), np.float32)
+        count, sigma_n, unlikeness = loops.read_response(
+            values.reshape(-1), confidence.reshape(-1), *self._for_loops, contacts, forces
+        )
+        if not count:
+            return nothing_read(self.bins)
+        return Reading(forces, tuple(Contact(*row) for row in contacts[:count].tolist()), sigma_n, unlikeness)
+
+    @cached_property
+    def _for_loops(self) -> tuple[object, ...]:
+        """What is read by, as loops want it: see `loops.response.read`."""
+        scaling, response, limits, told = self.scaling, self.response, self.likeness, self.calibration
+        single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
+        mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)
+        numbers = (
+            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
+            limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
+            self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
+            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION,
+        )  # fmt: skip
+        return (
+            (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
+            (np.array(told.place_factors, float), np.array(told.force_factors, float)), ends(told.least_gain),
+            np.ascontiguousarray(self.shifts), tuple(float(each) for each in numbers),
+        )  # fmt: skip
+
+    @cached_property
+    def mixing(self) -> Float[np.ndarray, 'components inputs']:
+        """Components of each input."""
+        mixed: np.ndarray = self.whitening.astype(float) @ self.likeness.directions
+        return mixed
+
+    @cached_property
+    def shifts(self) -> Float[np.ndarray, 'channels components']:
+        """Components of a shift of all regions: each channel of motion by one."""
+        gain = (self.scaling.trusted[..., None] * self.scaling.gain).astype(float)
+        count = gain.shape[-1]
+        each_channel = gain.reshape(-1, 1) * np.tile(np.eye(count), (gain.size // count, 1))
+        made: np.ndarray = each_channel.T @ self.mixing.T
+        return made
+
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> Seen:
+        """Features as scores along the principal directions; regions that cannot be followed now have no say.
+
+        Scores are NaN where fewer inputs are left than there are directions to tell apart.
+        """
+        inputs = self.scaling(values, confidence).reshape(-1)
+        missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
+        seen = project(self.likeness.directions, inputs, missing)
+        known = values.shape[-1] * int((self.scaling.trusted > 0).sum())
+        enough = known - int(missing.sum()) >= len(self.likeness.directions)
+        return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
+
+    def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
+        """As few contacts as explain the components, `most_contacts` at most."""
+        single = locate(self.response, components, self.response.start(components)[None], self.calibration.least_gain)
+        return self._with_more(components, single)
+
+    def _with_more(self, components: np.ndarray, fit: Fit) -> Fit:
+        while fit.misfit > self.calibration.misfit_limit**2 and len(fit.contacts) < self.most_contacts:
+            more = locate(self.response, components, self._one_more(components, fit.contacts))
+            if more.misfit > 0.5 * fit.misfit:
+                break
+            fit = more
+        return fit
+
+    def _one_more(self, components: np.ndarray, contacts: np.ndarray) -> Float[np.ndarray, 'contacts 3']:
+        made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
+        return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
+
+    def reading(self, seen: Seen) -> Reading:
+        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+        if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
+            return nothing_read(self.bins)
+        components = self.whitening @ seen.scores
+        fit, limits = self.fit(components), self.likeness
+        left_over = seen.left_over / (limits.floor + limits.share * seen.size)
+        unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
+        if self.gain(components, fit) < self.calibration.least_gain:
+            contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
+        else:
+            shape = shape_of(self.response, self.shifts, components, fit)
+            contacts = self.contacts(with_usual_width(self.response, fit, shape))
+            unlike = max(unlike, BEYOND_UNLIKENESS) if self._is_other(fit, shape) else unlike
+        sigma_n = math.hypot(*(each.sigma_n for each in contacts))
+        return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
+
+    def _is_other(self, fit: Fit, shape: Shape) -> bool:
+        """Whether a contact is wider than the tip of the training, drags the skin, or lies where training ends."""
+        return shape.shift_gain > self.most_shift_gain or bool(shape.wide.any()) or self.beyond(fit.contacts)
+
+    def beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
+        """Whether any contact lies at the end of what was trained, or near two ends at once."""
+        return bool((at_an_end(self.response, contacts) | self.response.near_ends(contacts)).any())
+
+    def with_usual_width(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
+        """A fit's contacts as they are told; see `contact_shape`."""
+        return with_usual_width(self.response, fit, shape_of(self.response, self.shifts, components, fit))
+
+    def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+        """See `gained`."""
+        return gained(self.response, components, fit)
+
+    def contacts(self, fit: Fit, more: Float[np.ndarray, 'contacts 3'] | None = None) -> tuple[Contact, ...]:
+        """The contacts of a fit with their uncertainties, strongest first.
+
+        `more` is the variance of each one's numbers beside that of pictures like those of the training.
+        """
+        beside = np.zeros((len(fit.contacts), 3)) if more is None else np.maximum(more, 0.0)
+        numbers = zip(fit.contacts.tolist(), fit.variances.tolist(), beside.tolist(), strict=True)
+        return tuple(sorted((self._contact(*each) for each in numbers), key=lambda contact: -contact.force_n))
+
+    def _contact(self, place: list[float], variance: list[float], more: list[float]) -> Contact:
+        (x, y, s), c = place, self.calibration
+        height = s / self.response.s.high
+        fitted_mm = math.sqrt((variance[0] + variance[1]) / 2)
+        fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
+        sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        sigma_mm = math.hypot(sigma_mm, math.sqrt((more[0] + more[1]) / 2))
+        sigma_n = math.hypot(sigma_n, self.response.force_slope(s) * math.sqrt(more[2]))
+        return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
+
+    def nominal_n(self, _total_n: float) -> float:
+        """Root mean square of the uncertainty that it states of presses all over what training bears from both sides.
+
+        That is less hard, and further in, than where the last intervals of the splines begin.
+        """
+        return self._nominal_n
+
+    @cached_property
+    def _nominal_n(self) -> float:
+        x, y, _ = self.response.axes
+        places = [_inner(each) for each in (x, y)]
+        hardest_n = self.response.force_n(self.response.hard)
+        forces = [hardest_n * (step + 1) / NOMINAL_FORCES for step in range(NOMINAL_FORCES)]
+        stated = [self.stated_n(*at) for at in itertools.product(*places, forces)]
+        return float(np.sqrt(np.mean(np.square(stated))))
+
+    def stated_n(self, x_mm: float, y_mm: float, force_n: float) -> float:
+        """The uncertainty that it states of the force of such a press in a picture like those of the training."""
+        at = [x_mm, y_mm, force_n**self.response.power]
+        slopes = np.asarray(value_and_slopes(self.response.axes, self.response.coefficients, at)[1:], np.float64)
+        information = (slopes * self.response.certainty(at[2])) @ slopes.T
+        return self.contacts(Fit(np.array([at]), information, 0.0))[0].sigma_n
+
+
+def _inner(axis: SplineAxis) -> list[float]:
+    """Places at even distances, from the end of the first interval of an axis to the beginning of the last one."""
+    step = (axis.high - axis.low) / axis.intervals
+    places: list[float] = np.linspace(axis.low + step, axis.high - step, NOMINAL_PLACES).tolist()
+    return places

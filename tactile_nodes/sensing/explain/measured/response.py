@@ -1,0 +1,226 @@
+"""A readout that knows how the gel responds: which place and force explain what the camera sees?
+
+The motion that a tip causes is a smooth function of where it presses (x, y) and how hard. In training that function is
+measured (cubic splines over x, y and s = F^p, of the features' principal components); a frame is answered by the
+contact whose motion comes closest, found by Gauss-Newton steps from the best entry of a coarse table. So position and
+force come out continuously, with their covariance, and what no contact explains is left over and told. Motions of
+several contacts add up (superposition), as they nearly do in a soft layer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from tactile_nodes.sensing.explain.splines import SplineAxis, cubes, value_and_slopes
+
+MOST_STEPS = 12
+LARGEST_STEP_MM = 1.5
+CONVERGED_MM = 2e-4
+"""Steps end where none along x, y or s (in its own unit) is longer."""
+WORTHWHILE_GAIN = 0.01
+"""Where all that was gained is no more than noise gains, steps also end when one gains less than this."""
+DAMPING = (1e-2, 1e-2, 1e-3)
+"""Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
+START_SPACING_MM = 1.5
+START_LEVELS = 6
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the gel does when pressed: components of the motion over x, y (mm) and s = F^power.
+
+    `coefficients` (nx, ny, ns, components) belong to cubic splines; the components are scaled such that each has a
+    noise of 1 while nothing touches. What the splines miss grows with s: the variance of a component is
+    1 + growth (s / high)².
+    """
+
+    x: SplineAxis
+    y: SplineAxis
+    s: SplineAxis
+    coefficients: Float32[np.ndarray, 'nx ny ns components']
+    growth: Float32[np.ndarray, ' components']
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.power < math.inf:
+            raise ValueError(f'the power is {self.power}, and not above 0')
+
+    @property
+    def axes(self) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
+        return self.x, self.y, self.s
+
+    @cached_property
+    def axes_array(self) -> Float[np.ndarray, '3 3']:
+        """Low, high and intervals of each axis."""
+        return np.array([[axis.low, axis.high, axis.intervals] for axis in self.axes], float)
+
+    @cached_property
+    def limits_array(self) -> Float[np.ndarray, '4 3']:
+        """Damping, largest step, lowest and highest value along each axis."""
+        largest = LARGEST_STEP_MM, LARGEST_STEP_MM, self.s.high / 4
+        return np.array([DAMPING, largest, (self.x.low, self.y.low, 0.0), [axis.high for axis in self.axes]])
+
+    @cached_property
+    def for_loops(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """For loops: axes, coefficients, growth and limits; contacts to begin with, as a table."""
+        coefficients, growth = (np.ascontiguousarray(each, np.float32) for each in (self.coefficients, self.growth))
+        # As whole numbers the table is half as much to read for each frame.
+        unit = np.maximum(np.abs(self.start_components).max(axis=0), 1e-30) / np.float32(np.iinfo(np.int16).max)
+        whole = np.ascontiguousarray(np.rint(self.start_components / unit).astype(np.int16).T)
+        return (self.axes_array, coefficients, growth, self.limits_array), (self.starts, whole, unit, self._start_norms)
+
+    @property
+    def hard(self) -> float:
+        """The s at which the last interval of the splines begins: borne from one side, they are off twice as far."""
+        return self.s.high - (self.s.high - self.s.low) / self.s.intervals
+
+    def near_ends(self, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
+        """Which contacts lie where the last interval along x or y has begun, and are as hard as `hard` less the share
+        of it that they have gone: those that are near an end twice over are off by several times as much."""
+        rim = sum(_last_interval(axis, contacts[:, number]) for number, axis in enumerate((self.x, self.y)))
+        which: np.ndarray = (rim > 0) & (contacts[:, 2] >= self.hard * (1 - rim))
+        return which
+
+    def force_n(self, s: float) -> float:
+        """The force that s stands for."""
+        return float(max(s, 0.0) ** (1 / self.power))
+
+    def force_slope(self, s: float) -> float:
+        """dF/ds."""
+        return float(max(s, 1e-9) ** (1 / self.power - 1) / self.power)
+
+    def certainty(self, s: float) -> Float[np.ndarray, ' components']:
+        """One over the variance of each component."""
+        weights: np.ndarray = 1 / (1 + self.growth * (s / self.s.high) ** 2)
+        return weights
+
+    @cached_property
+    def starts(self) -> Float[np.ndarray, 'starts 3']:
+        """Contacts to begin with: all over the surface, at several forces."""
+        x, y = (np.arange(axis.low, axis.high + 1e-9, START_SPACING_MM) for axis in (self.x, self.y))
+        s = np.linspace(0.1, 0.95, START_LEVELS) * self.s.high
+        return np.stack(np.meshgrid(x, y, s, indexing='ij'), axis=-1).reshape(-1, 3)
+
+    @cached_property
+    def start_components(self) -> Float32[np.ndarray, 'starts components']:
+        flat = self.coefficients.reshape(-1, self.coefficients.shape[-1])
+        return np.asarray(cubes(*self.axes, self.starts) @ flat, np.float32)
+
+    @cached_property
+    def _start_norms(self) -> Float32[np.ndarray, ' starts']:
+        return np.asarray((self.start_components**2).sum(axis=1), np.float32)
+
+    def start(self, components: Float32[np.ndarray, ' components']) -> Float[np.ndarray, ' 3']:
+        """The entry of the table that comes closest; of the lightest contacts any share, since motion begins linear."""
+        along, norms = self.start_components @ components, self._start_norms
+        away = norms - 2 * along
+        light = slice(0, None, START_LEVELS)  # forces change fastest in the table
+        lightest = np.maximum(norms[light], 1e-9)
+        share = np.minimum(np.maximum(along[light] / lightest, 0.0), 1.0)
+        away[light] = share * (share * lightest - 2 * along[light])
+        best = int(away.argmin())
+        x, y, s = self.starts[best].tolist()
+        return np.array([x, y, s if best % START_LEVELS else s * float(share[best // START_LEVELS]) ** self.power])
+
+
+def _last_interval(axis: SplineAxis, places: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+    """How much of the last interval of an axis, to either side, lies between its beginning and each place."""
+    step = (axis.high - axis.low) / axis.intervals
+    gone: np.ndarray = np.maximum(np.maximum(axis.low + step - places, places - (axis.high - step)) / step, 0.0)
+    return gone
+
+
+@cache
+def damping(contacts: int) -> Float[np.ndarray, 'n n']:
+    """What every step of so many contacts is granted."""
+    granted: np.ndarray = np.diag(np.tile(DAMPING, contacts))
+    return granted
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Contacts (x, y, s), the inverse of their covariance, and the mean squared misfit in units of its variance."""
+
+    contacts: Float[np.ndarray, 'contacts 3']
+    information: Float[np.ndarray, 'n n']
+    misfit: float
+
+    @property
+    def variances(self) -> Float[np.ndarray, 'contacts 3']:
+        """Of each contact's numbers, with the information that every step is granted."""
+        spread: np.ndarray = np.linalg.inv(self.information + damping(len(self.contacts))).diagonal()
+        return spread.reshape(-1, 3)
+
+
+def locate(
+    response: Response,
+    components: Float32[np.ndarray, ' components'],
+    begin: Float[np.ndarray, 'contacts 3'],
+    least_gain: float = 0.0,
+) -> Fit:
+    """Gauss-Newton from `begin` to the contacts that explain the components best.
+
+    Where nothing touches there is no place to be found, and steps would go to and fro to the last: they end early once
+    they hardly help, as long as the gain (see `gained`) is below `least_gain`.
+    """
+    _, largest, low, high = response.limits_array
+    granted = damping(len(begin))
+    here = begin.copy()
+    best: Fit | None = None
+    for _ in range(MOST_STEPS):
+        fit, slope = _compare(response, components, here)
+        before, best = best, fit if best is None or fit.misfit < best.misfit else best
+        if before is not None and _in_vain(response, components, before, best, least_gain):
+            break
+        step = np.linalg.solve(fit.information + granted, slope).reshape(-1, 3)
+        moved = np.minimum(np.maximum(here + np.minimum(np.maximum(step, -largest), largest), low), high)
+        if np.abs(moved - here).max() < CONVERGED_MM:
+            break
+        here = moved
+    assert best is not None
+    return best
+
+
+def at_an_end(response: Response, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
+    """Which contacts lie where the splines end: they may as well lie beyond, or be harder."""
+    _, _, low, high = response.limits_array
+    ends = (contacts >= high - CONVERGED_MM) | (contacts <= [low[0] + CONVERGED_MM, low[1] + CONVERGED_MM, -1.0])
+    which: np.ndarray = ends.any(axis=1)
+    return which
+
+
+def ends(least_gain: float) -> Float[np.ndarray, ' 4']:
+    """When steps end, as loops want it: see `loops.response._locate`."""
+    return np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
+
+
+def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit, least_gain: float) -> bool:
+    """Whether a step hardly helped, and nothing is found so far."""
+    hardly = before.misfit - best.misfit < 2 * WORTHWHILE_GAIN / len(components)
+    return hardly and gained(response, components, best) < least_gain
+
+
+def gained(response: Response, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
+    """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
+    certainty = response.certainty(float(fit.contacts[:, 2].max()))
+    nothing = float(components * components @ certainty)
+    return (nothing - fit.misfit * len(components)) / 2
+
+
+def _compare(
+    response: Response, components: np.ndarray, contacts: Float[np.ndarray, 'contacts 3']
+) -> tuple[Fit, Float[np.ndarray, ' n']]:
+    """How well contacts explain the components, and the way down."""
+    made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
+    left = components - sum(each[0] for each in made)
+    # In 64 bits, because in 32 the information of two contacts at one place may come out with a negative variance.
+    slopes = np.concatenate([each[1:] for each in made], dtype=np.float64)
+    certainty = response.certainty(float(contacts[:, 2].max()))
+    weighted = slopes * certainty
+    fit = Fit(contacts, weighted @ slopes.T, float(left * left @ certainty) / len(components))
+    return fit, weighted @ left

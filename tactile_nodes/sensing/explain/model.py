@@ -1,0 +1,218 @@
+"""Features in, force distribution out: a readout, and what it was made for.
+
+Its numbers live in a file (`tactile_nodes.model_file`), training in `tactile_nodes.learning`; this is arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float32
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.measured.altered import read_altered
+from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, nothing_read
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.geometry import BinGrid
+
+
+@dataclass(frozen=True)
+class FeatureLayout:
+    """The features that a model was trained on."""
+
+    encoding: str = 'polar_mean'
+    rows: int = 40
+    cols: int = 40
+    channels: int = 2
+
+    @property
+    def count(self) -> int:
+        """3200 for the paper's 40x40 regions of magnitude and angle."""
+        return self.rows * self.cols * self.channels
+
+    def __str__(self) -> str:
+        return f'{self.rows}x{self.cols} regions of {self.encoding} with {self.channels} channels'
+
+
+@dataclass(frozen=True)
+class ForceModel:
+    """A trained readout with everything that its numbers mean."""
+
+    layout: FeatureLayout
+    bins: BinGrid
+    readout: AnyReadout
+    contact_threshold_n: float = 0.05
+    model_id: str = field(default='unsaved')
+
+    def __post_init__(self) -> None:
+        try:
+            self.readout.require_fit(self.layout.count, self.bins)
+        except ModelError as error:
+            raise ModelError(f'model {self.model_id}: {error}') from error
+
+
+OK_TIMES = 2.0
+"""Times the nominal error up to which a force is ok."""
+
+
+@dataclass(frozen=True)
+class ForceMap:
+    """The normal force on the surface, positive into the gel.
+
+    `contacts` are in the surface frame, strongest first; `contact_mm` is the first one's place. `position_sigma_mm` is
+    that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` above 1 says that
+    the frame is unlike what the model learned from. All three are NaN for models that do not know.
+    `nominal_n` is the standard deviation of a total that is usual of the model, of such contacts.
+    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `left_over`
+    and `acting` are those of the reading.
+    """
+
+    normal_force_n: Float32[np.ndarray, 'rows cols']
+    total_n: float
+    peak_n: float
+    contact_mm: tuple[float, float]
+    confidence: float
+    contacts: tuple[Contact, ...] = ()
+    total_sigma_n: float = UNKNOWN
+    position_sigma_mm: float = UNKNOWN
+    unlikeness: float = UNKNOWN
+    left_over: Float32[np.ndarray, ' inputs'] | None = None
+    nominal_n: float = UNKNOWN
+    acting: Acting | None = None
+
+
+class ForceEstimator:
+    """Applies a model to features; bit for bit the same results for the same frames in the same order."""
+
+    def __init__(self, model: ForceModel) -> None:
+        self.model = model
+        self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
+        self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
+        self._at_rest: tuple[Features, ForceMap] | None = None
+        self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
+
+    def predict(
+        self,
+        features: Features,
+        *,
+        altered: bool = False,
+        blurred: bool = False,
+        finer: bool = False,
+        sharpness: float = 0.0,
+    ) -> ForceMap:
+        """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
+
+        `blurred`: and of another sharpness; `finer`: measured so, beside a rest image that may be less sharp than those
+        of the training. `sharpness` is that of the rest image, 0 where nobody told.
+
+        Raises:
+            ModelError: the features have another layout than those the model was trained on.
+        """
+        model = self.model
+        if (features.encoding, *features.values.shape) != self._layout:
+            raise ModelError(_other_layout(model, features))
+        readout, seen = model.readout, (features.values, features.confidence)
+        if altered and isinstance(readout, ResponseReadout):
+            measured = self._of_blurred(readout, sharpness) if blurred or finer else None
+            if measured is None:
+                reading = read_altered(readout.straight, *seen, blurred=blurred)
+            else:
+                reading = read_altered(measured, *seen, measured=True)
+        elif altered and isinstance(readout, NetworkReadout):
+            reading = readout.read_altered(*seen)
+        else:
+            reading = readout.read(*seen)
+        scaling = readout.scaling
+        textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
+        found = _force_map(reading, float(textured) / self._trusted)
+        return replace(found, nominal_n=self._nominal_n(found, altered=altered))
+
+    def _nominal_n(self, found: ForceMap, *, altered: bool) -> float:
+        """What is usual of the model, or what it states of such contacts in pictures like those of its training.
+
+        That is up to twice as much: of a press that it knows less well than that no error is usual. Where the picture
+        is altered presses seem a little harder than they are, and there is no such limit. Where no force could be read
+        nothing is stated of it.
+        """
+        readout = self.model.readout
+        usual_n = readout.nominal_n(found.total_n)
+        if not math.isfinite(found.total_n):
+            return usual_n
+        most_n = OK_TIMES * usual_n
+        if not (altered and isinstance(readout, ResponseReadout)):
+            stated_n = math.hypot(*(each.sigma_n for each in found.contacts))
+            return stated_n if usual_n < stated_n <= most_n else usual_n
+        stated_n = math.hypot(*(readout.stated_n(each.x_mm, each.y_mm, each.force_n) for each in found.contacts))
+        return min(max(stated_n, usual_n), most_n)
+
+    def knows_blur(self, sharpness: float) -> bool:
+        """Whether training measured how the gel responds in pictures of this sharpness, less than its own."""
+        readout = self.model.readout
+        return isinstance(readout, ResponseReadout) and self._of_blurred(readout, sharpness) is not None
+
+    def _of_blurred(self, readout: ResponseReadout, sharpness: float) -> ResponseReadout | None:
+        """What reads pictures of this sharpness, made once for each rest image; None where training did not measure."""
+        if readout.blurs is None:
+            return None
+        if sharpness != self._blurred[0]:
+            self._blurred = sharpness, readout.blurs.readout(readout, sharpness)
+        return self._blurred[1]
+
+    def at_rest(self, features: Features) -> ForceMap:
+        """No force, with the uncertainty that the model states for these features, which are those of no motion.
+
+        They are the same in frame after frame, so the model is asked once.
+
+        Raises:
+            ModelError: as above.
+        """
+        known = self._at_rest
+        if known is None or not np.array_equal(known[0].confidence, features.confidence):
+            found = self.predict(features, altered=True)  # as there is no force, none can be contradicted
+            none = np.zeros_like(found.normal_force_n)
+            resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
+            self._at_rest = known = features, replace(resting, acting=self._still(resting))
+        return known[1]
+
+    def _still(self, found: ForceMap) -> Acting | None:
+        """What acts while nothing touches, of a readout that knows."""
+        readout = self.model.readout
+        return readout.nothing() if isinstance(readout, FieldReadout) else found.acting
+
+
+def _force_map(reading: Reading, confidence: float) -> ForceMap:
+    strongest = reading.contacts[0]
+    forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # so few that lists take less time
+    total_n = sum(forces_n)
+    return ForceMap(
+        normal_force_n=reading.normal_force_n,
+        total_n=total_n,
+        peak_n=max(forces_n) if math.isfinite(total_n) else total_n,
+        contact_mm=(strongest.x_mm, strongest.y_mm),
+        confidence=confidence,
+        contacts=reading.contacts,
+        total_sigma_n=reading.total_sigma_n,
+        position_sigma_mm=strongest.sigma_mm,
+        unlikeness=reading.unlikeness,
+        left_over=reading.left_over,
+        acting=reading.acting,
+    )
+
+
+def unknown_forces(bins: BinGrid) -> ForceMap:
+    """What is said of a frame that could not be measured: nothing but NaN."""
+    return _force_map(nothing_read(bins), UNKNOWN)
+
+
+def _other_layout(model: ForceModel, features: Features) -> str:
+    found = FeatureLayout(features.encoding, *features.values.shape)
+    return (
+        f'model {model.model_id} was trained on {model.layout}, but the features are {found}; '
+        'configure the features as the model needs them or choose another model'
+    )

@@ -1,0 +1,1 @@
+"""How far the picture's content moved beside the rest image."""

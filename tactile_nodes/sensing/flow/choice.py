@@ -1,0 +1,38 @@
+"""The flow method of a name: ``make_flow('dis', {'preset': 'ultrafast', 'finest_scale': 1})``.
+
+Adding one takes a class with the two verbs of `FlowMethod` and a line in `FLOW_METHODS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
+from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, FlowMethod, checked_options
+
+
+def _make_dis(options: Mapping[str, object]) -> FlowMethod:
+    return DisFlow(DisOptions(**checked_options('dis', DisOptions, options)))  # type: ignore[arg-type]
+
+
+def _make_inverse_compositional(options: Mapping[str, object]) -> FlowMethod:
+    checked = checked_options(InverseCompositionalFlow.name, InverseCompositionalOptions, options)
+    return InverseCompositionalFlow(InverseCompositionalOptions(**checked))  # type: ignore[arg-type]
+
+
+FLOW_METHODS: dict[str, Callable[[Mapping[str, object]], FlowMethod]] = {
+    'dis': _make_dis,
+    'inverse_compositional': _make_inverse_compositional,
+}
+
+
+def make_flow(name: str, options: Mapping[str, object] | None = None) -> FlowMethod:
+    """The flow method of that name.
+
+    Raises:
+        ConfigurationError: no such method, or no such option of it.
+    """
+    if name not in FLOW_METHODS:
+        raise ConfigurationError(f'there is no flow method {name!r}; use one of: {", ".join(FLOW_METHODS)}')
+    return FLOW_METHODS[name](options or {})

@@ -1,0 +1,288 @@
+"""Flow against a rest image that never changes: all that can be computed from it is computed once.
+
+General methods build pyramids, gradients and normal matrices of both images for every frame. Here a frame costs the
+dot products of `flow.patches`, once for each patch and once more where it moved to another pixel. A
+pyramid did not pay: patches that are not found at once are found from where their neighbours went, and where that
+fails too, a dense search helps out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from types import ModuleType
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, Int, UInt8
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, DisplacementField, require_grey, require_like
+from tactile_nodes.sensing.flow.patches import (
+    LARGEST_ANSWER_PX,
+    LEAST_GAIN,
+    Match,
+    Moved,
+    PatchGrid,
+    Templates,
+    moved_image,
+    shrunk,
+)
+
+SMALLEST_PX = 16
+"""Side of the smallest image that is measured."""
+
+AGAIN_PX = 0.6
+"""A patch that turns out to lie further than this from where it was read is read again there."""
+
+LOST = 0.5
+"""A patch of which less than this share of the contrast is explained was not found."""
+
+ROUNDS = 2
+"""How many times lost patches are looked for where their neighbours went."""
+
+HOPELESS_SHARE = 0.2
+"""With more lost patches than this, neighbours are no help."""
+
+SEARCHES = ((DisOptions(preset='ultrafast', finest_scale=1), 1.0), (DisOptions(preset='medium', finest_scale=0), 5.0))
+"""Dense searches of the image at half size, a cheap one and a thorough one, which takes four times as long: each from
+how many times `search_share` of the patches on that are lost. Under a hard, wide contact some always are."""
+
+STRETCH_WORTH = 0.05
+"""How much more of a patch must be explained once stretching is undone: doing so costs sharpness."""
+
+OWN_WORTH = 0.05
+"""The confidence at which a patch's own measurement counts as much as its neighbours' mean."""
+
+LEAST_AROUND = 1e-3
+"""Added to the neighbours' confidence: where there is none, motion is 0."""
+
+_BLUR = cv2.getGaussianKernel(5, 1.0, cv2.CV_32F).reshape(-1)
+
+
+@dataclass(frozen=True)
+class InverseCompositionalOptions:
+    """Options of the flow by patches.
+
+    `rows` x `cols` patches, each `window` times as wide as their distance. `finest_scale` 0 measures at full size, 1 at
+    half, 2 at a quarter. A patch is read at most `iterations` times from one start. `texture_grey` is the root mean
+    square gradient, in grey levels per pixel, at which a patch counts half. When more than `search_share` of the
+    patches are lost, a dense search is made: 1 never does. `threads` is what OpenCV is told to use.
+    """
+
+    rows: int = 40
+    cols: int = 40
+    finest_scale: int = 0
+    window: float = 1.2
+    iterations: int = 3
+    texture_grey: float = 4.0
+    search_share: float = 0.01
+    threads: int = 1
+
+
+class InverseCompositionalFlow:
+    """Inverse compositional Lucas-Kanade by patches: the field has one displacement a patch, with its confidence."""
+
+    name = 'inverse_compositional'
+
+    def __init__(self, options: InverseCompositionalOptions | None = None) -> None:
+        self._options = options or InverseCompositionalOptions()
+        _require_possible(self._options)
+        self._reference: np.ndarray | None = None
+        self._templates: Templates
+
+    @property
+    def options(self) -> dict[str, object]:
+        return asdict(self._options)
+
+    def set_reference(self, image: np.ndarray) -> None:
+        require_grey(image)
+        options = self._options
+        height, width = (size >> options.finest_scale for size in image.shape)
+        if min(height, width) < SMALLEST_PX:
+            raise ImageError(
+                f'finest_scale {options.finest_scale} leaves {width}x{height} of {image.shape[1]}x{image.shape[0]} '
+                'pixels, too few to measure motion by; choose a smaller finest_scale'
+            )
+        side = round(options.window * max(height / options.rows, width / options.cols))
+        self._templates = Templates(
+            PatchGrid((height, width), options.rows, options.cols, max(3, side)), self._moving(image)
+        )
+        self._reference = image.copy()
+        texture = np.square(self._templates.texture_grey)
+        self._known = texture / (texture + np.float32(options.texture_grey**2))
+        self._for_loops = (
+            self._templates.grid.corner, self._templates.grid.window_px, self._templates.for_loops,
+            (LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST), options.iterations, self._known, _BLUR,
+            (OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale),
+        )  # fmt: skip
+
+    def allow_for_noise(self, noise: Float32[np.ndarray, 'h w']) -> None:
+        """Measure as beside a rest image without this noise, which counts as pattern that does not move."""
+        self._templates.allow_for_noise(self._moving(noise))
+        self._for_loops = (*self._for_loops[:2], self._templates.for_loops, *self._for_loops[3:])
+
+    def _moving(self, image: np.ndarray) -> Moved:
+        """A picture, at the resolution that is measured, moved right and down."""
+        full, scale = image.astype(np.float32), self._options.finest_scale
+
+        def moved(right_px: float, down_px: float) -> np.ndarray:
+            by = 2**scale
+            return shrunk(moved_image(full, right_px * by, down_px * by), scale)
+
+        return moved
+
+    @property
+    def answers(self) -> Float32[np.ndarray, 'rows cols 2 4']:
+        """What each patch finds (px) of slopes of motion; see `Templates`."""
+        rows, cols = self._options.rows, self._options.cols
+        answers: np.ndarray = self._templates.answers.reshape(rows, cols, 2, 4) * np.float32(
+            2**self._options.finest_scale
+        )
+        return answers
+
+    def answers_to(self, gains: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Float32[np.ndarray, 'found told']:
+        """What patches find of motion at rows x cols nodes, both row-major and x first; see `Templates`."""
+        found = self._templates.answers_to(shrunk(gains, self._options.finest_scale), rows, cols)
+        answers: np.ndarray = found.reshape(2 * len(found), -1)
+        return answers
+
+    def answers_even(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 2 2']:
+        """What patches find of even motion; see `Templates`."""
+        return self._templates.answers_even(shrunk(gains, self._options.finest_scale))
+
+    @property
+    def known(self) -> Float32[np.ndarray, 'rows cols']:
+        """How surely each patch is found by its texture, from 0 to 1."""
+        known: np.ndarray = self._known.reshape(self._options.rows, self._options.cols)
+        return known
+
+    def displacement(self, image: np.ndarray) -> DisplacementField:
+        reference = require_like(self._reference, image)
+        if (loops := compiled_loops()) is not None:
+            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
+            found, field, lost = self._displacement(loops, picture)
+            if not lost:
+                return field
+        if cv2.getNumThreads() != self._options.threads:
+            cv2.setNumThreads(self._options.threads)
+        if loops is None:
+            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
+            found = self._settled(picture)
+        if self._lost(found).size:
+            self._recover(found, picture, (reference, image))
+        motion, confidence = self._by_row(found)
+        return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
+
+    def _displacement(self, loops: ModuleType, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
+        """Patches found, motion as it is told, and how many patches are lost: compiled."""
+        rows, cols = self._options.rows, self._options.cols
+        motion, explained = np.empty((2, rows * cols), np.float32), np.empty(rows * cols, np.float32)
+        told, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
+        lost = loops.displacement(picture, *self._for_loops, motion, explained, told, confidence)
+        return Match(motion, explained), DisplacementField(told, confidence), lost
+
+    def _recover(
+        self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]
+    ) -> None:
+        """Look for lost patches where their neighbours went, and by dense searches of rest image and image."""
+        self._follow(found, picture)
+        for options, times in SEARCHES:
+            if self._lost(found).size <= times * self._options.search_share * len(found.explained):
+                return
+            self._search(found, picture, pair, options)
+
+    def _settled(self, picture: np.ndarray, start: np.ndarray | None = None, which: np.ndarray | None = None) -> Match:
+        """Patches (all, or those numbered) found from `start`, and read again where they turned out to lie."""
+        found = self._templates.find(picture, start, which)
+        read = np.zeros_like(found.motion_px) if start is None else np.rint(start)
+        for _ in range(self._options.iterations - 1):
+            far = np.flatnonzero(np.abs(found.motion_px - read).max(axis=0) > AGAIN_PX)
+            if not far.size:
+                break
+            read[:, far] = np.rint(found.motion_px[:, far])
+            nearer = self._templates.find(picture, read[:, far], far if which is None else which[far])
+            found.motion_px[:, far], found.explained[far] = nearer.motion_px, nearer.explained
+        return found
+
+    def _lost(self, found: Match) -> Int[np.ndarray, ' lost']:
+        """Numbers of the patches that have texture but were not found."""
+        return np.flatnonzero((found.explained < LOST) & (self._known > 0.5))
+
+    def _follow(self, found: Match, picture: np.ndarray) -> None:
+        """Look for lost patches where their neighbours went."""
+        for _ in range(ROUNDS):
+            lost = self._lost(found)
+            if not 0 < lost.size < HOPELESS_SHARE * len(found.explained):
+                return
+            start = filled(*self._by_row(found)).reshape(-1, 2).T[:, lost]
+            found.improve(self._settled(picture, start, lost), lost)
+
+    def _search(
+        self,
+        found: Match,
+        picture: np.ndarray,
+        pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']],
+        options: DisOptions,
+    ) -> None:
+        """Start all patches from a dense search of rest image and image as well; lost ones take at least its word.
+
+        Those that are stretched are measured in an image in which the motion found was undone.
+        """
+        dense = dense_search(*pair, options, self._options.threads)
+        grid, by = self._templates.grid, np.float32(0.5**self._options.finest_scale)
+        start = by * cv2.resize(dense, (grid.cols, grid.rows), interpolation=cv2.INTER_AREA).reshape(-1, 2).T
+        lost = self._lost(found)
+        found.motion_px[:, lost], found.explained[lost] = start[:, lost], 0
+        found.improve(self._settled(picture, start))
+        straight = shrunk(undone(pair[1], dense), self._options.finest_scale)
+        left = self._templates.find(straight)
+        found.improve(Match(start + left.motion_px, left.explained), least=STRETCH_WORTH)
+
+    def _by_row(self, found: Match) -> tuple[np.ndarray, np.ndarray]:
+        """Motion and confidence as (rows, cols, 2) and (rows, cols)."""
+        shape = self._templates.grid.rows, self._templates.grid.cols
+        confidence = self._known * np.square(np.clip(found.explained, 0, 1))
+        return found.motion_px.T.reshape(*shape, 2), confidence.reshape(shape)
+
+
+def _require_possible(options: InverseCompositionalOptions) -> None:
+    least = {'rows': 1, 'cols': 1, 'finest_scale': 0, 'iterations': 1, 'threads': 1, 'window': 0.5}
+    for name, value in least.items():
+        if getattr(options, name) < value:
+            raise ConfigurationError(
+                f"option {name!r} of 'inverse_compositional' must be at least {value}, got {getattr(options, name)}"
+            )
+
+
+def filled(
+    motion: Float32[np.ndarray, 'rows cols 2'], confidence: Float32[np.ndarray, 'rows cols']
+) -> Float32[np.ndarray, 'rows cols 2']:
+    """Motion in which patches of little confidence take after their neighbours; where nothing is known near it is 0."""
+    known = np.empty((*confidence.shape, 3), np.float32)
+    known[:, :, 2] = confidence
+    np.multiply(motion, known[:, :, 2:], out=known[:, :, :2])
+    around = cv2.sepFilter2D(known, -1, _BLUR, _BLUR, borderType=cv2.BORDER_REFLECT_101)
+    around[:, :, :2] *= np.float32(OWN_WORTH) / (around[:, :, 2:] + np.float32(LEAST_AROUND))
+    blend: np.ndarray = (known[:, :, :2] + around[:, :, :2]) / (known[:, :, 2:] + np.float32(OWN_WORTH))
+    return blend
+
+
+def dense_search(
+    reference: UInt8[np.ndarray, 'h w'], image: UInt8[np.ndarray, 'h w'], options: DisOptions, threads: int
+) -> Float32[np.ndarray, 'h w 2']:
+    """Displacement of each pixel by dense inverse search at half size."""
+    search = DisFlow(replace(options, threads=threads))
+    search.set_reference(shrunk(reference))
+    field = search.displacement(shrunk(image)).displacement_px
+    dense: np.ndarray = cv2.resize(2 * field, image.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return dense
+
+
+def undone(image: UInt8[np.ndarray, 'h w'], motion: Float32[np.ndarray, 'h w 2']) -> UInt8[np.ndarray, 'h w']:
+    """The image with its content moved back to where it was at rest."""
+    height, width = image.shape
+    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
+    across, down = motion[:, :, 0] + x, motion[:, :, 1] + y
+    straight: np.ndarray = cv2.remap(image, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
+    return straight

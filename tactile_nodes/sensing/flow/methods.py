@@ -1,0 +1,211 @@
+"""Rest image and image in, displacement of every pixel out; every method behind one protocol.
+
+A method is chosen by name and options: see `tactile_nodes.sensing.flow.choice`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Protocol, get_args, get_type_hints, runtime_checkable
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+
+
+@dataclass(frozen=True)
+class DisplacementField:
+    """Where the content of the rest image went: [..., 0] = x to the right, [..., 1] = y down, in pixels of the image.
+
+    A dense method gives one displacement a pixel; a method by patches one a patch, evenly over the image, so h x w are
+    then the rows and columns of its patches. `confidence` is between 0 (no information) and 1, or None where a method
+    does not say.
+    """
+
+    displacement_px: Float32[np.ndarray, 'h w 2']
+    confidence: Float32[np.ndarray, 'h w'] | None = None
+
+
+@runtime_checkable
+class FlowMethod(Protocol):
+    """Measures displacement against a rest image.
+
+    The result depends on the two images and the options alone, never on images seen before.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def options(self) -> dict[str, object]:
+        """All options with their values, as a model's card records them."""
+        ...
+
+    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Take `image` as the gel at rest.
+
+        Raises:
+            ImageError: not an 8 bit grey image, or too small.
+        """
+        ...
+
+    def displacement(self, image: UInt8[np.ndarray, 'h w']) -> DisplacementField:
+        """Displacement of `image` against the rest image.
+
+        Raises:
+            ImageError: another size or type than the rest image, or no rest image yet.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class DisOptions:
+    """Options of the dense inverse search; None leaves a value to the preset.
+
+    `threads` is the number that OpenCV is told to use, since the calls of a whole process share it.
+    """
+
+    preset: str = 'ultrafast'
+    finest_scale: int | None = 1
+    patch_size: int | None = None
+    patch_stride: int | None = None
+    gradient_descent_iterations: int | None = None
+    variational_refinement_iterations: int | None = None
+    threads: int = 1
+
+
+class DisFlow:
+    """Dense inverse search (Kroeger et al., ECCV 2016) as OpenCV implements it: the paper's method.
+
+    The paper names neither preset nor scale. OpenCV's presets `fast` and `ultrafast` stop at a quarter of the
+    resolution (finest scale 2), where they lose a quarter of the motion and more. So the default takes `ultrafast`
+    one scale further: `docs/method.md` has the comparison.
+    """
+
+    name = 'dis'
+
+    def __init__(self, options: DisOptions | None = None) -> None:
+        self._options = options or DisOptions()
+        self._reference: np.ndarray | None = None
+        self._search = _dis(self._options)
+
+    @property
+    def options(self) -> dict[str, object]:
+        return asdict(self._options)
+
+    def set_reference(self, image: np.ndarray) -> None:
+        require_grey(image)
+        self._reference = np.ascontiguousarray(image).copy()
+        self._levels = np.maximum(_block_levels(image), 1.0)
+
+    def displacement(self, image: np.ndarray) -> DisplacementField:
+        reference = require_like(self._reference, image)
+        if cv2.getNumThreads() != self._options.threads:
+            cv2.setNumThreads(self._options.threads)
+        flow = self._search.calc(reference, self._in_its_light(image), None)  # type: ignore[call-overload]
+        return DisplacementField(flow)
+
+    def _in_its_light(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The image as bright as the rest image, for the search takes brightness for motion; itself if it nearly is."""
+        shares = _block_levels(image) / self._levels
+        share = float(np.median(shares))
+        alike = np.abs(shares - share) < ALIKE_SHARE * share
+        if abs(share - 1) <= SAME_LIGHT or alike.mean() < ALIKE_SHARE:
+            return np.ascontiguousarray(image)
+        return cv2.convertScaleAbs(image, alpha=1 / share)
+
+
+SAME_LIGHT = 0.01
+"""Share of light by which a picture may differ before it is made as bright as the rest image; presses reach 0.002."""
+
+ALIKE_SHARE = 0.25
+"""A quarter of the blocks must be within a quarter of the middle one: of a picture half covered none is."""
+
+LIGHT_BLOCKS = (8, 8)
+"""Of so many blocks the middle one tells how much light there is: a hot spot or dirt in some of them is none."""
+
+
+def _block_levels(image: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, '8 8']:
+    """Mean grey level of each block, of every other pixel of every other row."""
+    sample = np.ascontiguousarray(image[::2, ::2], np.float32)  # of whole numbers the means would be whole numbers
+    levels: np.ndarray = cv2.resize(sample, LIGHT_BLOCKS, interpolation=cv2.INTER_AREA)
+    return levels
+
+
+def _dis(options: DisOptions) -> cv2.DISOpticalFlow:
+    presets = {
+        'ultrafast': cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST,
+        'fast': cv2.DISOPTICAL_FLOW_PRESET_FAST,
+        'medium': cv2.DISOPTICAL_FLOW_PRESET_MEDIUM,
+    }
+    if options.preset not in presets:
+        raise ConfigurationError(f"the flow method 'dis' has no preset {options.preset!r}; use {', '.join(presets)}")
+    search = cv2.DISOpticalFlow.create(presets[options.preset])
+    setters: dict[str, Callable[[int], None]] = {
+        'finest_scale': search.setFinestScale,
+        'patch_size': search.setPatchSize,
+        'patch_stride': search.setPatchStride,
+        'gradient_descent_iterations': search.setGradientDescentIterations,
+        'variational_refinement_iterations': search.setVariationalRefinementIterations,
+    }
+    for name, apply in setters.items():
+        if (value := getattr(options, name)) is not None:
+            apply(value)
+    return search
+
+
+SMALLEST_IMAGE = 32
+"""Side in pixels under which DIS has no patches left on its coarser scales."""
+
+
+def require_grey(image: np.ndarray) -> None:
+    if image.ndim != 2 or image.dtype != np.uint8:
+        raise ImageError(
+            f'optical flow needs 8 bit grey images, got {image.dtype} with shape {image.shape}; '
+            'convert with tactile_nodes.sensing.geometry.grey'
+        )
+    if min(image.shape) < SMALLEST_IMAGE:
+        raise ImageError(
+            f'optical flow needs images of at least {SMALLEST_IMAGE}x{SMALLEST_IMAGE} pixels, '
+            f'got {image.shape[1]}x{image.shape[0]}; use a larger crop'
+        )
+
+
+def require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
+    if reference is not None and image.shape == reference.shape and image.dtype == reference.dtype:
+        return reference
+    require_grey(image)
+    if reference is None:
+        raise ImageError('optical flow has no rest image to compare with; capture one with nothing touching the gel')
+    if image.shape != reference.shape:
+        raise ImageError(
+            f'the image has {image.shape[1]}x{image.shape[0]} pixels and the rest image '
+            f'{reference.shape[1]}x{reference.shape[0]}; capture the rest image again with the present camera settings'
+        )
+    return reference
+
+
+def checked_options(method: str, options_type: type, options: Mapping[str, object]) -> dict[str, object]:
+    """The options, if the method's dataclass has them all and none has another type than declared.
+
+    Raises:
+        ConfigurationError: an unknown option, or a value of the wrong type.
+    """
+    hints = get_type_hints(options_type)
+    for name, value in options.items():
+        if name not in hints:
+            raise ConfigurationError(f'{method!r} has no option {name!r}; it has: {", ".join(hints)}')
+        wanted = get_args(hints[name]) or (hints[name],)
+        if not any(_fits(value, each) for each in wanted):
+            names = ' or '.join(each.__name__ for each in wanted)
+            raise ConfigurationError(f'option {name!r} of {method!r} must be of type {names}, got {value!r}')
+    return dict(options)
+
+
+def _fits(value: object, wanted: type) -> bool:
+    if isinstance(value, bool):
+        return wanted is bool
+    return isinstance(value, (int, float)) if wanted is float else isinstance(value, wanted)

@@ -1,0 +1,1 @@
+"""Whether a force can be believed: freshness, steadiness, drift of the calibration."""

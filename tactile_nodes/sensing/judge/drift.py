@@ -1,0 +1,254 @@
+"""Whether a calibration still holds: what changed since it was made, judged without flapping, and what to do about it.
+
+Two questions with two answers. Did the picture move since the rest image was captured? Then motion is measured against
+a picture that is no more: capture it again. Did the rest image itself change since the calibration? Then the regions
+see other parts of the gel than those that were calibrated: calibrate again. `docs/drift.md` has the measurements that
+the limits follow from.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.judge.drift_alarm import Alarm, Level
+from tactile_nodes.sensing.judge.drift_verdict import Reason, Verdict
+from tactile_nodes.sensing.judge.force_check import (
+    ContactFrames,
+    ContactSplitter,
+    ForceComparison,
+    ForceRatio,
+    Scale,
+    UnlikeContacts,
+)
+from tactile_nodes.sensing.picture.change import PictureChange, PictureComparison
+from tactile_nodes.sensing.picture.dead_pixels import DeadPixels
+from tactile_nodes.sensing.picture.motion import PictureMotion, Straightening
+from tactile_nodes.sensing.picture.quality import FAINT_LIGHT, FAR_LIGHT
+from tactile_nodes.sensing.picture.rolling_bands import RollingBands
+
+STANDARD_GRAVITY = 9.80665
+MOVED_CLEARLY_PX = 0.15
+"""A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it only quiet ones count."""
+
+PLAIN_CONTRAST = 0.3
+"""A picture with less of its contrast is dim or covered; one with more that is not found again shows something else."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """From where on something is ageing and invalid; the force errors that they stand for are in docs/drift.md.
+
+    Motion in px (root mean square over the picture), contrast as a share of what it was (or one over it), regions as a
+    share, forces as |ln ratio|.
+    """
+
+    moved_px: tuple[float, float] = (0.02, 0.1)
+    since_calibration_px: tuple[float, float] = (0.5, 4.0)
+    dented_px: tuple[float, float] = (0.05, 0.2)
+    contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
+    lost: tuple[float, float] = (0.08, 0.2)
+    unlike: float = 0.5
+    force: tuple[float, float] = (0.05, 0.15)
+
+    @classmethod
+    def of_flow(cls, name: str, *, witnessed: bool = False) -> Limits:
+        """For a model that measures motion by a flow method.
+
+        Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches have light as an unknown,
+        and where a network is `witnessed` forces in another light are those of its witness, which light hardly moves.
+        """
+        return cls(contrast=(0.9, 0.75)) if name == 'dis' and not witnessed else cls()
+
+
+class DriftMonitor:
+    """Fed with pictures and forces, each with its stamp; asked for its verdict at any time.
+
+    A quiet picture is one in which nothing moved by itself; no force is needed to tell. Of a gel that is never let go
+    only gross changes are seen, and `quiet_ns` says when it last was.
+    """
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self.limits = limits = limits or Limits()
+        self._moved = Alarm(*limits.moved_px, plain=True)
+        self._calibrated = Alarm(*limits.since_calibration_px)
+        self._dented = Alarm(*limits.dented_px)
+        self._light = Alarm(*(-math.log(each) for each in limits.contrast), plain=True)
+        self._lost = Alarm(*limits.lost, plain=True)
+        self._other = Alarm(0.5, 0.5, plain=True)
+        self._other_since_calibration = Alarm(0.5, 0.5)
+        self._unlike = Alarm(limits.unlike)
+        self._force = Alarm(*limits.force)
+        self._rest: PictureComparison | None = None
+        self._calibration: PictureComparison | None = None
+        self._last_rest: np.ndarray | None = None
+        self._bands: RollingBands | None = None
+        self._dead = DeadPixels(looks=1)
+        self._since_rest: PictureChange | None = None
+        self._since_calibration: PictureChange | None = None
+        self._splitter, self._comparison = ContactSplitter(), ForceComparison()
+        self._unlike_contacts, self._scale = UnlikeContacts(), Scale()
+        self._ratio: ForceRatio | None = None
+        self._quiet_ns: int | None = None
+
+    def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None) -> None:
+        """Take the rest image of the calibration, and forget what another calibration read.
+
+        None: it has none, and the next rest image stands in for it.
+        """
+        for alarm in (self._calibrated, self._dented, self._other_since_calibration, self._unlike, self._force):
+            alarm.clear()
+        self._comparison.clear()
+        self._unlike_contacts.clear()
+        self._ratio = self._since_calibration = None
+        self._calibration = None if picture is None else PictureComparison(picture)
+        if self._last_rest is not None:
+            self._compare_rest(self._last_rest)
+
+    def rest(self, picture: UInt8[np.ndarray, 'h w']) -> None:
+        """Take a new rest image: what was measured against the one before is forgotten.
+
+        Raises:
+            ImageError: it cannot be compared with the calibration's.
+        """
+        for alarm in (self._moved, self._light, self._lost, self._other):
+            alarm.clear()
+        self._since_rest = self._quiet_ns = None
+        self._rest = None
+        self._rest = PictureComparison(picture)
+        self._last_rest = np.array(picture)
+        self._bands = RollingBands(self._last_rest)
+        self._dead.beside(self._last_rest)
+        self._compare_rest(picture)
+
+    def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
+        """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
+
+        Motion of the whole picture that is taken out of the forces is no fault of theirs: what is left of it counts.
+        Nor are bands that roll over it, and dead pixels, which are filled in.
+        """
+        if self._rest is None or self._last_rest is None:
+            return
+        picture = self._without_dead(picture, self._rest, straight=taken_out is None)
+        if taken_out is not None and picture.shape == self._last_rest.shape:
+            picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
+        if self._bands is not None and picture.shape == self._last_rest.shape:
+            picture = self._bands.without(picture)
+        self.change(stamp_ns, self._rest.of(picture))
+
+    def _without_dead(
+        self, picture: UInt8[np.ndarray, 'h w'], rest: PictureComparison, *, straight: bool
+    ) -> UInt8[np.ndarray, 'h w']:
+        """The picture with dead pixels filled in; more are looked for in one that is `straight`."""
+        mended = self._dead.mended(picture)
+        if not straight or self._last_rest is None or picture.shape != self._last_rest.shape:
+            return mended
+        return self._dead.mended(picture) if self._dead.look(mended, lambda each: rest.of(each).quiet) else mended
+
+    def change(self, stamp_ns: int, since_rest: PictureChange) -> None:
+        """Take how a picture differs from the rest image."""
+        self._since_rest = since_rest
+        quiet = since_rest.quiet
+        if quiet:
+            self._quiet_ns = stamp_ns
+        if quiet or since_rest.middle_px >= MOVED_CLEARLY_PX:
+            self._moved.feed(stamp_ns, since_rest.size_px)
+        self._light.feed(stamp_ns, _darker(since_rest.contrast))
+        self._lost.feed(stamp_ns, 1 - since_rest.found)
+        self._other.feed(stamp_ns, float(_shows_another(since_rest)))
+
+    def force(self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool = True) -> None:
+        """Take what the gel reads; frames that are not usable for another reason do not count beside other forces."""
+        self._scale.feed(stamp_ns, total_n, in_contact=in_contact and usable)
+        ended = self._splitter.feed(stamp_ns, total_n, unlikeness, in_contact=in_contact, usable=usable)
+        if ended is not None:
+            self._contact(ended)
+
+    def independent_force(self, stamp_ns: int, force_n: tuple[float, float, float]) -> None:
+        """Take what another sensor feels of the same contacts, in any axes, tared or not."""
+        self._comparison.independent(stamp_ns, force_n)
+
+    def weigh(self, weight_g: float) -> str:
+        """Compare the force of the last seconds with a known weight that rests on the gel; in words what came of it.
+
+        Raises:
+            ConfigurationError: nothing rests there steadily.
+        """
+        if (steady := self._scale.steady_n) is None:
+            raise ConfigurationError(
+                'nothing has rested on the gel steadily for the last second, or the frames were not in order; put the '
+                'weight down gently, wait two seconds and ask again'
+            )
+        (mean_n, spread_n), weight_n = steady, weight_g * 1e-3 * STANDARD_GRAVITY
+        self._take(ForceRatio(mean_n / weight_n, spread_n / mean_n, 1))
+        return f'the gel reads {mean_n:.3f} N of {weight_n:.3f} N; the calibration is {self.verdict.text}'
+
+    @property
+    def verdict(self) -> Verdict:
+        """What all of it comes to."""
+        levels = self._levels()
+        reasons = Reason(sum(reason for reason, level in levels.items() if level > Level.VALID))
+        known = self._rest is not None or bool(reasons)
+        level = max(levels.values()) if known else Level.UNKNOWN
+        return Verdict(
+            level=level,
+            reasons=reasons,
+            since_rest=self._since_rest,
+            since_calibration=self._since_calibration,
+            moved_px=self._moved.value,
+            lost=self._lost.value,
+            other_since_calibration=self._other_since_calibration.level > Level.VALID,
+            ratio=self._ratio,
+            unlike_share=self._unlike_contacts.share,
+            quiet_ns=self._quiet_ns,
+        )
+
+    def _levels(self) -> dict[Reason, Level]:
+        other = max(self._other.level, self._other_since_calibration.level)
+        explained = self._other.level > Level.VALID  # then nothing is found again, which is no second fault
+        return {
+            Reason.PICTURE_MOVED: self._moved.level,
+            Reason.MOVED_SINCE_CALIBRATION: self._calibrated.level,
+            Reason.LIGHT: self._light.level,
+            Reason.LOST_REGIONS: Level.VALID if explained else self._lost.level,
+            Reason.OTHER_GEL: other,
+            Reason.UNLIKE_CONTACTS: self._unlike.level,
+            Reason.FORCE_RATIO: self._force.level,
+            Reason.DENTED_REST: self._dented.level,
+        }
+
+    def _compare_rest(self, picture: np.ndarray) -> None:
+        if self._calibration is None:
+            self._calibration = PictureComparison(picture)
+        self._since_calibration = change = self._calibration.of(picture)
+        if change.same:
+            self._calibrated.set(change.size_px)
+            self._dented.set(change.dented_px)
+        else:
+            self._calibrated.clear()
+            self._dented.clear()
+        self._other_since_calibration.set(float(_shows_another(change)))
+
+    def _contact(self, contact: ContactFrames) -> None:
+        if self._moved.level > Level.VALID or self._other.level > Level.VALID:
+            return  # explains whatever it would show
+        self._unlike_contacts.contact(contact)
+        self._unlike.set(self._unlike_contacts.at_least)
+        if (ratio := self._comparison.contact(contact)) is not None:
+            self._take(ratio)
+
+    def _take(self, ratio: ForceRatio) -> None:
+        self._ratio = ratio
+        self._force.set(ratio.off)
+
+
+def _darker(contrast: float) -> float:
+    return abs(math.log(max(contrast, 1e-3)))
+
+
+def _shows_another(change: PictureChange) -> bool:
+    return not change.same and PLAIN_CONTRAST < change.contrast < 1 / PLAIN_CONTRAST

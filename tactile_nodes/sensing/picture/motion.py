@@ -1,0 +1,255 @@
+"""Motion of a whole picture, as when its camera is knocked: eight numbers, found from patches that mostly move alike.
+
+Shift, growth and turn about the middle are not enough. A camera that tilts moves the rim by another amount than the
+middle, and how depends on its lens: in a picture at focal length f (px) the point at r moves by
+
+    s + (s . r) r / f²                     if the lens keeps straight lines straight,
+    s - (r² s - (s . r) r) / (3 f²)        if it keeps angles (to the second order),
+
+and so does a camera that is pushed aside. So both kinds of bend, along x and y, have a number of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.flow.patches import windowed_sinc
+
+TERMS = 8
+ROUNDS = 5
+FAR_PX = 0.05
+"""Patches further than this from the common motion count for less than a quarter: those that a touch moves."""
+
+
+@dataclass(frozen=True)
+class PictureMotion:
+    """Where a picture's content went, as numbers in px at the distance of half the longer side from the middle.
+
+    In order: shift right, shift down, growth, turn (clockwise as seen); bend with angles kept, right and down; bend
+    with lines kept, right and down.
+    """
+
+    terms: tuple[float, ...] = (0.0,) * TERMS
+
+    @classmethod
+    def of(cls, terms: Float[np.ndarray, ' terms']) -> PictureMotion:
+        return cls(tuple(float(each) for each in terms))
+
+    def __add__(self, other: PictureMotion) -> PictureMotion:
+        return PictureMotion(tuple(a + b for a, b in zip(self.terms, other.terms, strict=True)))
+
+    def __sub__(self, other: PictureMotion) -> PictureMotion:
+        return self + other.scaled(-1.0)
+
+    def scaled(self, share: float) -> PictureMotion:
+        """A share of it."""
+        return PictureMotion(tuple(share * each for each in self.terms))
+
+    @property
+    def shift_px(self) -> tuple[float, float]:
+        """Of the middle of the picture, right and down."""
+        return self.terms[0], self.terms[1]
+
+    def turn_rad(self, shape: tuple[int, ...]) -> float:
+        """Clockwise as seen, of a picture of `shape`."""
+        return self.terms[3] / _half(shape)
+
+    def growth(self, shape: tuple[int, ...]) -> float:
+        """0.001: a thousandth larger."""
+        return self.terms[2] / _half(shape)
+
+    def field_px(self, shape: tuple[int, ...], rows: int, cols: int) -> Float32[np.ndarray, 'rows cols 2']:
+        """The motion at the middles of rows x cols patches of a picture of `shape`."""
+        right, down, growth, turn, kept_right, kept_down, straight_right, straight_down = self.terms
+        x, y = places(shape, rows, cols)
+        field = np.empty((rows, cols, 2), np.float32)
+        across = (straight_down - kept_down) * x * y[:, None]
+        field[:, :, 0] = (right - turn * y + kept_right * y * y)[:, None] + (growth * x + straight_right * x * x)
+        field[:, :, 0] += across
+        across = (straight_right - kept_right) * x * y[:, None]
+        field[:, :, 1] = (down + growth * y + straight_down * y * y)[:, None] + (turn * x + kept_down * x * x)
+        field[:, :, 1] += across
+        return field
+
+
+LANCZOS = 4
+"""Pixels to either side that `Straightening` takes into account."""
+
+PARTS = 32
+"""So many parts of a pixel are told apart."""
+
+_WAVES = np.linspace(0, 0.9 * np.pi, 128)
+_SEEN = np.cos(_WAVES / 2) ** 2
+"""Waves, in rad/px, and how much each counts: pictures of markers hold the less of them the shorter they are."""
+
+
+def _passed() -> Float[np.ndarray, 'parts waves']:
+    """The share of waves that Lanczos' kernel lets through, by the part of a pixel from one to the next.
+
+    A kernel w that looks f further on passes waves of k rad/px with the real part of sum w_n exp(i k (n - f)).
+    """
+    away = np.arange(-LANCZOS, LANCZOS + 1) - (np.arange(PARTS) / PARTS - 0.5)[:, None]
+    weights = np.where(np.abs(away) < LANCZOS, np.sinc(away) * np.sinc(away / LANCZOS), 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    passed: np.ndarray = (weights[:, :, None] * np.cos(away[:, :, None] * _WAVES)).sum(axis=1)
+    return passed
+
+
+_PASSED = _passed()
+_SIDES = np.linalg.pinv(_SEEN[:, None] * (2 * np.cos(_WAVES[:, None] * np.arange(1, LANCZOS + 1)) - 2))
+"""Least squares of a filter's weights beside the middle one, all of which add up to one."""
+
+
+def sharpening(moved_px: Float32[np.ndarray, ' pixels']) -> Float32[np.ndarray, ' taps']:
+    """Nine weights that undo what Lanczos' kernel takes away on average where pixels are moved by so much."""
+    parts = np.rint((moved_px + 0.5) * PARTS).astype(int) % PARTS
+    passed = np.bincount(parts, minlength=PARTS) @ _PASSED / len(parts)
+    side = _SIDES @ (_SEEN * (1 / passed - 1))
+    taps: np.ndarray = np.concatenate([side[::-1], [1 - 2 * side.sum()], side]).astype(np.float32)
+    return taps
+
+
+class Straightening:
+    """Undoes a motion of the whole picture, image after image."""
+
+    def __init__(self, motion: PictureMotion, shape: tuple[int, ...]) -> None:
+        self.motion = motion
+        field = motion.field_px(shape, *shape)
+        self._sharp = sharpening(field[::8, ::8, 0].ravel()), sharpening(field[::8, ::8, 1].ravel())
+        field[:, :, 0] += np.arange(shape[1], dtype=np.float32)
+        field[:, :, 1] += np.arange(shape[0], dtype=np.float32)[:, None]
+        self._maps = cv2.convertMaps(field, None, cv2.CV_16SC2)  # type: ignore[call-overload]
+
+    def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """The image with its content where it was; what the camera no longer sees is taken from `beyond`.
+
+        By Lanczos' kernel of 8x8 pixels: bicubic interpolation takes a third of the time and blurs, which models at
+        full size read as less force. What this kernel blurs on average over the picture the image is sharpened by,
+        before.
+        """
+        whole, part = self._maps
+        sharp = cv2.sepFilter2D(image, -1, *self._sharp, borderType=cv2.BORDER_REPLICATE)
+        straight: np.ndarray = cv2.remap(
+            sharp, whole, part, cv2.INTER_LANCZOS4, dst=beyond.copy(), borderMode=cv2.BORDER_TRANSPARENT
+        )
+        return straight
+
+
+class Shift:
+    """Undoes a shift: whole pixels by copying, the rest by a sinc under a Kaiser window along rows and columns.
+
+    Copying blurs nothing and costs next to nothing; the kernel takes a fraction of what `Straightening` takes.
+    """
+
+    def __init__(self, right_px: float, down_px: float) -> None:
+        self.motion = PictureMotion((right_px, down_px, *((0.0,) * (TERMS - 2))))
+        whole_right, whole_down = round(right_px), round(down_px)
+        self._to = tuple(slice(max(-by, 0), -by if by > 0 else None) for by in (whole_down, whole_right))
+        self._from = tuple(slice(max(by, 0), by if by < 0 else None) for by in (whole_down, whole_right))
+        self._kernels = _sinc(right_px - whole_right), _sinc(down_px - whole_down)
+
+    def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
+        """As `Straightening`."""
+        straight: np.ndarray = beyond.copy()
+        along_x, along_y = self._kernels
+        if along_x.size + along_y.size > 2:
+            image = cv2.sepFilter2D(image, -1, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
+        straight[self._to] = image[self._from]
+        return straight
+
+
+KAISER_BETA = 4.0
+"""Of the window over a shift's kernel, sharper than the one for moving templates: what is blurred is read short."""
+
+
+def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
+    """What to weigh pixels to either side with to see the image `part` of a pixel further on; one if it is none."""
+    if abs(part) < 1e-9:
+        return np.ones(1, np.float32)
+    taps: np.ndarray = windowed_sinc(-part, KAISER_BETA).astype(np.float32)
+    return taps
+
+
+class MotionFit:
+    """Finds the common motion of rows x cols patches over a picture of `shape`."""
+
+    def __init__(self, shape: tuple[int, ...], rows: int, cols: int) -> None:
+        x, y = (each.reshape(-1) for each in np.meshgrid(*places(shape, rows, cols)))
+        zero, one = np.zeros_like(x), np.ones_like(x)
+        self._along_x = np.stack([one, zero, x, -y, y * y, -x * y, x * x, x * y], axis=-1)
+        self._along_y = np.stack([zero, one, y, x, -x * y, x * x, x * y, y * y], axis=-1)
+        self._along = np.stack([self._along_x, self._along_y], axis=1).reshape(-1, TERMS)
+        squares = [np.einsum('ni,nj->nij', each, each) for each in (self._along_x, self._along_y)]
+        self._products = sum(squares).reshape(rows * cols, -1)
+        self._mean_product = self._products.mean(axis=0).reshape(TERMS, TERMS)
+
+    def carried(self, terms: Float[np.ndarray, ' terms']) -> Float[np.ndarray, 'patches 2']:
+        """How each patch moves with the picture (px)."""
+        carried: np.ndarray = (self._along @ terms).reshape(-1, 2)
+        return carried
+
+    def size_px(self, terms: Float[np.ndarray, ' terms']) -> float:
+        """Root mean square over the patches."""
+        return math.sqrt(float(terms @ (self._mean_product @ terms)))
+
+    def common(
+        self,
+        motion: Float[np.ndarray, 'patches 2'],
+        weight: Float[np.ndarray, ' patches'],
+        *,
+        rounds: int = ROUNDS,
+        about_none: bool = False,
+    ) -> Float[np.ndarray, ' terms']:
+        """The terms of the motion that most patches follow; those that do not count for little.
+
+        Least squares, weighted anew a few times by `weight` / (1 + (r / 0.05 px)²)², about the median motion at first,
+        or about none.
+        """
+        terms, scale = np.zeros(TERMS), FAR_PX**2
+        if not about_none:
+            terms[:2] = np.median(motion[weight > 0], axis=0)
+            scale = max(scale, float(np.median(self._away(motion, terms)[weight > 0])))
+        if (loops := compiled_loops()) is not None:
+            loops.common(motion, weight, self._along_x, self._along_y, rounds, FAR_PX**2, scale, terms)
+            return terms
+        away = np.square(motion).sum(axis=1) if about_none else self._away(motion, terms)
+        for number in range(rounds):
+            terms = self._weighted(motion, weight / np.square(1 + away / scale))
+            if number < rounds - 1:
+                away = self._away(motion, terms)
+                scale = max(FAR_PX**2, scale / 4)
+        return terms
+
+    def _away(self, motion: Float[np.ndarray, 'patches 2'], terms: Float[np.ndarray, ' terms']) -> np.ndarray:
+        """Squared distance of each patch from where the terms carry it."""
+        away: np.ndarray = np.square(motion[:, 0] - self._along_x @ terms)
+        away += np.square(motion[:, 1] - self._along_y @ terms)
+        return away
+
+    def _weighted(
+        self, motion: Float[np.ndarray, 'patches 2'], weight: Float[np.ndarray, ' patches']
+    ) -> Float[np.ndarray, ' terms']:
+        normal = (weight @ self._products).reshape(TERMS, TERMS)
+        normal.flat[:: TERMS + 1] += 1e-6 * normal[0, 0] + 1e-30  # where the patches left do not say all
+        seen = (weight * motion[:, 0]) @ self._along_x + (weight * motion[:, 1]) @ self._along_y
+        terms: np.ndarray = np.linalg.solve(normal, seen)
+        return terms
+
+
+def places(shape: tuple[int, ...], rows: int, cols: int) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the columns and of the rows, from the middle of the picture, half the longer side being 1."""
+    height, width = shape
+    half = _half(shape)
+    right = ((np.arange(cols) + 0.5) * width / cols - width / 2) / half
+    down = ((np.arange(rows) + 0.5) * height / rows - height / 2) / half
+    return right, down
+
+
+def _half(shape: tuple[int, ...]) -> float:
+    return max(shape) / 2

@@ -1,0 +1,277 @@
+"""Does anything touch the gel at all? A look at one frame that costs a fraction of measuring its motion.
+
+The image at half size is cut into blocks, and what differs from the rest image is split, in each, into four parts that
+are known beforehand (brightness, contrast, and motion along x and y: the first step of inverse compositional
+Lucas-Kanade) and what is left over. Of noise alone each part is as large as one pixel's noise, which what is left over
+tells. A touch moves markers away from it or towards it, all around: so motion is asked how much of it points away from
+each of many places, and how much is alike in blocks side by side, as when a camera is knocked. A frame is still when
+neither is more than noise makes, and when nothing else has changed: neither light, nor sharpness, nor a part of the
+picture. The answer follows from the two images and the options alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.flow.methods import require_grey, require_like
+from tactile_nodes.sensing.flow.patches import SLOPE_STEP_PX, moved_image, rounded, shrunk
+from tactile_nodes.sensing.picture.touch_places import TouchPlaces
+
+LARGEST_LIGHT_SHARE = 0.03
+"""Blocks whose brightness or contrast changed by more than this show another light."""
+
+LARGEST_UNEVENNESS = 2.0
+"""Left over in one block, at most so many times the variance left over in the middle one."""
+
+TOUCH_UNEVENNESS = 1.3, 64.0
+"""A touch that moves by m times what noise makes leaves an unevenness of 1.3 + (m / 64)²: 4 of 74 mN, 95 of 0.4 N."""
+
+UNEXPLAINED = 4.0
+"""Times what a touch leaves from which a part of the picture is another: dirt leaves 500, a hot spot 13 to 2500."""
+
+PLAIN_UNEVENNESS = 2.4
+"""The same of all that changed, motion and light included: what is beyond needs no closer look."""
+
+SPREAD_BLOCKS = 1.0
+"""Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
+
+FREEDOM = 1.15
+"""Noise makes motion in any direction larger by this than motion away from a place: it has two numbers to vary in."""
+
+SMALLEST_BLOCK_PX = 6
+"""Side of a block at half size under which four parts leave too little over to tell the noise by."""
+
+
+@dataclass(frozen=True)
+class StillnessOptions:
+    """When a frame counts as still.
+
+    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 3.8 in one frame
+    of five). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
+    frame is called still at all. Of the frames that are still, one in `full_every` is measured all the same, so that
+    whatever watches motion for slow changes goes on seeing some; 1 measures all. `blocks` x `blocks` cover the image.
+    """
+
+    limit: float = 3.8
+    most_noise_grey: float = 3.0
+    full_every: int = 32
+    blocks: int = 10
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """How still one frame is: motion in units of what noise makes of it, and what else changed.
+
+    `noise_grey` is that of a pixel of the image, `light_share` the largest change of light of any block, and
+    `unevenness` the most left over in any block, over what is left in the middle one (variances).
+    """
+
+    motion: float
+    noise_grey: float
+    light_share: float
+    unevenness: float
+
+    def within(self, options: StillnessOptions) -> bool:
+        """Whether nothing touches and nothing has changed; never for numbers that are none."""
+        return (
+            self.motion <= options.limit
+            and self.noise_grey <= options.most_noise_grey
+            and self.light_share <= LARGEST_LIGHT_SHARE
+            and self.unevenness <= LARGEST_UNEVENNESS
+        )
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether a part of the picture changed as no touch changes it."""
+        least, scale = TOUCH_UNEVENNESS
+        return not self.unevenness <= UNEXPLAINED * (least + (self.motion / scale) ** 2)
+
+
+STEADY_MOTION, STEADY_LIGHT_SHARE = 8.0, 0.08
+"""Motion, in units of what noise makes of it, and light from one frame to another of a rest image: 5 mN make 8.5; noise
+of single frames 4.7, and changes the light of the darkest block by 0.04."""
+
+
+def steady(seen: Stillness) -> bool:
+    """Whether one frame beside another shows the same, as frames must that go into one rest image."""
+    return seen.motion <= STEADY_MOTION and seen.light_share <= STEADY_LIGHT_SHARE
+
+
+class StillnessCheck:
+    """Compares images with one rest image, about which all is computed beforehand."""
+
+    def __init__(self, options: StillnessOptions | None = None) -> None:
+        self.options = options or StillnessOptions()
+        _require_possible(self.options)
+        self._reference: np.ndarray | None = None
+        self._able = False
+        self._parts: np.ndarray
+        self._rest: np.ndarray
+        self._light: np.ndarray
+        self._whole: tuple[np.ndarray, np.ndarray]
+        self._places: TouchPlaces
+        self._average = _averaging(self.options.blocks)
+
+    def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        """Take `image` as the gel at rest. Of images that are too small for the blocks none is called still.
+
+        Raises:
+            ImageError: not an 8 bit grey image, or too small for any motion.
+        """
+        require_grey(image)
+        self._reference = image.copy()
+        self._able = min(image.shape) // 2 // self.options.blocks >= SMALLEST_BLOCK_PX
+        if not self._able:
+            return
+        model = self._model(image.astype(np.float32))
+        basis, triangle = np.linalg.qr(model)
+        size = np.einsum('bkk->bk', triangle)
+        # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
+        basis *= np.where(size < 0, -1.0, 1.0)[:, None]
+        self._places = TouchPlaces(self.options.blocks, np.abs(size[:, 2:]))
+        self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
+        self._whole = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
+        self._rest = shrunk(image)
+        self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
+
+    def __call__(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether a frame is still and need not be measured.
+
+        Raises:
+            ImageError: another size or type than the rest image, or no rest image yet.
+        """
+        return self.judged(image)[0]
+
+    def judged(self, image: UInt8[np.ndarray, 'h w']) -> tuple[bool, Stillness | None]:
+        """The same, and how still the frame is; None where that did not need a closer look.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self._reference, image)
+        if not self._able:
+            return False, None
+        small = shrunk(image)
+        seen = self._seen(small, closely=False)
+        if seen is None or not seen.within(self.options):
+            return False, seen
+        # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
+        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0, seen
+
+    @property
+    def able(self) -> bool:
+        """Whether the rest image is large enough for the blocks."""
+        return self._able
+
+    def look(self, image: UInt8[np.ndarray, 'h w']) -> Stillness:
+        """How still a frame is; the rest image must not be too small.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self._reference, image)
+        assert self._able
+        seen = self._seen(shrunk(image), closely=True)
+        assert seen is not None
+        return seen
+
+    def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether something presses that did not in the image given, from which motion goes away more than towards.
+
+        Motion of the camera, which is alike in blocks side by side, is no touch, nor is one that has ended.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self._reference, image)
+        if not self._able:
+            return False
+        change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))
+        part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
+        left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
+        noise = math.sqrt(_middle((left / (change.shape[1] - part.shape[1])).astype(np.float32)))
+        motion = part[:, 2:].astype(np.float32)
+        away = self._places.away(motion)
+        return float(away.max()) > max(STEADY_MOTION * noise, float(-away.min()), self._alike(motion))
+
+    def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
+        """How still a frame is; None where blocks changed by so much, as under most presses, that no look need tell.
+
+        No split into parts could make those even. `closely`: look all the same.
+        """
+        plain = (math.inf, 0.0) if closely else (PLAIN_UNEVENNESS, LARGEST_LIGHT_SHARE**2)
+        if (loops := compiled_loops()) is not None:
+            motion = np.empty((len(self._light), 2), np.float32)
+            worth, *numbers = loops.looked(small, self._rest, self._whole, self._light, plain, motion)
+            return self._told(motion, *numbers) if worth else None
+        change = self._blocks(cv2.subtract(small, self._rest, dtype=cv2.CV_32F))
+        energy = np.einsum('bn,bn->b', change, change)
+        if (energy > plain[0] * _middle(energy) + plain[1] * self._light).any():
+            return None
+        part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
+        squared = np.square(part)
+        left = np.maximum(energy - squared.sum(axis=1), 1e-6)
+        left /= change.shape[1] - part.shape[1]
+        share = float((squared[:, :2].sum(axis=1) / self._light).max())
+        return self._told(part[:, 2:], middle := _middle(left), share, float(left.max()) / middle)
+
+    def _told(
+        self, motion: Float32[np.ndarray, 'blocks 2'], variance: float, light: float, unevenness: float
+    ) -> Stillness:
+        """In units of what noise makes of it; a pixel at half size is the mean of four."""
+        noise = math.sqrt(variance)
+        return Stillness(self._largest(motion) / noise, 2 * noise, math.sqrt(light), unevenness)
+
+    def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+        """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
+        return max(self._places.most(motion), self._alike(motion))
+
+    def _alike(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+        """The largest motion that is alike in neighbours, on the same scale."""
+        return math.sqrt(np.square(self._average @ motion).sum(axis=1).max()) / FREEDOM
+
+    def _model(self, full: Float32[np.ndarray, 'h w']) -> np.ndarray:
+        """Brightness, contrast and motion along x and y: (blocks, pixels, 4), the third and fourth per pixel moved."""
+
+        def moved(right_px: float, down_px: float) -> np.ndarray:
+            return shrunk(moved_image(full, 2 * right_px, 2 * down_px)).astype(np.float64)
+
+        step = SLOPE_STEP_PX
+        still = moved(0.0, 0.0)
+        along_x = (moved(step, 0.0) - moved(-step, 0.0)) / (2 * step)
+        along_y = (moved(0.0, step) - moved(0.0, -step)) / (2 * step)
+        return np.stack([self._blocks(each) for each in (np.ones_like(still), still, along_x, along_y)], axis=-1)
+
+    def _blocks(self, small: np.ndarray) -> np.ndarray:
+        """The pixels of each block; what is left at the right and lower rim, fewer than blocks, belongs to none."""
+        count = self.options.blocks
+        height, width = (side // count for side in small.shape)
+        cut = small[: height * count, : width * count].reshape(count, height, count, width)
+        blocks: np.ndarray = cut.swapaxes(1, 2).reshape(count * count, height * width)
+        return blocks
+
+
+def _middle(values: Float32[np.ndarray, ' blocks']) -> float:
+    return float(np.partition(values, len(values) // 2)[len(values) // 2])
+
+
+def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
+    """Averages over neighbours, scaled such that independent noise of 1 gives 1."""
+    apart = np.arange(count) - np.arange(count)[:, None]
+    along = np.exp(-0.5 * np.square(apart / SPREAD_BLOCKS))
+    along /= np.sqrt(np.square(along).sum(axis=1, keepdims=True))
+    return np.kron(along, along).astype(np.float32)
+
+
+def _require_possible(options: StillnessOptions) -> None:
+    if options.blocks < 1 or options.full_every < 1 or not options.limit > 0 or not options.most_noise_grey > 0:
+        raise ConfigurationError(
+            f'a look for touches needs at least one block, full_every of at least 1, and limits above 0, got {options}'
+        )

@@ -1,0 +1,1 @@
+"""The rest image: captured, prepared, and taken anew."""

@@ -1,0 +1,143 @@
+"""When a rest image is taken anew by itself: while nothing touches, once the picture is no longer that of the old one.
+
+Light that changed, a lens out of focus, markers that are gone and pixels that fall elsewhere since a knock alter how
+far motion is read; a rest image that shows the same mends that. A touch is never taken for rest: motion tells, and slow
+touches are told by an unbroken chain from a frame that was surely at rest. `docs/stability.md` says what it mends.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from tactile_nodes.sensing.rest.reference import RestAccumulator
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class RenewalOptions:
+    """`frames` over at least `least_s` seconds are averaged.
+
+    After a change of the picture that is no touch a rest image is renewed at once, but `apart_s` after the one before,
+    and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
+    for `after_s`. The noise of few frames makes motion seem less, in a picture that lost contrast by a hundredth, so a
+    renewed rest image is taken once more, of the first `refined` frames that are surely at rest beside it, touches
+    between them or not, and again of more of them. Until then motion is measured with that noise allowed for.
+    """
+
+    frames: int = 4
+    refined: tuple[int, ...] = (8, 16)
+    least_s: float = 0.15
+    apart_s: float = 2.0
+    after_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class Rested:
+    """What is known of one frame: `surely` (strictly) at rest, or at rest as far as a coarse look tells (`maybe`).
+
+    `like`: it is the picture of the rest image in all respects. `changed`: it is another picture, in a way that no
+    touch makes it.
+    """
+
+    surely: bool
+    maybe: bool
+    like: bool
+    changed: bool
+
+
+class Renewal:
+    """Collects frames at rest, and gives their mean when a new rest image is due.
+
+    `noise` is what the last one has more of than one of the most frames that are averaged, pixel by pixel; None where
+    it has no more.
+    """
+
+    def __init__(self, options: RenewalOptions | None = None) -> None:
+        self._options = options or RenewalOptions()
+        self._calm = False
+        self._taken_ns = 0
+        self._renewed_ns: int | None = None
+        self._apart_s = 0.0
+        self._straightening: object = None
+        self._begin()
+        self.noise: Float32[np.ndarray, 'h w'] | None = None
+        self._offered, self._refining, self._again = 0, False, False
+        self._finer = RestAccumulator()
+
+    def taken(self, stamp_ns: int, *, renewed: bool) -> None:
+        """Take that a rest image came into use, whose frames were at rest."""
+        finer = renewed and self._again
+        if not finer:
+            self._apart_s = self._next_apart_s(stamp_ns) if renewed else 0.0
+            self._renewed_ns = stamp_ns if renewed else None
+        self._taken_ns, self._calm = stamp_ns, True
+        self._refining = renewed and 0 < self._offered < self._options.refined[-1]
+        if not finer:
+            self._finer = RestAccumulator()
+        self._offered, self._again = 0, False
+        self._begin()
+
+    def offer(
+        self, straight: UInt8[np.ndarray, 'h w'], stamp_ns: int, rested: Rested, straightening: object = None
+    ) -> UInt8[np.ndarray, 'h w'] | None:
+        """Take a frame; the mean of some when it is time for them to be the rest image.
+
+        `straightening` is what straightened it: frames that were straightened by different ones are not averaged.
+        """
+        self._calm = rested.surely or (self._calm and rested.maybe)
+        if straightening is not self._straightening:
+            self._begin()
+            self._straightening, self._finer = straightening, RestAccumulator()
+        if rested.like or not self._fits(stamp_ns, rested):
+            self._begin()
+            return self._refined(straight, rested)
+        if not self._frames.count:
+            self._first_ns = stamp_ns
+        self._frames.add(straight)
+        if self._frames.count < self._options.frames or stamp_ns - self._first_ns < self._options.least_s * NS_PER_S:
+            return None
+        self._again = False
+        finished = self._finished(self._frames)
+        self._begin()
+        return finished
+
+    def _refined(self, straight: UInt8[np.ndarray, 'h w'], rested: Rested) -> UInt8[np.ndarray, 'h w'] | None:
+        """The rest image in use, of more frames; it is asked of frames that are like it."""
+        if not self._refining or not rested.surely or rested.changed:
+            return None
+        self._finer.add(straight)
+        if self._finer.count not in self._options.refined:
+            return None
+        self._refining, self._again = False, True
+        return self._finished(self._finer)
+
+    def _finished(self, frames: RestAccumulator) -> UInt8[np.ndarray, 'h w']:
+        """Their mean; its noise is kept."""
+        self._offered = frames.count
+        beyond = 1 - frames.count / self._options.refined[-1]
+        self.noise = frames.noise() * np.float32(math.sqrt(beyond)) if beyond > 0 and frames.count > 1 else None
+        return frames.image()
+
+    def _fits(self, stamp_ns: int, rested: Rested) -> bool:
+        """Whether this frame may go into a rest image."""
+        since_ns = math.inf if self._renewed_ns is None else abs(stamp_ns - self._renewed_ns)
+        if rested.changed:
+            return self._calm and rested.maybe and since_ns >= self._apart_s * NS_PER_S
+        return rested.surely and min(since_ns, stamp_ns - self._taken_ns) >= self._options.after_s * NS_PER_S
+
+    def _next_apart_s(self, stamp_ns: int) -> float:
+        """How long until the next renewal but one: twice as long as before, unless all was well for long."""
+        options = self._options
+        quiet_s = math.inf if self._renewed_ns is None else (stamp_ns - self._renewed_ns) / NS_PER_S
+        if not 0 <= quiet_s < 2 * options.after_s:
+            return options.apart_s
+        return min(max(2 * self._apart_s, options.apart_s), options.after_s)
+
+    def _begin(self) -> None:
+        self._frames = RestAccumulator()
+        self._first_ns = 0
