@@ -53,7 +53,7 @@ def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[fl
         found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
         assert found.acting is not None
         assert found.acting.field is not None
-        pressure = found.acting.field.pressure_mpa.ravel().astype(float)
+        pressure = found.acting.field().pressure_mpa.ravel().astype(float)
         totals.append(abs(found.normal_force_n.sum() / force_n - 1))
         centres.append(np.hypot(*(pressure @ readout.solver.patches.centres_mm / pressure.sum() - centre)))
     return float(np.median(totals)), float(np.median(centres))
