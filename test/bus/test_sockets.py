@@ -26,7 +26,7 @@ from tactile_nodes.errors import BusError, ServiceError
 from tactile_nodes.messages import services, types
 
 PACKAGE = Path(tactile_nodes.__file__).parent
-PLACE = PACKAGE / 'bus' / 'sockets.py'
+PLACE = PACKAGE / 'bus/zeromq/sockets.py'
 QUEUE = Qos('queue', 10)
 LOG = topics.ROSOUT.type_name
 Join = Callable[..., ZmqBus]

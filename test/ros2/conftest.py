@@ -49,12 +49,9 @@ def emulated() -> Iterator[None]:
         generated.remove()
     package = importlib.import_module('tactile_nodes.bus')
     for name in list(sys.modules):
-        parent, _, short = name.rpartition('.')
-        if name.split('.')[0] == 'rclpy':
+        if name.split('.')[0] == 'rclpy' or f'{name}.'.startswith(f'{package.__name__}.ros2.'):
             del sys.modules[name]
-        elif parent == package.__name__ and short.startswith('ros2'):
-            del sys.modules[name]
-            vars(package).pop(short, None)
+    vars(package).pop('ros2', None)
 
 
 @pytest.fixture(scope='session', autouse=True)

@@ -98,7 +98,7 @@ def test_the_rest_image_is_copied(speckle: np.ndarray):
 def test_another_process_gets_the_same_bits(speckle: np.ndarray, tmp_path):
     program = (
         'import sys, numpy as np, hashlib\n'
-        'from tactile_nodes.sensing.flow.methods import make_flow\n'
+        'from tactile_nodes.sensing.flow.choice import make_flow\n'
         'flow = make_flow("dis"); images = np.load(sys.argv[1])\n'
         'flow.set_reference(images[0])\n'
         'print(hashlib.sha256(flow.displacement(images[1]).displacement_px.tobytes()).hexdigest())\n'
