@@ -65,7 +65,7 @@ class RestImages:
         self._changed = self._blurred = False
         self._added: float | None = None
         self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
-        self._odd = self._noisy = False
+        self._odd = self._noisy = self._soft = False
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
@@ -161,7 +161,9 @@ class RestImages:
         self._noisy = seen.noise_grey > (NOISE_GONE if self._noisy else MOST_NOISE) * usual
         other_light = self._dense and seen.light_share > MOST_LIGHT_SHARE
         self._changed |= other_light
-        self._seen = (other_light or self._gone) * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
+        # What blur takes of the pattern no lamp brings back.
+        lit = other_light or (self._gone and not self._soft)
+        self._seen = lit * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
         return self._seen
 
     def _find_dead(self, image: UInt8[np.ndarray, 'h w'], at_ns: int) -> bool:
@@ -210,6 +212,7 @@ class RestImages:
         self._changed, self._blurred = beside.light or beside.blurred, beside.blurred
         told = beside | self._captured.far(level, sharp)
         self._noisy |= told.noisy
+        self._soft = told.blurred
         other = beside or self._captured.as_sharp(sharp, of=self._now.sharpness)
         if other and self._beside_another and not self._captured.near(level, sharp):
             assert self._first is not None
@@ -282,7 +285,8 @@ class RestImages:
         self._tracker.dead.beside(image)
         if not renewed:
             self._coming, self._captured, self._first = None, self._now, self._tracker.rest
-            self._seen, self._gone, self._noise_grey, self._odd, self._noisy = 0, False, 0.0, False, False
+            self._seen, self._noise_grey = 0, 0.0
+            self._gone = self._odd = self._noisy = self._soft = False
         if self._renewal is not None:
             self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
         self._announced = conversions.image_message(image, head)

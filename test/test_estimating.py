@@ -64,9 +64,9 @@ def test_a_force_that_the_model_itself_is_unsure_of_is_unlike_the_training() -> 
     assert judged(force_map(sigma_n=0.0041), 0).reasons == FORCE.REASON_UNLIKE_TRAINING
 
 
-def test_light_that_changed_while_motion_is_read_as_if_it_had_not_is_a_tenth_of_doubt() -> None:
+def test_light_that_changed_while_motion_is_read_as_if_it_had_not_is_a_seventh_of_doubt() -> None:
     told = judged(force_map(), FORCE.REASON_LIGHT_CHANGED, mended=False)
-    assert told.sigma_n == pytest.approx(math.hypot(0.002, 0.055))
+    assert told.sigma_n == pytest.approx(math.hypot(0.002, 0.15 * 0.55))
     assert (told.status, told.reasons) == (FORCE.STATUS_DEGRADED, FORCE.REASON_LIGHT_CHANGED)
 
 

@@ -107,6 +107,18 @@ def test_a_blur_of_a_third_of_a_pixel_has_a_rest_image_of_its_own_until_it_ends(
     assert stream.feed(1, touch).rest_sharpness == sharp
 
 
+@pytest.mark.parametrize('blur_px', [1.0, 1.3])
+def test_a_blurred_picture_is_not_said_to_have_another_light(blur_px: float) -> None:
+    """The pattern that blur takes away comes back by focusing, and not by mending the lamp."""
+    stream, touch = Stream(), press(200, 200, 1.0)
+    stream.feed(8)
+    stream.blur_px = blur_px
+    stream.feed(20)
+    told = [stream.feed(1, touch).reasons for _ in range(6)] + [stream.feed(1).reasons for _ in range(6)]
+    assert any(each & FORCE.REASON_BLURRED for each in told)
+    assert not any(each & FORCE.REASON_LIGHT_CHANGED for each in told)
+
+
 def measured_finer(told: types.FlowFeatures) -> bool:
     """Whether a message is of finer features, in all that it says of them."""
     assert len(told.values) == told.rows * told.cols * told.channels

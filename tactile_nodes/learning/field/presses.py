@@ -30,10 +30,12 @@ STEP = 1.25
 
 LIGHTEST_N = 1e-3
 
-DEPTH_SIGMA, SLOPE_SIGMA_MM = 0.5, 0.15
-"""How far regions differ: in what a depth counts, as a share of its fifth, and in how far off their rays are (mm).
+DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.3, 0.05
+"""How far regions differ: in what a depth counts, as a share of its fifth, in how far off their rays are (mm), and in
+what all depths together count, as a share of that.
 
-Slopes held much tighter cannot follow a camera that is half a millimetre aside of its description.
+All regions see one gel, so only how a region divides itself among the depths is its own. Ten presses held out leave
+0.81 of what is expected if the sum is left free, 0.77 if it is held, twenty 0.735 and 0.725 (simulated gels 11 to 13).
 """
 
 DOUBT = 0.02
@@ -92,13 +94,15 @@ class BodyPresses:
 
     def fitted(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'regions terms']:
         """Shares of every region that explain its motion best, near those given."""
-        sigma = np.zeros((DEPTHS, 3))
+        sigma, summed = np.zeros((DEPTHS, 3)), np.zeros((DEPTHS, 3))
         scale = float(shares[0, ::3].mean())
         sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
+        summed[:, 0] = DEPTH_SIGMA / (SUM_SIGMA * DEPTHS)
         left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
         levers = (self.terms * sigma.reshape(-1)).astype(float)
         weighted = levers * self.weights[..., None, None]
-        information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + np.eye(TERMS)
+        prior = np.eye(TERMS) + np.outer(summed, summed)
+        information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + prior
         towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
         return shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
 
