@@ -30,7 +30,7 @@ def on_files(files: Files, config: Any) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: Any, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, config: Any, **_: Any) -> str:
     """Point links that leave docs/ to the page that the site made of the file, or to the code host."""
     source = next((name for name, made in FROM_TOP.items() if made == page.file.src_uri), f'docs/{page.file.src_uri}')
     here = PurePosixPath(source).parent

@@ -1,4 +1,4 @@
-"""How far a network's total force may be off, and which inputs are unlike those that it learned from."""
+"""How far a network's total force may be off, and the novelty of its inputs."""
 
 from __future__ import annotations
 
