@@ -42,7 +42,7 @@ def on_page_markdown(markdown: str, page: Page, config: Any, **_: Any) -> str:
         elif path.parts[0] == 'docs':
             target = path.relative_to('docs').as_posix()
         elif (ROOT / path).exists():
-            return f'{config["repo_url"]}/blob/v{__version__}/{path.as_posix()}'
+            return f'{config["extra"]["repository"]}/blob/v{__version__}/{path.as_posix()}'
         else:
             LOG.warning(f'{source} points to {match[1]}, which is not there')
             return match[1]
