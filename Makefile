@@ -65,9 +65,9 @@ $(VENV)/.docs: setup.py constraints.txt $(VENV)/.live
 docs: $(VENV)/.live
 	$(BIN)/tactile reference
 
-# build/site, from docs/ and the docstrings; a link that leads nowhere is an error.
+# build/site, from docs/ and the docstrings; a link that leads nowhere is an error. (With --quiet it would be none.)
 site: $(VENV)/.docs
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo 'build/site/index.html'
 
 # The same, for this machine alone, built anew whenever a page changes.
