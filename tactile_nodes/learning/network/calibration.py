@@ -1,4 +1,4 @@
-"""How far a network's total force may be off, and the novelty of its inputs."""
+"""How far a network's total force may be off, and how novel its inputs are."""
 
 from __future__ import annotations
 
