@@ -1,6 +1,7 @@
 # make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
 # make test                                                                   run the tests
 # make documents                                                              run the commands of the documents, the long ones too
+# make site                                                                   build the documentation as a searchable site
 # make fuzz                                                                   run the random ones with other examples, until Ctrl-C
 PYTHON ?= python3
 VENV ?= .venv
@@ -11,7 +12,7 @@ ARGS ?=
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
-.PHONY: live test fuzz documents lint docs clean
+.PHONY: live test fuzz documents lint docs site site-serve clean
 
 live: $(VENV)/.live
 	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
@@ -56,8 +57,22 @@ $(VENV)/.dev: setup.py constraints.txt $(VENV)/.live
 	@$(PIP) --constraint constraints.txt --editable '.[train,dev]'
 	@touch $@
 
+$(VENV)/.docs: setup.py constraints.txt $(VENV)/.live
+	@echo 'Installing what the site of the documentation needs …'
+	@$(PIP) --constraint constraints.txt --editable '.[docs]'
+	@touch $@
+
 docs: $(VENV)/.live
 	$(BIN)/tactile reference
+
+# build/site, from docs/ and the docstrings; a link that leads nowhere is an error. (With --quiet it would be none.)
+site: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo 'build/site/index.html'
+
+# The same, for this machine alone, built anew whenever a page changes.
+site-serve: $(VENV)/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve --strict --dev-addr 127.0.0.1:8000
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -10,7 +10,7 @@ from setuptools import find_packages, setup
 
 ROOT = Path(__file__).parent
 SHARE = Path('share/tactile_nodes')
-VERSION = '0.1.0'
+VERSION = '0.2.0'
 HOME = 'https://github.com/tactile-nodes/tactile_nodes'
 
 NODES = [
@@ -55,19 +55,34 @@ def description() -> str:
 setup(
     name='tactile_nodes',
     version=VERSION,
-    description='Vision-based touch sensing: normal force on each bin of a soft gel [N], from a camera under it',
+    description='Vision-based touch sensing: normal force and shear on a soft gel, in newtons, from a camera under it',
     long_description=description(),
     long_description_content_type='text/markdown',
     author='tactile_nodes maintainers',
     author_email='maintainers@tactile-nodes.org',
+    maintainer='tactile_nodes maintainers',
+    maintainer_email='maintainers@tactile-nodes.org',
     url=HOME,
+    download_url=f'{HOME}/releases',
     project_urls={
         'Documentation': f'{HOME}/blob/v{VERSION}/docs/README.md',
         'Changes': f'{HOME}/blob/v{VERSION}/CHANGELOG.md',
         'Source': HOME,
         'Issues': f'{HOME}/issues',
+        'Security': f'{HOME}/security/policy',
+        'Paper': 'https://doi.org/10.1109/IROS40897.2019.8967571',
     },
-    keywords=['tactile sensing', 'force distribution', 'robotics', 'ROS 2', 'optical flow', 'soft gel', 'calibration'],
+    keywords=[
+        'tactile sensing',
+        'vision-based tactile sensor',
+        'force distribution',
+        'shear force',
+        'robotics',
+        'ROS 2',
+        'optical flow',
+        'soft gel',
+        'calibration',
+    ],
     license='Apache-2.0',
     license_files=['LICENSE', 'tactile_nodes/web/static/uplot/LICENSE'],
     classifiers=[
@@ -75,12 +90,15 @@ setup(
         'Environment :: Console',
         'Intended Audience :: Developers',
         'Intended Audience :: Science/Research',
+        'Natural Language :: English',
         'Operating System :: POSIX :: Linux',
         'Programming Language :: Python :: 3',
         'Programming Language :: Python :: 3 :: Only',
         'Programming Language :: Python :: 3.10',
         'Programming Language :: Python :: 3.11',
         'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: Implementation :: CPython',
+        'Topic :: Scientific/Engineering',
         'Topic :: Scientific/Engineering :: Image Processing',
         'Topic :: System :: Hardware :: Hardware Drivers',
         'Typing :: Typed',
@@ -116,6 +134,7 @@ setup(
         'compiled': ['numba>=0.61,<0.69'],
         'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
+        'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.7,<10', 'mkdocstrings[python]>=1,<2'],
         'dev': [
             'beartype>=0.20,<1',
             'cyclonedds==11.0.1',

@@ -4,4 +4,4 @@ The map of the package is `docs/architecture.md`; the order in which its parts m
 by the contracts in `pyproject.toml`.
 """
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'

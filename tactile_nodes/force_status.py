@@ -54,11 +54,11 @@ class Judged:
 def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, mended: bool = True) -> Judged:
     """How far a force may be off, and so whether it is ok: within twice the model's usual error.
 
-    `reasons` are what is known of the frame; `begun_n` is what force began in it; `mended`: motion is read as fits
-    the picture. The uncertainty that the model states grows with the unlikeness above 1, as errors do, and with the
-    share of the regions that are lost (what presses there is not seen). What makes no difference to the status is no
-    reason; where the model is unsure by itself the frame is `UNLIKE_TRAINING`. The standard deviation is NaN where the
-    model states none, and then any reason counts.
+    `reasons` are what is known of the frame; `begun_n` is what force began in it; `mended`: motion is read as fits the
+    picture. The uncertainty that the model states grows with the novelty (`unlikeness`) above 1, as errors do, and with
+    the share of the regions that are lost (what presses there is not seen). What makes no difference to the status is
+    no reason; where the model is unsure by itself the frame is `UNLIKE_TRAINING`. The standard deviation is NaN where
+    the model states none, and then any reason counts.
     """
     stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N

@@ -50,7 +50,7 @@ class LoadedModel:
     """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
 
     The rest image of a file without one has no rows. `texture` is how far each spot of its gel goes, where that was
-    learned. `finer` is a model of the same gel that measures motion finer, and reads pictures unlike the training's.
+    learned. `finer` is a model of the same gel that measures motion finer, and reads altered pictures.
     """
 
     model: ForceModel

@@ -92,3 +92,5 @@ def test_versions_agree() -> None:
     assert version is not None
     assert f"VERSION = '{version.group(1)}'" in (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert f'<version>{version.group(1)}</version>' in (ROOT / 'package.xml').read_text(encoding='utf-8')
+    assert f'\nversion: {version.group(1)}\n' in (ROOT / 'CITATION.cff').read_text(encoding='utf-8')
+    assert f'\n## [{version.group(1)}]' in (ROOT / 'CHANGELOG.md').read_text(encoding='utf-8')

@@ -9,7 +9,7 @@ import signal
 
 DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
 BENCHMARKS = {
-    'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
+    'accuracy': 'models side by side: accuracy, uncertainty, novelty, size and times',
     'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
     'transfer_partial': 'a model on other gels without a rig: weights, pens, rest images',
     'transfer_paper': "the paper's calibration layer on other gels, and why its published rate does harm",

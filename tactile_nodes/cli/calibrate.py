@@ -39,14 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='a bag of presses on the new gel')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='presses as a data set, instead of bags')
-    parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: pictures, and what is known')
+    parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: a table of pictures')
     parser.add_argument('--model', required=True, help='the model to begin with: a file, or the name of one that ships')
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
     parser.add_argument(
         '--gel', default='', help='name of the new gel, or the YAML file of a simulated one; a data set names its own'
     )
     parser.add_argument(
-        '--curve', action='store_true', help='of bags: also say how the error falls with the number of presses'
+        '--curve', action='store_true', help='of bags: also print the error against the number of presses'
     )
     parser.add_argument('--layer', type=Path, metavar='FILE', help="of a network: how the paper's layer is fitted")
     parser.add_argument(

@@ -83,7 +83,7 @@ def _check(loaded: LoadedModel, file: Path, count: int) -> None:
         print(
             f'largest differences to the original over {found.samples} frames {words}: '
             f'{found.bin_n * 1e3:.2g} mN in a bin, {found.place_mm * 1e3:.2g} um, {found.force_n * 1e3:.2g} mN in all, '
-            f'{found.sigma_share:.1e} of a sigma, {found.unlikeness_share:.1e} of the unlikeness'
+            f'{found.sigma_share:.1e} of a sigma, {found.unlikeness_share:.1e} of the novelty'
         )
         if found.several:
             print(f'the original names several contacts in {found.several} of them; flagged: {found.several_flagged}')

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = Verbs(parser)
     made = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
     made.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
-    made.add_argument('-c', '--count-nodes', action='store_true', help='only say how many there are')
+    made.add_argument('-c', '--count-nodes', action='store_true', help='only print how many there are')
     made = verbs.add('info', show_info, 'say what a node offers, receives and serves', '  tactile node info /camera\n')
     completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
     made.add_argument('--include-hidden', action='store_true', help='show hidden topics and services as well')

@@ -61,7 +61,7 @@ def _add_list(verbs: Verbs) -> None:
     completed(made.add_argument('node', nargs='?', help='a node; all nodes when not given'), completers.nodes)
     made.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
     made.add_argument('--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those below PREFIX')
-    made.add_argument('--param-type', action='store_true', help='say the type of each')
+    made.add_argument('--param-type', action='store_true', help='print the type of each')
 
 
 def _add_with_node(verbs: Verbs, name: str, action: Any, line: str, examples: str) -> argparse.ArgumentParser:

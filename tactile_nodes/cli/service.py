@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = Verbs(parser)
     made = verbs.add('list', list_services, 'list the services', '  tactile service list -t\n')
     made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
-    made.add_argument('-c', '--count-services', action='store_true', help='only say how many there are')
+    made.add_argument('-c', '--count-services', action='store_true', help='only print how many there are')
     made.add_argument('-a', '--include-hidden-services', '--all', action='store_true', help='list hidden ones as well')
     made = verbs.add('call', call, 'call a service and print the answer', _CALL_EXAMPLES)
     completed(made.add_argument('service', help='a service'), completers.services)

@@ -30,7 +30,7 @@ class SensorFaults:
 
     silent_sensor: bool = parameter(False, 'the sensor sends nothing')
     stalled_sensor: bool = parameter(False, 'the sensor sends, but what measures stands still')
-    saturated_sensor: bool = parameter(False, 'the sensor says that it is beyond its range')
+    saturated_sensor: bool = parameter(False, 'the sensor reports that it is beyond its range')
     lose: int = parameter(0, 'the next so many records are lost', minimum=0)
     damage: int = parameter(0, 'the next so many records are damaged', minimum=0)
     loss_rate: float = parameter(0.0, 'share of the records that are lost; Net F/T', minimum=0.0, maximum=1.0)

@@ -72,7 +72,7 @@ def _presses(source: Source) -> list[Any]:
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
     told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
     if not told:
-        raise BagError(f'{source.bag.path} tells of no presses, so it cannot be cut at them; leave out --cut')
+        raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at them; leave out --cut')
     last: dict[Any, Any] = {}
     for press in told:
         key = press.plan_id, press.press, press.attempt

@@ -176,9 +176,7 @@ READOUTS = 'network', 'response', 'axisymmetric', 'field'
 class _Blocks:
     output: str = parameter('model.safetensors', 'the file to write')
     readout: str = parameter('network', 'what turns features into forces', choices=READOUTS)
-    finer: str = parameter(
-        '', 'a model of the same gel, by name or file, that reads pictures unlike those of the training; none: this one'
-    )
+    finer: str = parameter('', 'a model of the same gel, by name or file, that reads altered pictures; none: this one')
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)

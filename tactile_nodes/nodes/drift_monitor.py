@@ -1,4 +1,4 @@
-"""Whether the calibration still holds, told on ``calibration_state`` (latched), on /diagnostics, and so in every force.
+"""Whether the calibration still holds: on ``calibration_state`` (latched), on /diagnostics, and so in every force.
 
 Subscribes ``image_raw``, ``reference_image``, ``flow_features``, ``force_distribution``, ``model_in_use``,
 ``calibration_image`` and the independent force that ``force_topic`` names. Service: ``~/check_weight`` compares the gel

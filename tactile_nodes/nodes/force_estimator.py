@@ -39,7 +39,7 @@ class ForceEstimatorParams(NodeParams):
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
     average_noise: bool = parameter(
-        True, "average the force of a contact that does not change, for up to 0.4 s, in pictures unlike the training's"
+        True, 'average the force of a contact that does not change, for up to 0.4 s, in altered pictures'
     )
     compiled: bool = parameter(
         False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True

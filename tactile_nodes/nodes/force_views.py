@@ -31,7 +31,7 @@ class ForceViewsParams(NodeParams):
 
     frame_id: str = parameter('gel_surface', 'frame of the forces, as the force estimator has it', read_only=True)
     parent_frame_id: str = parameter(
-        'tactile_sensor', 'frame that the surface is told in; empty: somebody else tells it', read_only=True
+        'tactile_sensor', 'parent frame of the surface on /tf_static; empty: not published', read_only=True
     )
     xyz_m: tuple[float, ...] = parameter(
         (0.0, 0.0, 0.0), "the surface's origin in the parent frame [m]", read_only=True

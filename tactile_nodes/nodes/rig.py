@@ -1,4 +1,4 @@
-"""Presses the gel by a plan and tells what it measures: machine, force/torque sensor, and the images of a camera node.
+"""Presses the gel by a plan; publishes what it measures: machine, force/torque sensor, images of a camera node.
 
 Publishes ``force_torque``, ``force_torque_counts``, ``serial_traffic``, ``rig_state``, ``sync_edge``, ``press``,
 ``press_image`` and ``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and

@@ -1,4 +1,4 @@
-"""Tells the edges of the digital line that this host sees on a control line of a serial port.
+"""Publishes the edges of the digital line that this host sees on a control line of a serial port.
 
 Publishes ``sync_edge`` with the name of the recorder as frame, beside the edges that the rig tells of its own
 switching: a bag then holds both, and whoever reads it can compare the clocks.

@@ -78,7 +78,7 @@ class GelDescription:
 
 @dataclass(frozen=True)
 class BinSettings:
-    """The bins on the surface that forces are told on."""
+    """The bins on the surface that forces are reported on."""
 
     rows: int = parameter(9, 'along y', minimum=1, maximum=64)
     cols: int = parameter(9, 'along x', minimum=1, maximum=64)

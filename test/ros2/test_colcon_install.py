@@ -39,7 +39,7 @@ def _python(prefix: Path, code: str) -> str:
 def test_our_modules_and_the_generated_ones_are_one_package(prefix: Path) -> None:
     code = 'import tactile_nodes, tactile_nodes.msg as m; print(tactile_nodes.__version__, m.GENERATED, m.__file__)'
     version, generated, place = _python(prefix, code).split()
-    assert (version, generated, Path(place)) == ('0.1.0', 'True', prefix / SITE / 'tactile_nodes/msg/__init__.py')
+    assert (version, generated, Path(place)) == ('0.2.0', 'True', prefix / SITE / 'tactile_nodes/msg/__init__.py')
 
 
 def test_shared_files_are_found_below_the_prefix(prefix: Path) -> None:

@@ -54,7 +54,7 @@ class State:
             raise MessageError('a bridge of another version')
         stamps = [int(stamp) for stamp in fields['stamps']]
         if len(stamps) != 3:
-            raise MessageError('a bridge that tells no time')
+            raise MessageError('a bridge that sends no time')
         return cls(
             str(fields['uid']),
             str(fields['host']),

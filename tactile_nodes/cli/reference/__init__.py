@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, metavar='DIR', help='folder of the pages (default: docs/ of this source tree)'
     )
-    parser.add_argument('--check', action='store_true', help='only say which pages are not current')
+    parser.add_argument('--check', action='store_true', help='only print which pages are not current')
     parser.add_argument('--print', choices=sorted(PARTS), dest='part', help='print one part instead')
 
 

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _add_list(verbs: Verbs) -> None:
     made = verbs.add('list', list_topics, 'list the topics', '  tactile topic list -t\n  tactile topic list -v\n')
     made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
-    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only say how many there are')
+    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
     made.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
     made.add_argument('-v', '--verbose', action='store_true', help='say who publishes and who subscribes')
 
@@ -56,7 +56,7 @@ def _add_info(verbs: Verbs) -> None:
 def _add_find(verbs: Verbs) -> None:
     made = verbs.add('find', find, 'list the topics of a type', '  tactile topic find sensor_msgs/msg/Image\n')
     completed(made.add_argument('type', help='a message type, sensor_msgs/msg/Image'), completers.topic_types)
-    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only say how many there are')
+    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
     made.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
 
 

@@ -31,9 +31,7 @@ class CncSettings:
     """What is asked of a CNC, and what it may do."""
 
     source: str = parameter(SIMULATED, 'simulated, or a serial port, best one below /dev/serial/by-id')
-    kind: str = parameter(
-        'grbl', 'what it speaks: grbl (also grblHAL and FluidNC) or marlin', choices=('grbl', 'marlin')
-    )
+    kind: str = parameter('grbl', 'protocol: grbl (also grblHAL and FluidNC) or marlin', choices=('grbl', 'marlin'))
     baud: int = parameter(115200, 'bits per second of the port', minimum=1200)
     dtr: str = parameter(
         'default', 'what happens to DTR, see serial_port', choices=('default', 'pulse', 'low', 'untouched')

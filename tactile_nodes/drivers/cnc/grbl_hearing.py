@@ -169,7 +169,7 @@ class GrblHearing:
         if place is None or report is None or self.homing or self.fault or not self._motion.is_known:
             return
         if report.state is CncState.ALARM and self.alarm is None:
-            self._doubt('is locked though it told no alarm: it has restarted', obeys_upwards=False)
+            self._doubt('is locked though it reported no alarm: it has restarted', obeys_upwards=False)
         else:
             self._judge(place, stamp_ns, report.feed_mm_min)
 

@@ -37,7 +37,7 @@ class MarlinSettings:
 
     baud: int = parameter(115200, 'bits per second', minimum=9600)
     emergency_parser: bool = parameter(True, 'M112 and M410 act when they arrive, not when their turn comes')
-    realtime_position: bool = parameter(False, 'M114 R tells where it is (M114_REALTIME); else the R is ignored')
+    realtime_position: bool = parameter(False, 'M114 R reports where it is (M114_REALTIME); else the R is ignored')
     legacy_position: bool = parameter(False, 'M114 waits for the end of motion (Marlin 1, or M114_LEGACY)')
     rate_mm_s: tuple[float, ...] = parameter((40.0, 40.0, 20.0), 'greatest speed of x, y, z')
     acceleration: tuple[float, ...] = parameter((200.0, 200.0, 200.0), 'of x, y, z in mm/s²')

@@ -1,4 +1,4 @@
-"""What a calibrated readout still gets wrong where it was pressed, taken over to places nearby.
+"""The local residuals of a calibrated readout, at its own presses, interpolated to places nearby.
 
 Every press of a calibration has a known place and force, so how far off the readout is there is known but for noise.
 Part of it is the gel's own: single markers, which profiles that are alike everywhere cannot follow. Presses nearby

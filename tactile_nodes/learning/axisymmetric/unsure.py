@@ -1,4 +1,4 @@
-"""How unsure regions' numbers are that few presses told, as a readout wants it: factors of their covariance."""
+"""The covariance of regions' numbers after few presses, as a readout wants it: in factors."""
 
 from __future__ import annotations
 

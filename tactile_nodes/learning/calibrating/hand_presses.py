@@ -174,7 +174,7 @@ def _fitted(
     """The calibration, and the rest image that it was measured against."""
     readout, outline = source_readout(loaded), outline_between(loaded, presses.rest_picture)
     if isinstance(outline, str) and not presses.pressed:
-        raise DatasetError(f'the table tells of no press, and the outline of the gel cannot be used: {outline}')
+        raise DatasetError(f'the table holds no press, and the outline of the gel cannot be used: {outline}')
     if isinstance(outline, str):
         progress.say(f'the outline of the gel is not used: {outline}')
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size[0]) as measurer:

@@ -111,7 +111,7 @@ def _render_all(jobs: list[tuple[TrainConfig, Disturbance, Path]], processes: in
     deaf = signal.SIGINT, signal.SIG_IGN
     with (
         multiprocessing.get_context('spawn').Pool(min(processes, len(jobs)), signal.signal, deaf) as pool,
-        progress.bar('rendering unlike inputs', len(jobs)) as bar,
+        progress.bar('rendering novel inputs', len(jobs)) as bar,
     ):
         for name in pool.imap_unordered(_render, jobs):
             bar.advance(1, name)

@@ -205,7 +205,7 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     own = BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
     if own != bins:
         raise ConfigurationError(
-            f'the sensor {sensor.name} has {own}, and forces are told on {bins}; change one of them'
+            f'the sensor {sensor.name} has {own}, and forces are reported on {bins}; change one of them'
         )
 
 

@@ -21,7 +21,7 @@ MOST_PRESSES = 2000
 LEAST_JUDGES = 200
 LEVELS = 9
 LEAST_FLOOR = 1e-3
-"""In units of the noise at rest: where directions explain everything, rounding is no unlikeness."""
+"""In units of the noise at rest: where directions explain everything, rounding is no novelty."""
 
 
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:

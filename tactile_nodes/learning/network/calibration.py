@@ -1,4 +1,4 @@
-"""How far a network's total force may be off, and which inputs are unlike those that it learned from."""
+"""How far a network's total force may be off, and how novel its inputs are."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ SEED = 1001
 class Differences:
     """The largest differences between an exported model and its original over `samples` frames.
 
-    Sigmas and unlikeness are compared as shares of the original's. The original answers with one contact here; in
+    Sigmas and novelty are compared as shares of the original's. The original answers with one contact here; in
     `several` of the frames it would have named more, of which the export flags `several_flagged` as unlike.
     """
 

@@ -37,7 +37,7 @@ def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> An
 
 
 def _heard(writer: Writer, witness: Witness, inputs: Inputs, total: Value, sigma: Value, unlike: Value) -> Value:
-    """The largest of the unlikenesses that are known, with those that a witness tells; see `NetworkReadout.read`."""
+    """The largest novelty that is known, a witness's included; see `NetworkReadout.read`."""
     motion = _as_motion(inputs.features) if witness.encoding == PolarMean.name else inputs.features
     heard = write_response(writer, witness.readout, scale(motion, inputs.confidence, witness.readout.scaling))
     force = heard.contact[2]

@@ -76,7 +76,7 @@ class Aligner:
 
     def take_image(self, message: types.Image) -> None:
         """One image of a window, or from before it."""
-        self._keep(message, self._frames, 'images told twice')
+        self._keep(message, self._frames, 'images recorded twice')
 
     def take_reference(self, message: types.Image) -> None:
         """One rest image; the latched one may come again in each bag."""

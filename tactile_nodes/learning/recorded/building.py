@@ -173,7 +173,7 @@ class Builder:
         told = press.told
         seen = (told.plan_id, told.press, told.attempt, *press.window_ns)
         if seen in self._seen:
-            return exclusions.DOUBLED, 'the same attempt was told before'
+            return exclusions.DOUBLED, 'the same attempt was reported before'
         self._seen.add(seen)
         return None
 

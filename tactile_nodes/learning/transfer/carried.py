@@ -1,4 +1,4 @@
-"""Learn from several other gels what calibrations that begin with one model get wrong alike."""
+"""The prior of the errors: what calibrations that begin with one model get wrong alike, learned from other gels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How regions scatter about what is typical, told outwards and across: as the depths of their markers have it.
+"""The covariance of regions about what is typical, outwards and across, as the depths of their markers have it.
 
 Markers that lie deeper than usual are seen further out or in, and all that their region shows changes with it. On one
 side of the image that is a place further left, on the other one further right; outwards from the middle of the image it
