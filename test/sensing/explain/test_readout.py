@@ -12,6 +12,7 @@ from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -95,6 +96,17 @@ def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout)
     reading = readout.read(odd, sure)
     assert reading.unlikeness > 2
     assert reading.total_sigma_n > 2 * plain.total_sigma_n
+
+
+@pytest.mark.parametrize(('row', 'unlike'), [(17, True), (15, False)])
+def test_a_contact_of_which_part_may_lie_out_of_sight_is_unlike_what_is_known(
+    readout: FieldReadout, row: int, unlike: bool
+) -> None:
+    """On the outermost patches; two further inside all of it is seen, though pressed and dragged as hard."""
+    forces = np.roll(edge(readout).reshape(3, 18, 18), row - 6, axis=1)
+    reading = readout.read(*seen(readout, forces))
+    assert reading.normal_force_n.any()
+    assert (reading.unlikeness >= BEYOND_UNLIKENESS) == unlike
 
 
 def test_a_noisy_picture_is_less_sure_and_hardly_further_off(readout: FieldReadout) -> None:

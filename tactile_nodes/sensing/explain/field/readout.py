@@ -19,7 +19,15 @@ from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways, inside_of, noise_of
 from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.network import InputScaling
-from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, SurfaceField, nothing_read
+from tactile_nodes.sensing.explain.reading import (
+    BEYOND_UNLIKENESS,
+    UNKNOWN,
+    Acting,
+    Contact,
+    Reading,
+    SurfaceField,
+    nothing_read,
+)
 from tactile_nodes.sensing.geometry import BinGrid
 
 LEAST_REGIONS = 12
@@ -43,6 +51,10 @@ where another body presses it is 2.2 and more."""
 
 FOUND_NOISE = 0.85
 """Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
+
+AT_RIM, OF_ALL = 0.25, 0.1
+"""A contact that has this share of the force, and whose centre lies beyond the middles of the outermost patches or less
+than this part of a patch inside of them, is partly out of sight: 0.5 mm from both rims 0.5 N are told as 0.23."""
 
 ALIKE = 0.93
 """Unlikeness up to which tips explain a frame, and the field is not asked."""
@@ -207,8 +219,16 @@ class FieldReadout:
             'field', np.moveaxis(forces[1:], 0, -1), spread.bins_n(found, patches).astype(np.float32),
             wrench, covariance, partial(self._surface, found, widened),
         )  # fmt: skip
-        sigma_n = math.sqrt(covariance[2, 2])
-        return Reading(forces[0], contacts_of(found, patches, spread), sigma_n, unlike, acting=acting)
+        contacts, sigma_n = contacts_of(found, patches, spread), math.sqrt(covariance[2, 2])
+        if any(self._at_rim(each) for each in contacts if each.force_n >= OF_ALL * found.total_n):
+            unlike = max(unlike, BEYOND_UNLIKENESS)
+        return Reading(forces[0], contacts, sigma_n, unlike, acting=acting)
+
+    def _at_rim(self, contact: Contact) -> bool:
+        """Whether part of a contact may lie where nobody sees it."""
+        patches = self.solver.patches
+        sides = zip((contact.x_mm, contact.y_mm), patches.lines_mm, patches.size_mm, strict=True)
+        return any(abs(at) > line[-1] - AT_RIM * size for at, line, size in sides)
 
     def _surface(self, found: Field, widened: float) -> SurfaceField:
         """Pressure and shear on the patches."""
