@@ -30,7 +30,7 @@ STEP = 1.25
 
 LIGHTEST_N = 1e-3
 
-DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.3, 0.05
+DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.2, 0.05
 """How far regions differ: in what a depth counts, as a share of its fifth, in how far off their rays are (mm), and in
 what all depths together count, as a share of that.
 
