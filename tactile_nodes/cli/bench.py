@@ -6,8 +6,12 @@ import argparse
 import importlib
 import os
 import signal
+import sys
+from pathlib import Path
 
-DESCRIPTION = 'Measure, on this machine, what the documentation claims of another.'
+from tactile_nodes.errors import ConfigurationError
+
+DESCRIPTION = 'Measure, on this machine, what the documentation claims of another. Runs from a checkout of the source.'
 BENCHMARKS = {
     'accuracy': 'models side by side: accuracy, uncertainty, unlike inputs, size and times',
     'transfer': 'a model on other gels after 10 to 100 presses: error against presses',
@@ -37,15 +41,31 @@ BENCHMARKS = {
 }
 
 
+def checkout(package: Path = Path(__file__).parents[1]) -> Path:
+    """The checkout of the source that a package lies in.
+
+    Raises:
+        ConfigurationError: it was installed somewhere else.
+    """
+    root = package.resolve().parent
+    if (root / 'package.xml').is_file() and (root / 'benchmarks' / '__init__.py').is_file():
+        return root
+    raise ConfigurationError(
+        f'benchmarks run from a checkout of the source, and {package} is an installed package: in the checkout, '
+        'install it with "pip install --editable ." and run "tactile bench" again'
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """One subcommand a benchmark; each is a module of `tactile_nodes.benchmarks` with `add_arguments` and `run`.
+    """One subcommand a benchmark; each is a module of `benchmarks` with `add_arguments` and `run`.
 
     All run with one thread of linear algebra, as the live nodes do, unless the environment says otherwise.
     """
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # before a benchmark imports numpy, which looks but once
+    sys.path.insert(0, str(checkout()))
     benchmarks = parser.add_subparsers(dest='benchmark', required=True, metavar='benchmark')
     for name, text in BENCHMARKS.items():
-        module = importlib.import_module(f'tactile_nodes.benchmarks.{name}')
+        module = importlib.import_module(f'benchmarks.{name}')
         made = benchmarks.add_parser(name, help=text, description=module.__doc__)
         module.add_arguments(made)
         made.epilog = made.epilog or f'example: tactile bench {name}'
@@ -54,5 +74,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the chosen one; what it has started ends with it, by SIGTERM too."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    status: int = importlib.import_module(f'tactile_nodes.benchmarks.{arguments.benchmark}').run(arguments)
+    status: int = importlib.import_module(f'benchmarks.{arguments.benchmark}').run(arguments)
     return status

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import accuracy
-from tactile_nodes.benchmarks.accuracy import page as accuracy_page
+from benchmarks import accuracy
+from benchmarks.accuracy import page as accuracy_page
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.progress import Progress

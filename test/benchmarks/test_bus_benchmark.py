@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks import bus
-from tactile_nodes.benchmarks.bus.ends import CONTENDERS, PAYLOADS
-from tactile_nodes.benchmarks.report import percentiles, spread, table, write_json
+from benchmarks import bus
+from benchmarks.bus.ends import CONTENDERS, PAYLOADS
+from benchmarks.report import percentiles, spread, table, write_json
 from tactile_nodes.cli import bench
 from tactile_nodes.errors import ConfigurationError
 

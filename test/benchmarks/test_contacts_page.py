@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from tactile_nodes.benchmarks.contacts.page import draw, page
+from benchmarks.contacts.page import draw, page
 
 RESULTS = Path(__file__).parents[2] / 'docs' / 'results'
 

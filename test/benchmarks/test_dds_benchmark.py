@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks import dds
+from benchmarks import dds
 
 
 @pytest.mark.timeout(180)

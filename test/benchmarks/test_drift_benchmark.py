@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.benchmarks.drift import Hours, page, undisturbed
-from tactile_nodes.benchmarks.drift.cases import BODIES, COURSES, Course, Effort, Point, follow
+from benchmarks.drift import Hours, page, undisturbed
+from benchmarks.drift.cases import BODIES, COURSES, Course, Effort, Point, follow
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.simulation.gel import Gel

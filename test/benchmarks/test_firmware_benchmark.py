@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import firmware
-from tactile_nodes.benchmarks.firmware.faults import FAULTS
-from tactile_nodes.benchmarks.firmware.line import Heard, Line, Program, open_wire
-from tactile_nodes.benchmarks.firmware.obeys import obeys
-from tactile_nodes.benchmarks.firmware.page import complaints, page
+from benchmarks import firmware
+from benchmarks.firmware.faults import FAULTS
+from benchmarks.firmware.line import Heard, Line, Program, open_wire
+from benchmarks.firmware.obeys import obeys
+from benchmarks.firmware.page import complaints, page
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 

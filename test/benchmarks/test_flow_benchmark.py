@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import flow
-from tactile_nodes.benchmarks.flow import cases as flow_cases
+from benchmarks import flow
+from benchmarks.flow import cases as flow_cases
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.methods import DisplacementField
 

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import front
-from tactile_nodes.benchmarks.front.contenders import WAYS, Measuring, Way, contenders
-from tactile_nodes.benchmarks.front.flows import SmallPixels
-from tactile_nodes.benchmarks.front.frames import Plan
-from tactile_nodes.benchmarks.front.page import page
+from benchmarks import front
+from benchmarks.front.contenders import WAYS, Measuring, Way, contenders
+from benchmarks.front.flows import SmallPixels
+from benchmarks.front.frames import Plan
+from benchmarks.front.page import page
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.patches import moved_image

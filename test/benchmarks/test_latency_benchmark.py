@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import latency
-from tactile_nodes.benchmarks.latency.rates import highest
+from benchmarks import latency
+from benchmarks.latency.rates import highest
 from tactile_nodes.learning.progress import Progress
 
 LIVE = {

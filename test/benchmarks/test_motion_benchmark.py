@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import motion
-from tactile_nodes.benchmarks.front.contenders import WAYS
-from tactile_nodes.benchmarks.motion import Errors
+from benchmarks import motion
+from benchmarks.front.contenders import WAYS
+from benchmarks.motion import Errors
 from tactile_nodes.learning.progress import Progress
 
 

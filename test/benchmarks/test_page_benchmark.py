@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.benchmarks import page
-from tactile_nodes.benchmarks.page import Condition, Seen
+from benchmarks import page
+from benchmarks.page import Condition, Seen
 
 
 def test_sensing_is_measured_under_viewers_of_whom_one_hangs() -> None:

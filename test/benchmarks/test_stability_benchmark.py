@@ -11,14 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as draw
 
-from tactile_nodes.benchmarks.report import surroundings
-from tactile_nodes.benchmarks.stability import follow, measure, read
-from tactile_nodes.benchmarks.stability.cases import CASES, Case, named
-from tactile_nodes.benchmarks.stability.floor import bound, floor_n, least_ratio
-from tactile_nodes.benchmarks.stability.page import page, picture_of
-from tactile_nodes.benchmarks.stability.plots import draw as draw_plots
-from tactile_nodes.benchmarks.stability.scores import FORCE, OK
-from tactile_nodes.benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
+from benchmarks.report import surroundings
+from benchmarks.stability import follow, measure, read
+from benchmarks.stability.cases import CASES, Case, named
+from benchmarks.stability.floor import bound, floor_n, least_ratio
+from benchmarks.stability.page import page, picture_of
+from benchmarks.stability.plots import draw as draw_plots
+from benchmarks.stability.scores import FORCE, OK
+from benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
 

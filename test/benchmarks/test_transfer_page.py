@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer import add_arguments, run
-from tactile_nodes.benchmarks.transfer.page import draw, page
-from tactile_nodes.benchmarks.transfer.scores import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, Score
+from benchmarks.transfer import add_arguments, run
+from benchmarks.transfer.page import draw, page
+from benchmarks.transfer.scores import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, Score
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel

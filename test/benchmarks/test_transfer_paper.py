@@ -14,11 +14,11 @@ sys.path.append(str(Path(__file__).parents[1] / 'learning'))
 
 from tiny_training import tiny_config, tiny_presses
 
-from tactile_nodes.benchmarks import transfer_paper
-from tactile_nodes.benchmarks.transfer_paper import Presses, answers, layer_settings, measure, metrics_of
-from tactile_nodes.benchmarks.transfer_paper.page import draw, page
-from tactile_nodes.benchmarks.transfer_paper.scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
-from tactile_nodes.benchmarks.transfer_paper.steps import FirstSteps, first_steps, variants
+from benchmarks import transfer_paper
+from benchmarks.transfer_paper import Presses, answers, layer_settings, measure, metrics_of
+from benchmarks.transfer_paper.page import draw, page
+from benchmarks.transfer_paper.scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
+from benchmarks.transfer_paper.steps import FirstSteps, first_steps, variants
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.fit import fit_network

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer_partial import AS_IT_IS, IMAGE, PEN_WEIGHT, Score, measure, page
+from benchmarks.transfer_partial import AS_IT_IS, IMAGE, PEN_WEIGHT, Score, measure, page
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import find_model, load_model
 

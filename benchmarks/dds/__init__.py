@@ -1,0 +1,131 @@
+"""What it costs to show this bus in a ROS 2 graph over DDS, and how late messages are there.
+
+A process publishes images of 440x440 and a force of 81 bins with each, stamped as they are published. It is a program
+of its own, as are the bridge, whose processor time is read from the kernel, and a reader in the DDS domain. Latency is
+from the stamp to having the bytes. A subscriber on the bus beside them shows what the sensor's own nodes notice of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from benchmarks.dds.ends import Bridge, Ends, Times
+from benchmarks.report import keep, machine_and_commit, named_versions, percentiles, surroundings, table
+from tactile_nodes.dds.opening import require_cyclone
+
+DEFAULT_DOMAIN = 99
+CASES = {
+    'no bridge': (),
+    'nobody reads': ('bridge',),
+    'a reader': ('bridge', 'reader'),
+    'a reader, and one that hangs': ('bridge', 'reader', 'stuck'),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``tactile bench dds``."""
+    parser.add_argument('--seconds', type=float, default=20.0, help='of each case (default: %(default)s)')
+    parser.add_argument('--rate', type=float, default=60.0, help='images a second (default: %(default)s)')
+    parser.add_argument(
+        '--domain', type=int, default=DEFAULT_DOMAIN, help='that nobody else uses (default: %(default)s)'
+    )
+    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='keep dds.md and dds.json there')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print, and keep."""
+    require_cyclone()
+    cases = {}
+    for name, parts in CASES.items():
+        with _running(parts, arguments.domain, arguments.rate) as ends:
+            cases[name] = _measured(ends, arguments.seconds)
+        print(f'{name}: measured', flush=True)
+    command = f'tactile bench dds --seconds {arguments.seconds:g} --rate {arguments.rate:g}'
+    around = surroundings(command)
+    around['versions']['cyclonedds'] = version('cyclonedds')
+    result = {**around, 'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
+    print(told(result))
+    if arguments.output:
+        keep(arguments.output, 'dds', page(result), result)
+    return 0
+
+
+def told(result: dict[str, Any]) -> str:
+    """A row for each case and topic."""
+    heads = [
+        'case',
+        'topic',
+        'on the bus, p50 [ms]',
+        'p99',
+        'lost',
+        'over DDS, p50 [ms]',
+        'p99',
+        'lost',
+        'bridge [% of a core]',
+    ]
+    rows = []
+    for name, case in result['cases'].items():
+        for topic, ends in case['topics'].items():
+            there = _cells(ends['bus']) + _cells(ends['dds'])
+            cpu = '' if case['bridge_percent'] is None else f'{case["bridge_percent"]:.0f}'
+            rows.append([name, topic, *there, cpu])
+    return table(heads, rows)
+
+
+def page(result: dict[str, Any]) -> str:
+    """The document that the numbers stand in."""
+    assert __doc__ is not None
+    return '\n\n'.join(
+        (
+            '# What DDS costs',
+            f'```console\n$ {result["command"]} -o docs/results\n```',
+            __doc__.partition('\n\n')[2].strip(),
+            f'{machine_and_commit(result)};\n{named_versions(result)};\n{result["rate_hz"]:g} Hz, '
+            f'{result["seconds"]:g} s each.',
+            told(result),
+            'The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable)\n'
+            'it keeps the newest messages of each topic, and waits for nobody.',
+        )
+    )
+
+
+def _cells(times: dict[str, Any] | None) -> list[str]:
+    if times is None:
+        return ['', '', '']
+    return [f'{times["p50"]:.2f}', f'{times["p99"]:.2f}', f'{times["lost"]}']
+
+
+@contextmanager
+def _running(parts: Sequence[str], domain: int, rate_hz: float) -> Iterator[Ends]:
+    with tempfile.TemporaryDirectory(prefix='td') as folder, ExitStack() as stack:
+        ends = Ends(folder, domain, rate_hz)
+        stack.callback(ends.close)
+        if 'bridge' in parts:
+            ends.bridge = Bridge(folder, domain)
+        if 'reader' in parts:
+            ends.start_reader()
+        if 'stuck' in parts:
+            ends.start_stuck()
+        yield ends
+
+
+def _measured(ends: Ends, seconds: float) -> dict[str, Any]:
+    sent, bus, dds, percent = ends.watch(seconds)
+    return {
+        'bridge_percent': percent,
+        'topics': {
+            topic: {'bus': _summary(bus[topic], sent), 'dds': _summary(dds[topic], sent) if dds else None}
+            for topic in bus
+        },
+    }
+
+
+def _summary(times: Times, sent: int) -> dict[str, Any]:
+    """Of the frames that were published while it was measured; ms."""
+    return {**percentiles([late_ns / 1e6 for late_ns in times]), 'received': len(times), 'lost': sent - len(times)}

@@ -1,0 +1,185 @@
+"""Does anything grow, queue up or end over hours of sensing?
+
+Two parts. `stepped`: hours at 60 frames a second through the nodes of live sensing on the bus inside one process,
+under a clock that is moved by hand, so that eight hours take half an hour of a processor. `live`: a whole ``tactile
+launch live`` in real time, with all its processes. Memory, open files, threads, queues and counters are looked at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from benchmarks.endurance.live import live
+from benchmarks.endurance.stepped import stepped
+from benchmarks.report import keep, machine_and_commit, surroundings, table
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress, TerminalProgress
+
+PARTS = ('stepped', 'live')
+MOST_MB_PER_HOUR = 2.0
+"""A process that grows faster than this is called leaking; sensing for a week may then cost 336 MiB."""
+LEAST_MB = 1.0
+"""What a process may grow by in all before it is looked at for that."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``tactile bench endurance``."""
+    parser.add_argument('--only', choices=PARTS, help='one part; the other is kept as it stands in the output folder')
+    parser.add_argument('--hours', type=float, default=8.0, help='of the stepped clock (default: %(default)s)')
+    parser.add_argument('--seconds', type=float, default=3600.0, help='of real time (default: %(default)s)')
+    parser.add_argument('--every', type=float, default=10.0, help='seconds from look to look (default: %(default)s)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FOLDER', help='write endurance.json and endurance.md there'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print, and keep; 1 if something leaked or did not answer."""
+    cv2.setNumThreads(1)
+    for name in ('hours', 'seconds', 'every'):
+        if not getattr(arguments, name) > 0:
+            raise ConfigurationError(f'--{name} must be above 0, got {getattr(arguments, name):g}')
+    parts = _earlier(arguments.output)
+    for part in PARTS:
+        if arguments.only in {None, part}:
+            parts[part] = {**surroundings(_command(part, arguments)), **measure(part, arguments, TerminalProgress())}
+            text = page(parts)
+            if arguments.output:
+                keep(arguments.output, 'endurance', text, parts)
+    print(text)
+    return int(any(complaints(name, part) for name, part in parts.items()))
+
+
+def measure(part: str, arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """One part."""
+    if part == 'stepped':
+        return stepped(arguments.hours, progress)
+    return live(arguments.seconds, arguments.every, progress)
+
+
+def complaints(name: str, part: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a part, in words."""
+    processes = {'the nodes': part} if name == 'stepped' else part['processes']
+    found = [text for who, held in processes.items() for text in _leaks(who, held)]
+    if name == 'stepped':
+        if part['forces'] != part['images']:
+            found.append(f'{part["images"] - part["forces"]} of {part["images"]} images were not answered')
+        if part['drift_n'] > 0:
+            found.append(f'an answer to the same picture changed by {part["drift_n"]:.3g} N')
+        found += part['problems']
+    elif not part['frames']['received']:
+        found.append('no force came')
+    return found
+
+
+def page(parts: Mapping[str, Mapping[str, Any]]) -> str:
+    """The page with the tables of all parts there are."""
+    texts = ['# Endurance', str(__doc__).partition('\n')[2].strip()]
+    if 'stepped' in parts:
+        texts += _stepped_page(parts['stepped'])
+    if 'live' in parts:
+        texts += _live_page(parts['live'])
+    return '\n\n'.join(texts)
+
+
+def _stepped_page(part: Mapping[str, Any]) -> list[str]:
+    counts, status = part['subscriptions'], part['status']
+    return [
+        f'## {part["hours"]:g} hours of a stepped clock',
+        f'```console\n$ {part["command"]}\n```',
+        f'{part["images"]} images of {part["side_px"]}x{part["side_px"]} pixels, at rest but for a press of a second '
+        f'each minute, through flow features, force estimator and drift monitor: {part["forces"]} forces '
+        f'({", ".join(f"{count} {name}" for name, count in status.items())}). Dropped on the way: {counts["dropped"]}, '
+        f'malformed: {counts["malformed"]}; longest queue when looked at: {part["longest_queue"]}, work: '
+        f'{part["longest_work"]}. Objects of Python after a fifth of the time: {part["objects"]["first"]}, at the end: '
+        f'{part["objects"]["last"]}. By how much the answer to the same picture changed: {part["drift_n"]:.3g} N.',
+        _held({'all nodes, one process': part}),
+        _verdict('stepped', part),
+        f'{machine_and_commit(part)}.',
+    ]
+
+
+def _live_page(part: Mapping[str, Any]) -> list[str]:
+    frames = part['frames']
+    late_ms = frames['late_ms'] or [math.nan]
+    total = frames['received'] + frames['skipped']
+    return [
+        f'## {part["seconds"] / 60:g} minutes of real time',
+        f'```console\n$ {part["command"]}\n```',
+        f'{frames["received"]} forces ({", ".join(f"{count} {name}" for name, count in frames["status"].items())}); of '
+        f'{total} images {frames["skipped"]} ({frames["skipped"] / total:.2%}) have no force, the longest time between '
+        f'two that have one is {frames["longest_ms"]:.0f} ms. Image to force, 99th percentile of {part["every_s"]:g} '
+        f's: {min(late_ms):.0f} to {max(late_ms):.0f} ms. The machine had other work meanwhile: '
+        f'{part["load"]["low"]:.1f} to {part["load"]["high"]:.1f} processes wanted its processors.',
+        _held(part['processes']),
+        _verdict('live', part),
+        f'{machine_and_commit(part)}.',
+    ]
+
+
+def _verdict(name: str, part: Mapping[str, Any]) -> str:
+    if wrong := complaints(name, part):
+        return f'Wrong: {"; ".join(wrong)}.'
+    return (
+        f'Nothing leaks, by these limits: less than {MOST_MB_PER_HOUR:g} MiB an hour steadily (the median of ten parts '
+        'of the time), no file and no thread more at the end than after a fifth.'
+    )
+
+
+def _held(processes: Mapping[str, Mapping[str, Any]]) -> str:
+    heads = (
+        'process',
+        'MiB first',
+        'last',
+        'most',
+        'MiB/h',
+        'steadily',
+        'files first',
+        'last',
+        'threads first',
+        'last',
+        'core',
+    )
+    return table(heads, [_row(name, held) for name, held in processes.items()])
+
+
+def _row(name: str, held: Mapping[str, Any]) -> list[str]:
+    memory, files, threads = held['memory_mb'], held['files'], held['threads']
+    sizes = [f'{memory[which]:.1f}' for which in ('first', 'last', 'most')]
+    counts = [str(kind[which]) for kind in (files, threads) for which in ('first', 'last')]
+    return [
+        name,
+        *sizes,
+        f'{held["mb_per_hour"]:+.2f}',
+        f'{held["steady_mb_per_hour"]:+.2f}',
+        *counts,
+        f'{held["cpu_share"]:.1%}',
+    ]
+
+
+def _leaks(who: str, held: Mapping[str, Any]) -> list[str]:
+    found = []
+    memory = held['memory_mb']
+    if held['steady_mb_per_hour'] > MOST_MB_PER_HOUR and memory['last'] - memory['first'] > LEAST_MB:
+        found.append(f'{who}: {held["steady_mb_per_hour"]:.1f} MiB more each hour')
+    more = (kind for kind in ('files', 'threads') if held[kind]['last'] > held[kind]['first'])
+    return [*found, *(f'{who}: {held[kind]["last"]} {kind} at the end, after {held[kind]["first"]}' for kind in more)]
+
+
+def _earlier(folder: Path | None) -> dict[str, Any]:
+    """The parts that stand in a folder already."""
+    file = None if folder is None else folder / 'endurance.json'
+    found: dict[str, Any] = json.loads(file.read_text(encoding='utf-8')) if file is not None and file.exists() else {}
+    return found
+
+
+def _command(part: str, arguments: argparse.Namespace) -> str:
+    words = f'--hours {arguments.hours:g}' if part == 'stepped' else f'--seconds {arguments.seconds:g}'
+    return f'tactile bench endurance --only {part} {words} -o docs/results'

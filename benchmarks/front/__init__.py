@@ -1,0 +1,110 @@
+"""Speed against accuracy: every way to measure motion, on several grids, trained alike and timed on the same frames.
+
+Each frame of simulated presses is rendered once and measured by all, in an order that turns round from frame to frame.
+From the first frames each contender's readout is fitted, with the same budget; on the others, with rest images of their
+own, it is scored and timed: CPU and wall time of one thread from image to force. Memory is what a process of its own
+grows by. The front is of those that no other beats in both time and error. All of it is simulation.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.front.contenders import WAYS, Way, contenders, one_thread
+from benchmarks.front.frames import Plan, frames
+from benchmarks.front.shelf import Shelf
+from benchmarks.report import keep, surroundings
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.metrics import pareto_front
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.progress import Progress
+
+ERRORS = ('armse_n', 'd_loc_mm', 'rmse_mc_n')
+QUICK = Plan(train=300, test=16, slow=False, compiled=False)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``tactile bench front``."""
+    parser.add_argument('--train', type=int, metavar='N', help='frames to learn from (default: 1500)')
+    parser.add_argument('--test', type=int, metavar='N', help='frames to score and time by (default: 400)')
+    parser.add_argument('--only', metavar='TEXT', help='only ways whose name holds this, such as "DIS"')
+    parser.add_argument('--networks', action='store_true', help='also networks, on four of the features (needs torch)')
+    parser.add_argument('--no-slow', action='store_true', help='leave out what takes hundreds of ms a frame (TV-L1)')
+    parser.add_argument('--quick', action='store_true', help='few frames, no slow ways: to see that it runs')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FOLDER', help='write front.json, front.md and front.png there'
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print, and keep."""
+    from benchmarks.front.page import draw, page
+    from tactile_nodes.learning.progress import TerminalProgress
+
+    plan = _plan(arguments)
+    ways = [way for way in WAYS if (arguments.only or '') in way.name and (plan.slow or not way.slow)]
+    if not ways:
+        raise ConfigurationError(f'no way is called {arguments.only!r}; there are: {", ".join(w.name for w in WAYS)}')
+    result = measure(ways, plan, TerminalProgress(), _command(arguments))
+    text = page(result)
+    print(text)
+    if arguments.output:
+        keep(arguments.output, 'front', text, result)
+        draw(result, arguments.output / 'front.png')
+    return 0
+
+
+def measure(
+    ways: Sequence[Way], plan: Plan, progress: Progress, command: str = 'tactile bench front'
+) -> dict[str, Any]:
+    """All numbers of the page.
+
+    Raises:
+        DatasetError: there are too few frames to learn from.
+    """
+    from benchmarks.front.fit import fitted
+    from benchmarks.front.memory import memory_mb
+    from benchmarks.front.profiles import measure_profiles
+
+    about = surroundings(command)
+    one_thread()
+    taking_part = contenders(ways, plan.networks)
+    shelf = Shelf(ways, taking_part)
+    with progress.bar('measuring frames', plan.train + plan.test) as bar:
+        for frame in frames(plan):
+            shelf.take(frame)
+            bar.advance()
+    found = fitted(shelf, taking_part, plan.train, progress)
+    memory = {way.name: memory_mb(way.name) for way in ways}
+    table = {name: {**each, 'memory_mb': memory[each['way']]} for name, each in found.items()}
+    shipped = measure_profiles(plan, progress)
+    return {**about, 'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
+
+
+def fronts(table: dict[str, Any]) -> dict[str, list[str]]:
+    """By error, which contenders no other beats, the cheapest first."""
+    names = list(table)
+    costs = [table[name]['cpu_ms']['median'] for name in names]
+    return {error: [names[i] for i in pareto_front(costs, [table[name][error] for name in names])] for error in ERRORS}
+
+
+def _plan(arguments: argparse.Namespace) -> Plan:
+    plan = QUICK if arguments.quick else Plan()
+    train = plan.train if arguments.train is None else arguments.train
+    test = plan.test if arguments.test is None else arguments.test
+    if train < 300 or test < 1:
+        raise ConfigurationError('--train must be at least 300, and --test at least 1')
+    return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks, plan.compiled)
+
+
+def _command(arguments: argparse.Namespace) -> str:
+    switches = ('quick', 'no-slow', 'networks')
+    words = ['tactile bench front', *(f'--{each}' for each in switches if getattr(arguments, each.replace('-', '_')))]
+    words += [f'--{name} {value}' for name in ('train', 'test') if (value := getattr(arguments, name)) is not None]
+    words += [f'--only "{arguments.only}"'] if arguments.only else []
+    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])

@@ -1,0 +1,234 @@
+"""Flow alone: how far each way to measure motion is off, and to which side, against how far the picture moved.
+
+The rest image moved as a whole by 0.02 to 30 px; simulated presses, whose true motion in each region is known, by the
+size of that motion; and, where the recordings lie, computer-made speckle. The ways are those of `tactile bench front`,
+in turn on every image; patches lie on 20x20 regions, and dense motion is averaged over them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.flow import by_region
+from benchmarks.flow.cases import Case, Sensor, known_shifts, pressed, rigid
+from benchmarks.front.contenders import WAYS, Way, one_thread
+from benchmarks.front.flows import SmallPixels
+from benchmarks.report import keep, machine_and_commit, surroundings, table
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.sensing.flow.methods import FlowMethod
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+REGIONS = 20
+SIZES_PX = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
+BANDS_PX = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+"""Borders between sizes of true motion under simulated presses."""
+INTRODUCTION = """\
+Root mean square error of a region along each axis in px, and in brackets the bias: the mean error along the true motion
+(negative: too short). One thread, ways in turn on every image; patches on 20x20 regions, dense motion averaged over
+them. *CPU* is the median time of the frames moved by 2 px."""
+PRESSES = """\
+Simulated presses to 2 mm, regions sorted by their markers' true mean motion. Markers near the camera are brighter and
+move less than those above them, so the light's motion is less than the markers' mean, and every way reads short."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``tactile bench motion``."""
+    parser.add_argument('--frames', type=int, default=3, help='images of each size (default: 3)')
+    parser.add_argument('--presses', type=int, default=12, help='simulated presses a range of depths (default: 12)')
+    parser.add_argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift')
+    parser.add_argument('--only', metavar='TEXT', help='only ways whose name holds this')
+    parser.add_argument('--slow', action='store_true', help='also what takes hundreds of ms a frame (TV-L1)')
+    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write motion.json, .md and .png there')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print, and keep."""
+    if min(arguments.frames, arguments.presses) < 1:
+        raise ConfigurationError('--frames and --presses must be at least 1')
+    asked = arguments.only or ''
+    ways = [way for way in flow_ways() if asked in way.name and (arguments.slow or not way.slow)]
+    if not ways:
+        raise ConfigurationError(f'no way is called {asked!r}; there are: {", ".join(w.name for w in flow_ways())}')
+    result = measure(
+        ways, arguments.frames, arguments.presses, arguments.speckle, TerminalProgress(), _command(arguments)
+    )
+    text = page(result)
+    print(text)
+    if arguments.output:
+        _keep(result, text, arguments.output)
+    return 0
+
+
+def flow_ways() -> list[Way]:
+    """The ways of the chart that measure motion."""
+    return [way for way in WAYS if way.make is not SmallPixels]
+
+
+@dataclass
+class Errors:
+    """What one way made of some images: error and truth by region and axis (px), and CPU times (ms)."""
+
+    error: list[np.ndarray] = field(default_factory=list)
+    truth: list[np.ndarray] = field(default_factory=list)
+    cpu_ms: list[float] = field(default_factory=list)
+
+    def take(self, flow: FlowMethod, case: Case) -> None:
+        """Measure an image whose motion is known."""
+        begun = time.process_time_ns()
+        measured = flow.displacement(case.image)
+        self.cpu_ms.append((time.process_time_ns() - begun) / 1e6)
+        motion, _ = by_region(measured, REGIONS)
+        truth, counts = case.truth(motion.shape[0])
+        self.error.append((motion - truth)[counts])
+        self.truth.append(truth[counts])
+
+    def summary(self, low_px: float = 0.0, high_px: float = float('inf')) -> dict[str, float]:
+        """Root mean square error, bias along the motion, and how many regions, of those that moved so far."""
+        error, truth = np.concatenate(self.error), np.concatenate(self.truth)
+        size = np.hypot(*truth.T)
+        chosen = (size >= low_px) & (size < high_px)
+        error, truth, size = error[chosen], truth[chosen], np.maximum(size[chosen], 1e-9)
+        if not len(error):
+            return {'rms_px': float('nan'), 'bias_px': float('nan'), 'regions': 0}
+        along = (error * truth).sum(axis=1) / size
+        return {
+            'rms_px': float(np.sqrt(np.square(error).mean())), 'bias_px': float(along.mean()), 'regions': len(error)
+        }  # fmt: skip
+
+
+def measure(
+    ways: Sequence[Way], frames: int, presses: int, speckle: Path | None, progress: Progress,
+    command: str = 'tactile bench motion',
+) -> dict[str, Any]:  # fmt: skip
+    """All numbers of the page.
+
+    Raises:
+        ConfigurationError: the folder of speckle does not hold the images.
+    """
+    shifted = known_shifts(speckle) if speckle else {}
+    about = surroundings(command)
+    one_thread()
+    sensor = Sensor()
+    moved = {name: _errors(ways, cases) for name, cases in _told(rigid(sensor, frames, SIZES_PX), progress)}
+    together = _joined([_errors(ways, cases) for _, cases in _told(pressed(sensor, presses), progress)])
+    bands = list(itertools.pairwise(BANDS_PX))
+    result = {
+        'moved': {name: _summaries(found) for name, found in moved.items()},
+        'pressed': {
+            f'{low:g} to {high:g} px': {name: each.summary(low, high) for name, each in together.items()}
+            for low, high in bands
+        },
+    }
+    if shifted:
+        result['speckle'] = {name: _summaries(_errors(ways, cases)) for name, cases in _told(shifted, progress)}
+    times = {name: float(np.median(each.cpu_ms)) for name, each in moved['moved by 2 px'].items()}
+    return {**about, 'threads': 1, 'sizes_px': SIZES_PX, 'cpu_ms': times, **result}
+
+
+def _told(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tuple[str, Iterable[Case]]]:
+    with progress.bar('measuring motion', len(sets)) as bar:
+        for name, cases in sets.items():
+            yield name, cases
+            bar.advance(1, name)
+
+
+def _errors(ways: Sequence[Way], cases: Iterable[Case]) -> dict[str, Errors]:
+    """What each way makes of the cases, in turn on every image."""
+    flows = {way.name: _flow(way.make, REGIONS if REGIONS in way.grids else way.grids[0]) for way in ways}
+    found = {way.name: Errors() for way in ways}
+    rest: np.ndarray | None = None
+    for number, case in enumerate(cases):
+        if case.rest is not rest:
+            rest = case.rest
+            for flow in flows.values():
+                flow.set_reference(rest)
+                flow.displacement(rest)
+        for name in list(flows)[:: 1 if number % 2 else -1]:
+            found[name].take(flows[name], case)
+    return found
+
+
+def _flow(make: Callable[[int], FlowMethod | SmallPixels], regions: int) -> FlowMethod:
+    made = make(regions)
+    assert not isinstance(made, SmallPixels)
+    return made
+
+
+def _joined(parts: Sequence[Mapping[str, Errors]]) -> dict[str, Errors]:
+    joined = {name: Errors() for name in parts[0]}
+    for part in parts:
+        for name, each in part.items():
+            joined[name].error += each.error
+            joined[name].truth += each.truth
+    return joined
+
+
+def _summaries(found: Mapping[str, Errors]) -> dict[str, dict[str, float]]:
+    return {name: each.summary() for name, each in found.items()}
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page in Markdown."""
+    about = f'{machine_and_commit(result)}; {result["threads"]} thread.'
+    parts = ['# Flow alone against known motion', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
+    moved = {name.removeprefix('moved by '): each for name, each in result['moved'].items()}
+    parts += ['## The rest image, moved as a whole', _table(moved, result['cpu_ms'])]
+    parts += ['## Under simulated presses', PRESSES, _table(result['pressed'])]
+    if 'speckle' in result:
+        speckle = {name.removeprefix('speckle moved by '): each for name, each in result['speckle'].items()}
+        parts += ['## Speckle that others made', _table(speckle)]
+    return '\n\n'.join([*parts, '![error against motion](motion.png)'])
+
+
+def _table(sets: Mapping[str, Mapping[str, Mapping[str, float]]], cpu_ms: Mapping[str, float] | None = None) -> str:
+    """A row for each way, a column for each set."""
+    names = next(iter(sets.values()))
+    rows = [
+        [name, *([f'{cpu_ms[name]:.2f}'] if cpu_ms else []), *(_cell(found[name]) for found in sets.values())]
+        for name in names
+    ]
+    return table(['way', *(['CPU [ms]'] if cpu_ms else []), *sets], rows)
+
+
+def _cell(summary: Mapping[str, float]) -> str:
+    return f'{summary["rms_px"]:.3f} ({summary["bias_px"]:+.3f})' if summary['regions'] else '-'
+
+
+def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
+    from tactile_nodes.learning.figures import figure, save
+
+    keep(folder, 'motion', text, result)
+    drawn = figure(13.0, 5.5)
+    axes = drawn.subplots(1, 2)
+    for number, name in enumerate(result['cpu_ms']):
+        style = ('-', '--')[number // 10 % 2]  # there are ten colours
+        found = [each[name] for each in result['moved'].values()]
+        axes[0].loglog(result['sizes_px'], [max(each['rms_px'], 1e-4) for each in found], f'.{style}', label=name)
+        shares = [each['bias_px'] / size for each, size in zip(found, result['sizes_px'], strict=True)]
+        axes[1].semilogx(result['sizes_px'], shares, f'.{style}')
+    axes[0].set(xlabel='motion [px]', ylabel='rms error of a region [px]')
+    axes[1].set(xlabel='motion [px]', ylabel='bias, as a share of the motion', ylim=(-1.05, 0.5))
+    axes[0].legend(fontsize=6, ncols=2)
+    for axis in axes:
+        axis.grid(which='both', linewidth=0.3)
+    drawn.suptitle('the rest image moved as a whole')
+    save(drawn, folder / 'motion.png')
+
+
+def _command(arguments: argparse.Namespace) -> str:
+    words = ['tactile bench motion', *['--slow'] * arguments.slow]
+    words += [f'--{name} {getattr(arguments, name)}' for name in ('frames', 'presses')]
+    words += [f'--only "{arguments.only}"'] if arguments.only else []
+    words += ['--speckle dic_rigid_shift'] if arguments.speckle else []
+    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
