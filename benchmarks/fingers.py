@@ -8,11 +8,16 @@ over time is reported, with the largest motion and what is left of it at the end
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.report import table
+from benchmarks.harness.running import Run
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.drivers.camera.contract import CameraSettings
 from tactile_nodes.drivers.camera.opening import open_camera
@@ -32,24 +37,6 @@ class Reading:
 
     name: str
     motion_px: np.ndarray
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench fingers``."""
-    parser.add_argument('first', type=Path, help='video of one finger')
-    parser.add_argument('second', type=Path, help='video of the other, recorded in the same loop')
-    parser.add_argument('--rest', type=int, default=10, help='number of the frame at rest, from 0 (default: 10)')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure and print."""
-    readings = [read(file, arguments.rest) for file in (arguments.first, arguments.second)]
-    print(f'{"finger":<24} {"frames":>6} {"largest":>9} {"at the end":>11}   mean motion of the pattern')
-    for reading in readings:
-        motion = reading.motion_px
-        print(f'{reading.name:<24} {len(motion):>6} {motion.max():>6.2f} px {motion[-1]:>8.2f} px')
-    print(f'correlation over time: {agreement(*readings):.3f}')
-    return 0
 
 
 def read(file: Path, rest: int) -> Reading:
@@ -88,3 +75,40 @@ def _mean_motion(tracker: FeatureTracker, image: np.ndarray) -> float:
     features = tracker.features(tracker.field(image))
     motion = np.hypot(features.values[..., 0], features.values[..., 1])
     return float((motion * features.confidence).sum() / features.confidence.sum())
+
+
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """Both recordings."""
+    readings = [read(file, arguments.rest) for file in (arguments.first, arguments.second)]
+    fingers = {
+        each.name: {'frames': len(each.motion_px), 'largest': each.motion_px.max(), 'end': each.motion_px[-1]}
+        for each in readings
+    }
+    return {'fingers': fingers, 'correlation': agreement(*readings)}
+
+
+def told(result: Mapping[str, Any]) -> str:
+    """A row a finger."""
+    rows = [
+        [name, str(each['frames']), f'{each["largest"]:.2f} px', f'{each["end"]:.2f} px']
+        for name, each in result['fingers'].items()
+    ]
+    shown = table(['finger', 'frames', 'largest mean motion of the pattern', 'at the end'], rows)
+    return f'{shown}\n\ncorrelation over time: {result["correlation"]:.3f}'
+
+
+BENCHMARK = Benchmark(
+    name='fingers',
+    about=__doc__,
+    sources=('benchmarks/fingers.py', 'tactile_nodes/sensing/**'),
+    page=told,
+    measure=measured,
+    files=('live.md',),
+    by_hand=True,
+    keeps=False,
+    arguments=(
+        argument('first', type=Path, help='video of one finger'),
+        argument('second', type=Path, help='video of the other, recorded in the same loop'),
+        argument('--rest', type=int, default=10, help='number of the frame at rest, from 0 (default: 10)'),
+    ),
+)

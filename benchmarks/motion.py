@@ -21,9 +21,11 @@ from benchmarks.flow import by_region
 from benchmarks.flow.cases import Case, Sensor, known_shifts, pressed, rigid
 from benchmarks.front.contenders import WAYS, Way, one_thread
 from benchmarks.front.flows import SmallPixels
-from benchmarks.report import keep, machine_and_commit, surroundings, table
+from benchmarks.harness.declaration import SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.report import in_turn, opening, table
+from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.flow.methods import FlowMethod
 
 if TYPE_CHECKING:
@@ -40,34 +42,6 @@ them. *CPU* is the median time of the frames moved by 2 px."""
 PRESSES = """\
 Simulated presses to 2 mm, regions sorted by their markers' true mean motion. Markers near the camera are brighter and
 move less than those above them, so the light's motion is less than the markers' mean, and every way reads short."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench motion``."""
-    parser.add_argument('--frames', type=int, default=3, help='images of each size (default: 3)')
-    parser.add_argument('--presses', type=int, default=12, help='simulated presses a range of depths (default: 12)')
-    parser.add_argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift')
-    parser.add_argument('--only', metavar='TEXT', help='only ways whose name holds this')
-    parser.add_argument('--slow', action='store_true', help='also what takes hundreds of ms a frame (TV-L1)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write motion.json, .md and .png there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    if min(arguments.frames, arguments.presses) < 1:
-        raise ConfigurationError('--frames and --presses must be at least 1')
-    asked = arguments.only or ''
-    ways = [way for way in flow_ways() if asked in way.name and (arguments.slow or not way.slow)]
-    if not ways:
-        raise ConfigurationError(f'no way is called {asked!r}; there are: {", ".join(w.name for w in flow_ways())}')
-    result = measure(
-        ways, arguments.frames, arguments.presses, arguments.speckle, TerminalProgress(), _command(arguments)
-    )
-    text = page(result)
-    print(text)
-    if arguments.output:
-        _keep(result, text, arguments.output)
-    return 0
 
 
 def flow_ways() -> list[Way]:
@@ -107,17 +81,24 @@ class Errors:
         }  # fmt: skip
 
 
-def measure(
-    ways: Sequence[Way], frames: int, presses: int, speckle: Path | None, progress: Progress,
-    command: str = 'tactile bench motion',
-) -> dict[str, Any]:  # fmt: skip
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """The ways that were asked for."""
+    if min(arguments.frames, arguments.presses) < 1:
+        raise ConfigurationError('--frames and --presses must be at least 1')
+    asked = arguments.only or ''
+    ways = [way for way in flow_ways() if asked in way.name and (arguments.slow or not way.slow)]
+    if not ways:
+        raise ConfigurationError(f'no way is called {asked!r}; there are: {", ".join(w.name for w in flow_ways())}')
+    return measure(ways, arguments.frames, arguments.presses, arguments.speckle, run.progress)
+
+
+def measure(ways: Sequence[Way], frames: int, presses: int, speckle: Path | None, progress: Progress) -> Result:
     """All numbers of the page.
 
     Raises:
         ConfigurationError: the folder of speckle does not hold the images.
     """
     shifted = known_shifts(speckle) if speckle else {}
-    about = surroundings(command)
     one_thread()
     sensor = Sensor()
     moved = {name: _errors(ways, cases) for name, cases in _told(rigid(sensor, frames, SIZES_PX), progress)}
@@ -133,7 +114,7 @@ def measure(
     if shifted:
         result['speckle'] = {name: _summaries(_errors(ways, cases)) for name, cases in _told(shifted, progress)}
     times = {name: float(np.median(each.cpu_ms)) for name, each in moved['moved by 2 px'].items()}
-    return {**about, 'threads': 1, 'sizes_px': SIZES_PX, 'cpu_ms': times, **result}
+    return {'threads': 1, 'sizes_px': SIZES_PX, 'cpu_ms': times, **result}
 
 
 def _told(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tuple[str, Iterable[Case]]]:
@@ -154,7 +135,7 @@ def _errors(ways: Sequence[Way], cases: Iterable[Case]) -> dict[str, Errors]:
             for flow in flows.values():
                 flow.set_reference(rest)
                 flow.displacement(rest)
-        for name in list(flows)[:: 1 if number % 2 else -1]:
+        for name in in_turn(list(flows), number):
             found[name].take(flows[name], case)
     return found
 
@@ -180,8 +161,7 @@ def _summaries(found: Mapping[str, Errors]) -> dict[str, dict[str, float]]:
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
-    about = f'{machine_and_commit(result)}; {result["threads"]} thread.'
-    parts = ['# Flow alone against known motion', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
+    parts = opening('Flow alone against known motion', result, INTRODUCTION, f'{result["threads"]} thread')
     moved = {name.removeprefix('moved by '): each for name, each in result['moved'].items()}
     parts += ['## The rest image, moved as a whole', _table(moved, result['cpu_ms'])]
     parts += ['## Under simulated presses', PRESSES, _table(result['pressed'])]
@@ -205,16 +185,16 @@ def _cell(summary: Mapping[str, float]) -> str:
     return f'{summary["rms_px"]:.3f} ({summary["bias_px"]:+.3f})' if summary['regions'] else '-'
 
 
-def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
+def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
+    """Error and bias of each way against the motion of the whole picture."""
     from tactile_nodes.learning.figures import figure, save
 
-    keep(folder, 'motion', text, result)
     drawn = figure(13.0, 5.5)
     axes = drawn.subplots(1, 2)
-    for number, name in enumerate(result['cpu_ms']):
+    for number, way in enumerate(result['cpu_ms']):
         style = ('-', '--')[number // 10 % 2]  # there are ten colours
-        found = [each[name] for each in result['moved'].values()]
-        axes[0].loglog(result['sizes_px'], [max(each['rms_px'], 1e-4) for each in found], f'.{style}', label=name)
+        found = [each[way] for each in result['moved'].values()]
+        axes[0].loglog(result['sizes_px'], [max(each['rms_px'], 1e-4) for each in found], f'.{style}', label=way)
         shares = [each['bias_px'] / size for each, size in zip(found, result['sizes_px'], strict=True)]
         axes[1].semilogx(result['sizes_px'], shares, f'.{style}')
     axes[0].set(xlabel='motion [px]', ylabel='rms error of a region [px]')
@@ -223,12 +203,22 @@ def _keep(result: dict[str, Any], text: str, folder: Path) -> None:
     for axis in axes:
         axis.grid(which='both', linewidth=0.3)
     drawn.suptitle('the rest image moved as a whole')
-    save(drawn, folder / 'motion.png')
+    save(drawn, folder / f'{name}.png')
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench motion', *['--slow'] * arguments.slow]
-    words += [f'--{name} {getattr(arguments, name)}' for name in ('frames', 'presses')]
-    words += [f'--only "{arguments.only}"'] if arguments.only else []
-    words += ['--speckle dic_rigid_shift'] if arguments.speckle else []
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='motion',
+    about=__doc__,
+    sources=('benchmarks/motion.py', 'benchmarks/flow/**', 'tactile_nodes/sensing/flow/**', *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    files=('motion.json', 'motion.md', 'motion.png'),
+    arguments=(
+        argument('--frames', type=int, default=3, help='images of each size (default: 3)'),
+        argument('--presses', type=int, default=12, help='simulated presses a range of depths (default: 12)'),
+        argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),
+        argument('--only', metavar='TEXT', help='only ways whose name holds this'),
+        argument('--slow', action='store_true', help='also what takes hundreds of ms a frame (TV-L1)'),
+    ),
+)

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.running import Run
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, PRESS
 from tactile_nodes.clock import NS_PER_S
@@ -80,18 +82,6 @@ class Row:
     rmse_n: float
     median_n: float
     place_mm: float
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench take_over``."""
-    parser.add_argument('bag', type=Path, help='what tactile launch calibrate recorded')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Read the bag and print the table."""
-    recording = read(arguments.bag)
-    print(page(recording))
-    return 0
 
 
 def read(bag: Path) -> Recording:
@@ -160,3 +150,21 @@ def _row(told: Sequence[Told], errors: Sequence[tuple[float, float]]) -> Row:
     if len(off):
         numbers = float(np.sqrt(np.mean(off**2))), float(np.median(np.abs(off))), float(np.nanmedian(away))
     return Row(told[0].model, told[0].model_id, len(told), len(off), *numbers)
+
+
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """What the bag tells."""
+    return {'_page': read(arguments.bag)}
+
+
+BENCHMARK = Benchmark(
+    name='take_over',
+    about=__doc__,
+    sources=('benchmarks/take_over.py', 'tactile_nodes/learning/calibrating/**', 'tactile_nodes/learning/transfer/**'),
+    page=lambda result: page(result['_page']),
+    measure=measured,
+    files=('calibrate.md',),
+    by_hand=True,
+    keeps=False,
+    arguments=(argument('bag', type=Path, help='what tactile launch calibrate recorded'),),
+)

@@ -7,14 +7,16 @@ of a press is taken out of the data before the calibration sees it. Pens press a
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.report import keep, surroundings, table
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.report import opening, table
+from benchmarks.harness.running import Run
 from benchmarks.transfer import UNTOUCHED
 from tactile_nodes import clock
 from tactile_nodes.errors import ConfigurationError, DatasetError
@@ -36,6 +38,10 @@ AS_IT_IS, FULL, IMAGE, PEN, WEIGHT, IMAGE_WEIGHT, PEN_WEIGHT = (
     'as it is', 'force and place known', 'two rest images', 'pen', 'weights', 'two rest images and weights',
     f'{PENS} pens, the others weights',
 )  # fmt: skip
+ABOUT = """\
+{gels} simulated gels; median (worst) over the gels, each tested on {tested} presses at new continuous places. The place
+is the median over the presses of a gel. A pen is at a known place with an unknown force, weights ({grams} g in turn,
+with the tip that the model knows) are at unknown places."""
 RUNS = (
     (FULL, 10), (FULL, 25), (IMAGE, 0), (PEN, 5), (PEN, 10), (PEN, 25), (WEIGHT, 10),
     (IMAGE_WEIGHT, 5), (IMAGE_WEIGHT, 10), (IMAGE_WEIGHT, 25), (PEN_WEIGHT, 5), (PEN_WEIGHT, 10), (PEN_WEIGHT, 25),
@@ -65,39 +71,20 @@ class _Pressed:
     half_px: float
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench transfer_partial``."""
-    parser.add_argument('--model', default='portable', help='an axisymmetric model (default: portable)')
-    parser.add_argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)')
-    parser.add_argument(
-        '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
-    )
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write transfer_partial.json and .md there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from tactile_nodes.learning.progress import TerminalProgress
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """On so many gels."""
     from tactile_nodes.model_file import find_model, load_model
 
     if arguments.gels < 1:
         raise ConfigurationError('--gels must be at least 1')
-    seed = '' if arguments.gels_seed == TESTED_SEED else f' --gels-seed {arguments.gels_seed}'
-    command = f'tactile bench transfer_partial --model {arguments.model} --gels {arguments.gels}{seed}'
-    plain = surroundings(command)
-    loaded, progress = load_model(find_model(arguments.model)), TerminalProgress()
-    scores = measure(loaded, range(arguments.gels), progress, seed=arguments.gels_seed)
-    text = page(command, scores)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'transfer_partial', text, {**plain, 'scores': [asdict(each) for each in scores]})
-    return 0
+    loaded, gels = load_model(find_model(arguments.model)), range(arguments.gels)
+    return {'scores': measure(loaded, gels, run.progress, seed=arguments.gels_seed, part=run.part)}
 
 
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, runs: Sequence[tuple[str, int]] = RUNS,
-    seed: int = TESTED_SEED, frames: int = FRAMES,
-) -> list[Score]:  # fmt: skip
+    seed: int = TESTED_SEED, frames: int = FRAMES, part: Part = at_once,
+) -> list[dict[str, Any]]:  # fmt: skip
     """The scores of some ways, each with a number of presses; `frames` pictures of a gel are pens and test presses.
 
     Raises:
@@ -108,13 +95,14 @@ def measure(
     from tactile_nodes.learning.transfer.source import axisymmetric_source
 
     source, gel = axisymmetric_source(source_readout(loaded)), config_of(loaded).gel
-    scores: list[Score] = []
-    for number in gels:
-        other = other_gel(gel, number, seed)
-        made = list(_on_gel(source, _pressed(loaded, other, frames, runs, progress), number, runs))
+
+    def on_gel(number: int) -> list[dict[str, Any]]:
+        pressed = _pressed(loaded, other_gel(gel, number, seed), frames, runs, progress)
+        made = list(_on_gel(source, pressed, number, runs))
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
-        scores += made
-    return scores
+        return [asdict(each) for each in made]
+
+    return [each for number in gels for each in part(f'gel {number}', partial(on_gel, number))]
 
 
 def _pressed(
@@ -227,25 +215,6 @@ def _score(gel: int, way: str, presses: int, readout: AxisymmetricReadout, datas
     return Score(gel, way, presses, float(np.sqrt(np.mean(errors[:, 2] ** 2))), float(np.median(away)))
 
 
-def page(command: str, scores: Sequence[Score]) -> str:
-    """The results as a page of documentation."""
-    heads = ['', 'presses', 'force RMSE, N', 'place, mm', 'time, s', 'forms chosen']
-    rows = [_row(way, presses, scores) for way, presses in dict.fromkeys((each.way, each.presses) for each in scores)]
-    grams = ' and '.join(f'{1e3 * each / 9.81:.0f}' for each in WEIGHTS_N)
-    return '\n'.join([
-        '# Transfer to other gels without a rig',
-        '',
-        f'`{command}`',
-        '',
-        f'{len({each.gel for each in scores})} simulated gels; median (worst) over the gels, each tested on {TESTED} '
-        'presses at new',
-        'continuous places. The place is the median over the presses of a gel. A pen is at a known place with an',
-        f'unknown force, weights ({grams} g in turn, with the tip that the model knows) are at unknown places.',
-        '',
-        table(heads, rows),
-    ])  # fmt: skip
-
-
 def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
     chosen = [each for each in scores if (each.way, each.presses) == (way, presses)]
     forms = [each.form for each in chosen if each.form]
@@ -253,3 +222,34 @@ def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
     values = [[each.force_rmse_n for each in chosen], [each.place_median_mm for each in chosen]]
     told = [f'{np.median(each):.4f} ({max(each):.4f})' for each in values]
     return [way, str(presses), *told, f'{np.median([each.seconds for each in chosen]):.1f}', counted]
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The results as a page of documentation."""
+    scores = [Score(**each) for each in result['scores']]
+    heads = ['', 'presses', 'force RMSE, N', 'place, mm', 'time, s', 'forms chosen']
+    rows = [_row(way, presses, scores) for way, presses in dict.fromkeys((each.way, each.presses) for each in scores)]
+    grams = ' and '.join(f'{1e3 * each / 9.81:.0f}' for each in WEIGHTS_N)
+    about = ABOUT.format(gels=len({each.gel for each in scores}), tested=TESTED, grams=grams)
+    return '\n\n'.join([*opening('Transfer to other gels without a rig', result, about), table(heads, rows)])
+
+
+BENCHMARK = Benchmark(
+    name='transfer_partial',
+    about=__doc__,
+    sources=('benchmarks/transfer_partial.py', 'tactile_nodes/learning/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    files=('transfer_partial.json', 'transfer_partial.md'),
+    arguments=(
+        argument('--model', default='portable', help='an axisymmetric model (default: portable)'),
+        argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
+        argument(
+            '--gels-seed',
+            type=int,
+            default=TESTED_SEED,
+            metavar='N',
+            help='other gels than the test gels, to develop on',
+        ),
+    ),
+)

@@ -13,8 +13,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks import report
+from benchmarks.accuracy.page import draw, page
 from benchmarks.accuracy.results import Results
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
@@ -38,45 +40,14 @@ class Plan:
 QUICK = Plan(presses=24, unlike=0, rounds=2, images=2)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench accuracy``."""
-    parser.add_argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)')
-    parser.add_argument(
-        '--curve', nargs='+', default=[], metavar='MODEL',
-        help='models trained on different plans and numbers of presses, for the curve of accuracy against presses',
-    )  # fmt: skip
-    parser.add_argument('--presses', type=int, metavar='N', help='presses off the grid (default: 2000)')
-    parser.add_argument('--unlike', type=int, metavar='N', help='presses for each disturbance (default: 200)')
-    parser.add_argument('--quick', action='store_true', help='a few presses, to see that it runs; too few to quote')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help='write accuracy.json, accuracy.md and pictures there'
-    )
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """Models that were named, or all that ship."""
+    curve = _files(arguments.curve) if arguments.curve else []
+    found = measure(_files(arguments.model), curve, _plan(arguments), run.progress)
+    return {**found.plain, '_page': found}
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.accuracy.page import page
-    from tactile_nodes.learning.progress import TerminalProgress
-
-    plan = _plan(arguments)
-    files = _files(arguments.model)
-    results = measure(
-        files, _files(arguments.curve) if arguments.curve else [], plan, TerminalProgress(), _command(arguments)
-    )
-    text = page(results)
-    print(text)
-    if arguments.output:
-        keep(results, text, arguments.output)
-    return 0
-
-
-def measure(
-    models: Sequence[Path],
-    curve: Sequence[Path],
-    plan: Plan,
-    progress: Progress,
-    command: str = 'tactile bench accuracy',
-) -> Results:
+def measure(models: Sequence[Path], curve: Sequence[Path], plan: Plan, progress: Progress) -> Results:
     """All scores and times.
 
     Raises:
@@ -86,7 +57,6 @@ def measure(
     from tactile_nodes.learning.evaluation.evaluate import evaluate, evaluate_put_aside
     from tactile_nodes.model_file import load_model
 
-    plain = report.surroundings(command)
     loaded = {file.stem: load_model(file) for file in models}
     off_grid = [
         evaluate(file, presses=plan.presses, seed=SEED, unlike=plan.unlike, progress=progress) for file in models
@@ -94,7 +64,7 @@ def measure(
     grid = _grid_model(models, loaded)
     aside = [evaluate_put_aside(file, of=grid, progress=progress) for file in models] if grid else []
     along = [evaluate(file, presses=plan.presses, seed=SEED, progress=progress) for file in curve]
-    plain |= {
+    plain = {
         'plan': asdict(plan),
         'models': {name: about(each) for name, each in loaded.items()},
         'off_grid': [each.as_dict() for each in off_grid],
@@ -132,22 +102,6 @@ def collected(data: Mapping[str, Any]) -> int:
     return min(int(data['presses']), PLACES * PLACES * DEPTHS)
 
 
-def keep(results: Results, text: str, folder: Path) -> None:
-    """Write numbers, page and pictures.
-
-    Raises:
-        ConfigurationError: the folder cannot be written.
-    """
-    from benchmarks.accuracy.page import curve_picture, picture_name
-    from tactile_nodes.learning.evaluation.picture import draw
-
-    report.keep(folder, 'accuracy', text, results.plain)
-    for each in results.off_grid:
-        draw(each.answers, f'{each.name} ({each.model_id})', folder / picture_name(each.name))
-    if results.curve:
-        curve_picture(results, folder / picture_name('presses'))
-
-
 def _plan(arguments: argparse.Namespace) -> Plan:
     plan = QUICK if arguments.quick else Plan()
     presses = plan.presses if arguments.presses is None else arguments.presses
@@ -175,9 +129,25 @@ def _grid_model(models: Sequence[Path], loaded: Mapping[str, LoadedModel]) -> Pa
     return None
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench accuracy', *arguments.model]
-    given = {name: getattr(arguments, name) for name in ('presses', 'unlike')}
-    words += [f'--{name} {value}' for name, value in given.items() if value is not None]
-    words += ['--quick'] * arguments.quick + (['--curve', *arguments.curve] if arguments.curve else [])
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='accuracy',
+    about=__doc__,
+    sources=('benchmarks/accuracy/**', 'tactile_nodes/learning/evaluation/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    quick=True,
+    more_than_json=True,
+    files=(
+        'accuracy.json', 'accuracy.md', *(f'accuracy_{of}.png' for of in ('paper', 'fast', 'accurate', 'presses'))
+    ),
+    arguments=(
+        argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)'),
+        argument(
+            '--curve', nargs='+', default=[], metavar='MODEL',
+            help='models trained on different plans and numbers of presses, for the curve of accuracy against presses',
+        ),
+        argument('--presses', type=int, metavar='N', help='presses off the grid (default: 2000)'),
+        argument('--unlike', type=int, metavar='N', help='presses for each disturbance (default: 200)'),
+    ),
+)  # fmt: skip

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import report
 from benchmarks.accuracy.results import Results
 from benchmarks.accuracy.times import STAGES
-from benchmarks.report import machine_and_commit, named_versions
+from benchmarks.harness.declaration import Aim, reached
+from benchmarks.harness.report import opening, ranged, table
 from tactile_nodes.learning.evaluation import tables
 from tactile_nodes.learning.evaluation.evaluate import Evaluation
 from tactile_nodes.learning.evaluation.picture import EVALUATION_DPI, subplots
@@ -35,19 +35,36 @@ UNCERTAINTY = """\
 Which share of the true values the stated 90 % intervals hold (along each axis, for places). The aim is 87 to 93 %."""
 
 
-def page(results: Results) -> str:
+def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
+    results: Results = result['_page']
+    plan = result['plan']
+    more = (
+        f'{plan["presses"]} presses off the grid, {plan["unlike"]} for each disturbance, {plan["rounds"]} rounds of '
+        f'{plan["images"]} images for the times'
+    )
     parts = [
-        '# How accurate the models are', f'```console\n$ {results.plain["command"]}\n```', INTRODUCTION,
-        _surroundings(results.plain), '## Beside the paper', _beside_the_paper(results), _aims(results),
-        '## Models', _models(results.plain['models']),
+        *opening('How accurate the models are', result, INTRODUCTION, more),
+        '## Beside the paper', _beside_the_paper(results), '## What was to be reached', reached(AIMS, result),
+        '## Models', _models(result['models']),
         '## Off the grid', _shown(tables.groups_table(results.off_grid)),
         '## Light touches and rest', *_light(results.off_grid),
         '## Uncertainty', *_uncertainty(results.off_grid),
-        *_unlike(results.off_grid), '## Times', _times(results.plain['times_ms']),
+        *_unlike(results.off_grid), '## Times', _times(result['times_ms']),
         *_aside(results.aside), *_curve(results), *_pictures(results),
     ]  # fmt: skip
     return '\n\n'.join(part for part in parts if part)
+
+
+def draw(result: Mapping[str, Any], folder: Path, _: str) -> None:
+    """The errors of each model, and of the curve."""
+    from tactile_nodes.learning.evaluation.picture import draw as draw_errors
+
+    results: Results = result['_page']
+    for each in results.off_grid:
+        draw_errors(each.answers, f'{each.name} ({each.model_id})', folder / picture_name(each.name))
+    if results.curve:
+        curve_picture(results, folder / picture_name('presses'))
 
 
 def picture_name(model: str) -> str:
@@ -75,17 +92,8 @@ def curve_picture(results: Results, file: Path) -> None:
     save(figure, file, EVALUATION_DPI)
 
 
-def _shown(table: Table) -> str:
-    shown = report.table(table.heads, table.rows)
-    return f'{table.title}\n\n{shown}' if table.title else shown
-
-
-def _surroundings(plain: dict[str, Any]) -> str:
-    plan = plain['plan']
-    return (
-        f'{machine_and_commit(plain)}; {named_versions(plain)}; {plan["presses"]} presses off the grid, '
-        f'{plan["unlike"]} for each disturbance, {plan["rounds"]} rounds of {plan["images"]} images for the times.'
-    )
+def _shown(told: Table) -> str:
+    return '\n\n'.join(filter(None, [told.title, told.markdown()]))
 
 
 def _models(models: dict[str, Any]) -> str:
@@ -95,7 +103,7 @@ def _models(models: dict[str, Any]) -> str:
          f'`{about["command"]}`' if about['command'] else '-')
         for name, about in models.items()
     ]  # fmt: skip
-    return report.table(heads, rows)
+    return table(heads, rows)
 
 
 def _beside_the_paper(results: Results) -> str:
@@ -114,47 +122,43 @@ def _beside_the_paper(results: Results) -> str:
             f'{about["presses"]}, {about["plan"]}',
         ))  # fmt: skip
     if not aside:
-        return report.table(heads, rows)
-    return f'On the grid: {results.aside[0].data}.\n\n{report.table(heads, rows)}'
+        return table(heads, rows)
+    return f'On the grid: {results.aside[0].data}.\n\n{table(heads, rows)}'
 
 
 def _merits(scores: dict[str, Any]) -> list[str]:
     return [number(scores['armse_n'], 4), number(scores['d_loc_mm'], 3), number(scores['rmse_mc_n'], 4)]
 
 
-def _aims(results: Results) -> str:
-    """What was aimed for, beside what came out."""
-    seen = [each.light.detected if each.light else math.nan for each in results.off_grid]
-    aims = [
-        ('place, median, at most 0.10 mm', [number(_all(each).position_median_mm, 3) for each in results.off_grid]),
-        ('total force, RMSE, at most 0.010 N', [number(_all(each).total_rmse_n, 4) for each in results.off_grid]),
-        (
-            'touches from 20 mN on detected',
-            [percent(share) for share in seen],
-        ),
-        *_relative_aims(results),
-    ]
-    return report.table(['aim', *(each.name for each in results.off_grid)], [[name, *cells] for name, cells in aims])
+def _of_each(tell: Callable[[Evaluation], str]) -> Callable[[Mapping[str, Any]], dict[str, str]]:
+    """An aim of each model off the grid."""
+    return lambda result: {each.name: tell(each) for each in result['_page'].off_grid}
 
 
-def _relative_aims(results: Results) -> list[tuple[str, list[str]]]:
-    """The aims that are told as shares of the model `paper`, on the grid if there is one."""
-    judged = results.aside or results.off_grid
-    paper = next((each for each in judged if each.name == 'paper'), None)
-    if paper is None:
-        return []
-    aims = []
-    for name, field, most in (
-        ('aRMSE', 'armse_n', '1/3'), ('RMSE_mc', 'rmse_mc_n', '1/4'), ('d_loc', 'd_loc_mm', '1/4')
-    ):  # fmt: skip
-        whole = getattr(_all(paper), field)
-        cells = [_share(getattr(_all(each), field), whole) for each in judged]
-        aims.append((f"{name}, share of paper's, at most {most}", cells))
-    models = results.plain['models']
-    for name, field, most in (('training time', 'training_s', '1/20'), ('parameters', 'parameters', '1/10')):
-        cells = [_share(models[each.name][field], models['paper'][field]) for each in judged]
-        aims.append((f"{name}, share of paper's, at most {most}", cells))
-    return aims
+def _of_paper(field: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:
+    """An aim that is told as a share of the model `paper`, on the grid if there is one."""
+
+    def told(result: Mapping[str, Any]) -> dict[str, str]:
+        judged = result['_page'].aside or result['_page'].off_grid
+        values = {each.name: {**result['models'][each.name], **vars(_all(each))}[field] for each in judged}
+        return {name: _share(value, values['paper']) for name, value in values.items()} if 'paper' in values else {}
+
+    return told
+
+
+AIMS = (
+    Aim('place, median', 'at most 0.10 mm', _of_each(lambda each: number(_all(each).position_median_mm, 3))),
+    Aim('total force, RMSE', 'at most 0.010 N', _of_each(lambda each: number(_all(each).total_rmse_n, 4))),
+    Aim(
+        'touches from 20 mN on detected', 'all',
+        _of_each(lambda each: percent(each.light.detected if each.light else math.nan)),
+    ),
+    Aim("aRMSE, share of paper's", 'at most 1/3', _of_paper('armse_n')),
+    Aim("RMSE_mc, share of paper's", 'at most 1/4', _of_paper('rmse_mc_n')),
+    Aim("d_loc, share of paper's", 'at most 1/4', _of_paper('d_loc_mm')),
+    Aim("training time, share of paper's", 'at most 1/20', _of_paper('training_s')),
+    Aim("parameters, share of paper's", 'at most 1/10', _of_paper('parameters')),
+)  # fmt: skip
 
 
 def _share(value: float | None, whole: float | None) -> str:
@@ -188,14 +192,10 @@ def _times(times: dict[str, Any]) -> str:
     heads = ('ms a frame', *STAGES, 'sum', 'predict, ratio', 'sum, ratio')
     rows = [
         (name, *(number(taken[stage]['median'], 2) for stage in (*STAGES, 'sum')),
-         *(_ranged(taken[ratio]) for ratio in ('predict_ratio', 'sum_ratio')))
+         *(ranged(taken[ratio]) for ratio in ('predict_ratio', 'sum_ratio')))
         for name, taken in times.items()
     ]  # fmt: skip
-    return report.table(heads, rows)
-
-
-def _ranged(found: dict[str, float]) -> str:
-    return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
+    return table(heads, rows)
 
 
 def _aside(evaluations: Sequence[Evaluation]) -> list[str]:
@@ -214,7 +214,7 @@ def _curve(results: Results) -> list[str]:
         for presses, scores in points
     ]  # fmt: skip
     return [
-        '## Accuracy against presses', report.table(heads, rows), f'![error against presses]({picture_name("presses")})'
+        '## Accuracy against presses', table(heads, rows), f'![error against presses]({picture_name("presses")})'
     ]  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import spread
+from benchmarks.harness.report import in_turn, spread
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.evaluation.evaluate import config_of
@@ -60,8 +60,7 @@ def stage_times(models: Mapping[str, LoadedModel], rounds: int, images: int) -> 
     contenders = {name: _Contender.of(each, shown) for name, each in models.items()}
     taken: dict[str, list[tuple[float, ...]]] = {name: [] for name in contenders}
     for number in range(rounds + _WARM_UP):
-        names = list(contenders) if number % 2 == 0 else list(contenders)[::-1]
-        for name in names:
+        for name in in_turn(list(contenders), number):
             taken[name].append(contenders[name].turn())
     arrays = {name: np.array(each[_WARM_UP:]) for name, each in taken.items()}
     first = next(iter(arrays.values()))

@@ -11,20 +11,20 @@ from __future__ import annotations
 import argparse
 import itertools
 import tempfile
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from benchmarks.bus.ends import CONTENDERS, FLOORS, NODE, PAYLOADS, payload
-from benchmarks.bus.processes import Worker
-from benchmarks.report import percentiles, spread, surroundings, table, write_json
+from benchmarks.bus.processes import End
+from benchmarks.harness.declaration import Aim, Benchmark, Result, reached
+from benchmarks.harness.report import in_turn, machine_and_commit, named_versions, percentiles, ranged, spread, table
+from benchmarks.harness.running import Run
 from tactile_nodes import messages
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BusError
 
-AIM_RATIO = 2.5
-AIM_INSIDE_US = 50.0
 _IDLE_S = 3.0  # a machine that is shared may hold a process up for a second
 _TRIES = 5
 
@@ -42,32 +42,21 @@ class Plan:
 QUICK = Plan(rounds=2, messages=40, rate_hz=200.0, flood=300)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench bus``."""
-    parser.add_argument('--quick', action='store_true', help='a few seconds, to see that it runs; too little to quote')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE.json', help='keep the result')
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """What was asked for."""
+    return measure(QUICK if arguments.quick else Plan())
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    result = measure(QUICK if arguments.quick else Plan())
-    print(text(result))
-    if arguments.output:
-        write_json(arguments.output, result)
-    return 0
-
-
-def measure(plan: Plan) -> dict[str, Any]:
+def measure(plan: Plan) -> Result:
     """All latencies and rates of one run, as plain data."""
-    result: dict[str, Any] = {**surroundings('tactile bench bus'), 'plan': asdict(plan)}
+    result: Result = {'plan': asdict(plan)}
     between, inside = Latencies(plan), Latencies(plan)
     with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as running:
-        ends = Ends(*(Worker(role, folder) for role in ('send', 'receive', 'inside')))
+        ends = Ends(*(End(role, folder) for role in ('send', 'receive', 'inside')))
         running.callback(ends.close)
         ends.warm_up()
         for number in range(plan.rounds):
-            turns = CONTENDERS if number % 2 == 0 else CONTENDERS[::-1]
-            for name, contender in itertools.product(PAYLOADS, turns):
+            for name, contender in itertools.product(PAYLOADS, in_turn(CONTENDERS, number)):
                 between.add(contender, name, *ends.one_way(contender, name, plan.messages, _period_ns(plan)))
                 if contender not in FLOORS:
                     inside.add(contender, name, *ends.inside(contender, name, plan.messages, _period_ns(plan)))
@@ -78,7 +67,6 @@ def measure(plan: Plan) -> dict[str, Any]:
     result['threads'] = (
         'sending: main; receiving: main (pyzmq, subscription), one a node; ZeroMQ: 1 io thread a context'
     )
-    result['aims'] = _aims(result)
     return result
 
 
@@ -86,20 +74,20 @@ def measure(plan: Plan) -> dict[str, Any]:
 class Ends:
     """The processes between and in which is measured."""
 
-    sender: Worker
-    receiver: Worker
-    both: Worker
+    sender: End
+    receiver: End
+    both: End
 
     def one_way(self, contender: str, name: str, count: int, period_ns: int) -> tuple[list[int], list[int]]:
         """When each message was handed over in one process, and when the user had it in the other."""
-        self.receiver.ask('begin', contender, name)
-        arrived = self.receiver.begin('arrivals', contender, name, count, _IDLE_S)
-        sent = self.sender.ask('send', contender, name, count, period_ns)
-        return sent, arrived()
+        self.receiver.ask(('begin', contender, name))
+        self.receiver.send(('arrivals', contender, name, count, _IDLE_S))
+        sent = self.sender.ask(('send', contender, name, count, period_ns))
+        return sent, self.receiver.answer()
 
     def inside(self, contender: str, name: str, count: int, period_ns: int) -> tuple[list[int], list[int]]:
         """The same inside one process."""
-        sent, arrived = self.both.ask('measure', contender, name, count, period_ns, _IDLE_S)
+        sent, arrived = self.both.ask(('measure', contender, name, count, period_ns, _IDLE_S))
         return sent, arrived
 
     def warm_up(self) -> None:
@@ -161,12 +149,11 @@ class Latencies:
         return [median / min(both) for median, *both in zip(medians, *floors, strict=False)]
 
 
-def text(result: dict[str, Any]) -> str:
+def text(result: Mapping[str, Any]) -> str:
     """The result as a person reads it."""
-    machine, plan = result['machine'], result['plan']
+    plan = result['plan']
     lines = [
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; '
-        f'commit {result["commit"]}; ' + ', '.join(f'{name} {version}' for name, version in result['versions'].items()),
+        f'{machine_and_commit(result)}; {named_versions(result)}',
         f'{plan["rounds"]} rounds of {plan["messages"]} messages at {plan["rate_hz"]:g} Hz, contenders interleaved',
         '',
         'Between processes, one way [µs]; ratio of the medians of a round to the faster floor of that round',
@@ -178,8 +165,8 @@ def text(result: dict[str, Any]) -> str:
         'As fast as it can, between processes',
         _rate_table(result['flooded']),
         '',
+        reached(AIMS, result),
     ]
-    lines += [f'{"reached" if aim["reached"] else "MISSED"}: {aim["text"]}' for aim in result['aims']]
     return '\n'.join(lines)
 
 
@@ -198,7 +185,7 @@ def _latency_table(latencies: dict[str, Any]) -> str:
                     *(f'{entry[level]:.0f}' for level in ('p50', 'p90', 'p99')),
                     f'{over["low"]:.0f} to {over["high"]:.0f}',
                     f'{entry["lost"]}',
-                    f'{ratio["median"]:.2f} ({ratio["low"]:.2f} to {ratio["high"]:.2f})' if ratio else '',
+                    ranged(ratio) if ratio else '',
                 ]
             )
     return table(heads, rows)
@@ -213,24 +200,6 @@ def _rate_table(rates: dict[str, Any]) -> str:
     return table(['payload', 'contender', 'messages/s received', 'MB/s', 'dropped'], rows)
 
 
-def _aims(result: dict[str, Any]) -> list[dict[str, Any]]:
-    ratio = result['between_processes_us']['image'][NODE]['ratio_to_floor']['median']
-    inside = result['inside_one_process_us']['image'][NODE]['p50']
-    return [
-        _aim(
-            f'image between processes, node to node: {ratio:.2f} of the floor, at most {AIM_RATIO}', ratio <= AIM_RATIO
-        ),
-        _aim(
-            f'image inside one process, node to node: {inside:.0f} µs, at most {AIM_INSIDE_US:.0f}',
-            inside <= AIM_INSIDE_US,
-        ),
-    ]
-
-
-def _aim(words: str, reached: bool) -> dict[str, Any]:
-    return {'text': words, 'reached': reached}
-
-
 def _period_ns(plan: Plan) -> int:
     return round(NS_PER_S / plan.rate_hz)
 
@@ -240,3 +209,27 @@ def _flooded(ends: Ends, contender: str, name: str, count: int) -> dict[str, flo
     rate = len(arrived) * NS_PER_S / (max(arrived) - min(sent)) if arrived else 0.0
     size = len(messages.encode(payload(name)))
     return {'per_s': rate, 'megabytes_per_s': rate * size / 1e6, 'lost_share': 1 - len(arrived) / count}
+
+
+def _ratio_reached(result: Mapping[str, Any]) -> dict[str, str]:
+    return {'reached': ranged(result['between_processes_us']['image'][NODE]['ratio_to_floor'])}
+
+
+def _inside_reached(result: Mapping[str, Any]) -> dict[str, str]:
+    return {'reached': f'{result["inside_one_process_us"]["image"][NODE]["p50"]:.0f} µs'}
+
+
+AIMS = (
+    Aim('440x440 image between processes, node to node', 'at most 2.5 times the floor', _ratio_reached),
+    Aim('440x440 image inside one process, node to node', 'at most 50 µs', _inside_reached),
+)
+BENCHMARK = Benchmark(
+    name='bus',
+    about=__doc__,
+    sources=('benchmarks/bus/**', 'tactile_nodes/bus/**', 'tactile_nodes/messages/**', 'msg/**'),
+    page=text,
+    measure=measured,
+    quick=True,
+    files=('bus.json', 'bus.md'),
+    by_hand=True,
+)

@@ -12,7 +12,7 @@ import json
 import signal
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.collection.bag import CollectionBag
-from benchmarks.report import surroundings, table, write_json
+from benchmarks.harness.declaration import RIG, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.report import surroundings, table
+from benchmarks.harness.running import Run
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.clock import NS_PER_S, monotonic_s
 from tactile_nodes.collection.plan.audit import audit
@@ -40,6 +42,7 @@ from tactile_nodes.collection.settings import CollectionSettings, SurfaceSetting
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Switched
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import write_whole
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.scene import WorldScene
@@ -78,20 +81,8 @@ class Session:
     most: int = 0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench collection``."""
-    parser.add_argument('--plan', default='quick', help='YAML file, or a name in config/plans (default: quick)')
-    parser.add_argument('-o', '--folder', type=Path, required=True, help='for journal, bags and result.json')
-    parser.add_argument('--gel', default='', help="YAML file, or a name in config/gels (default: the paper's)")
-    parser.add_argument('--indenter', default='tip', choices=('tip', *INDENTERS), help='what presses (default: tip)')
-    parser.add_argument('--rate', type=float, default=200.0, help='force samples a second (default: 200)')
-    parser.add_argument('--fps', type=float, default=60.0, help='images a second (default: 60)')
-    parser.add_argument('--presses', type=int, default=0, help='stop after so many (default: all)')
-    parser.add_argument('--compression', choices=sorted(COMPRESSIONS), default='zstd', help='default: zstd')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Collect, and say what it took."""
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """Collect; the result is kept in the folder of the collection, session by session."""
     session = Session(
         arguments.folder,
         load_plan_settings(plan_path(arguments.plan)),
@@ -101,8 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.compression,
         arguments.presses,
     )
-    print(told(Collection(session, tell=_tell).run()))
-    return 0
+    return Collection(session, tell=_tell).run()
 
 
 def named(indenter: str) -> CollectionSettings:
@@ -239,7 +229,7 @@ class Collection:
             'disk_bytes': sum(each.stat().st_size for each in self._session.folder.glob('*/*.mcap')),
             'sessions': [*earlier, own],
         }  # fmt: skip
-        write_json(file, result)
+        write_whole(file, f'{json.dumps(result, indent=1)}\n'.encode())
         return result
 
 
@@ -253,7 +243,7 @@ def _sessions(file: Path) -> list[dict[str, Any]]:
     return found
 
 
-def told(result: dict[str, Any]) -> str:
+def told(result: Mapping[str, Any]) -> str:
     """For a person: a table, and one of the topics."""
     sessions = result['sessions']
     recorded, rejected, simulated_s, real_s = (
@@ -288,3 +278,26 @@ def _topics(sessions: list[dict[str, Any]]) -> str:
 def _tell(line: str) -> None:
     terminal = sys.stderr.isatty()
     print(f'\r\033[K{line}' if terminal else line, end='' if terminal else '\n', file=sys.stderr, flush=True)
+
+
+BENCHMARK = Benchmark(
+    name='collection',
+    about=__doc__,
+    sources=('benchmarks/collection/**', 'tactile_nodes/bag/**', 'config/plans/**', *RIG, *SIMULATED),
+    page=told,
+    measure=measured,
+    files=('collection.md', 'collection.png'),
+    by_hand=True,
+    keeps=False,
+    arguments=(
+        argument('--plan', default='quick', help='YAML file, or a name in config/plans (default: quick)'),
+        argument('-o', '--folder', type=Path, required=True, help='for journal, bags and result.json'),
+        argument('--gel', default='', help="YAML file, or a name in config/gels (default: the paper's)"),
+        argument('--indenter', default='tip', choices=('tip', *INDENTERS), help='what presses (default: tip)'),
+        argument('--rate', type=float, default=200.0, help='force samples a second (default: 200)'),
+        argument('--fps', type=float, default=60.0, help='images a second (default: 60)'),
+        argument('--presses', type=int, default=0, help='stop after so many (default: all)'),
+        argument('--compression', choices=sorted(COMPRESSIONS), default='zstd', help='default: zstd'),
+    ),
+    example='example: tactile bench collection -o collected',
+)

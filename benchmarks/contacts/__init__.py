@@ -9,14 +9,15 @@ loops compiled, for its CPU time.
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.report import keep, surroundings
+from benchmarks.contacts.page import BEST, PRESSES, page
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.speed_accuracy import draw_contacts as draw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,52 +30,18 @@ if TYPE_CHECKING:
 
 SEED, PER_FAMILY = 303, 8
 PROFILES = 'paper', 'fast', 'portable'
-PRESSES = 100, 10, 0
-BEST = f'field, {PRESSES[0]} presses'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench contacts``."""
-    parser.add_argument('--seed', type=int, default=SEED, help=f'of bodies, places, forces (default: {SEED})')
-    parser.add_argument(
-        '--each', type=int, default=PER_FAMILY, metavar='N', help=f'contacts of each family (default: {PER_FAMILY})'
-    )
-    parser.add_argument('--source', default='field', metavar='MODEL', help='the model to calibrate from')
-    parser.add_argument('--gel-seed', type=int, default=1, help='the markers of the gel (default: 1, of the profiles)')
-    parser.add_argument('--no-disturbances', action='store_true', help='undisturbed pictures alone')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write contacts.md, .json and .png there')
-    parser.epilog = """\
-examples:
-  tactile bench contacts -o docs/results
-  tactile bench contacts --each 2 --no-disturbances    # a few contacts, to see that it runs"""
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.contacts.page import draw, page
-    from tactile_nodes.learning.progress import TerminalProgress
-
-    result = measure(arguments, TerminalProgress())
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'contacts', text, result)
-        draw(result, arguments.output / 'contacts.png')
-    return 0
-
-
-def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def measure(arguments: argparse.Namespace, run: Run) -> Result:
     """All models on the same pictures, then the field in disturbed ones."""
     from benchmarks.contacts.cases import broad_cases, cases
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import by_family, summed
     from tactile_nodes.simulation.gel import Gel
 
-    gel = Gel(seed=arguments.gel_seed)
+    gel, progress = Gel(seed=arguments.gel_seed), run.progress
     chosen = cases(gel, arguments.seed, arguments.each, progress)
-    result: dict[str, Any] = {
-        **surroundings(shlex.join(['tactile', *sys.argv[1:]])), 'seed': arguments.seed, 'each': arguments.each
-    }  # fmt: skip
+    result: Result = {'seed': arguments.seed, 'each': arguments.each}
     with tempfile.TemporaryDirectory() as folder:
         models = _models(arguments, gel, Path(folder), progress)
         scores, result['dis_ms'] = _read(models, gel, chosen, CONDITIONS[0], progress)
@@ -156,3 +123,33 @@ def _read(
                 dis_ms.append(1e3 * (time.process_time() - begun))
             bar.advance()
     return found, float(np.median(dis_ms))
+
+
+BENCHMARK = Benchmark(
+    name='contacts',
+    about=__doc__,
+    sources=(
+        'benchmarks/contacts/**',
+        'benchmarks/stability/chain.py',
+        'tactile_nodes/learning/**',
+        *SENSING,
+        *SIMULATED,
+    ),
+    page=page,
+    measure=measure,
+    draw=draw,
+    seed=SEED,
+    files=('contacts.json', 'contacts.md', 'speed_accuracy.png'),
+    arguments=(
+        argument(
+            '--each', type=int, default=PER_FAMILY, metavar='N', help=f'contacts of each family (default: {PER_FAMILY})'
+        ),
+        argument('--source', default='field', metavar='MODEL', help='the model to calibrate from'),
+        argument('--gel-seed', type=int, default=1, help='the markers of the gel (default: 1, of the profiles)'),
+        argument('--no-disturbances', action='store_true', help='undisturbed pictures alone'),
+    ),
+    example="""\
+examples:
+  tactile bench contacts -o docs/results
+  tactile bench contacts --each 2 --no-disturbances    # a few contacts, to see that it runs""",
+)

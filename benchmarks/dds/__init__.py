@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from benchmarks.dds.ends import Bridge, Ends, Times
-from benchmarks.report import keep, machine_and_commit, named_versions, percentiles, surroundings, table
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.report import opening, percentiles, table
+from benchmarks.harness.running import Run
 from tactile_nodes.dds.opening import require_cyclone
 
 DEFAULT_DOMAIN = 99
+HANGING = """\
+The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable)
+it keeps the newest messages of each topic, and waits for nobody."""
 CASES = {
     'no bridge': (),
     'nobody reads': ('bridge',),
@@ -28,35 +32,19 @@ CASES = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench dds``."""
-    parser.add_argument('--seconds', type=float, default=20.0, help='of each case (default: %(default)s)')
-    parser.add_argument('--rate', type=float, default=60.0, help='images a second (default: %(default)s)')
-    parser.add_argument(
-        '--domain', type=int, default=DEFAULT_DOMAIN, help='that nobody else uses (default: %(default)s)'
-    )
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='keep dds.md and dds.json there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """Each case, with processes of its own."""
     require_cyclone()
     cases = {}
     for name, parts in CASES.items():
         with _running(parts, arguments.domain, arguments.rate) as ends:
             cases[name] = _measured(ends, arguments.seconds)
-        print(f'{name}: measured', flush=True)
-    command = f'tactile bench dds --seconds {arguments.seconds:g} --rate {arguments.rate:g}'
-    around = surroundings(command)
-    around['versions']['cyclonedds'] = version('cyclonedds')
-    result = {**around, 'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
-    print(told(result))
-    if arguments.output:
-        keep(arguments.output, 'dds', page(result), result)
-    return 0
+        run.progress.say(f'{name}: measured')
+    run.about['versions']['cyclonedds'] = version('cyclonedds')
+    return {'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
 
 
-def told(result: dict[str, Any]) -> str:
+def told(result: Mapping[str, Any]) -> str:
     """A row for each case and topic."""
     heads = [
         'case',
@@ -76,23 +64,6 @@ def told(result: dict[str, Any]) -> str:
             cpu = '' if case['bridge_percent'] is None else f'{case["bridge_percent"]:.0f}'
             rows.append([name, topic, *there, cpu])
     return table(heads, rows)
-
-
-def page(result: dict[str, Any]) -> str:
-    """The document that the numbers stand in."""
-    assert __doc__ is not None
-    return '\n\n'.join(
-        (
-            '# What DDS costs',
-            f'```console\n$ {result["command"]} -o docs/results\n```',
-            __doc__.partition('\n\n')[2].strip(),
-            f'{machine_and_commit(result)};\n{named_versions(result)};\n{result["rate_hz"]:g} Hz, '
-            f'{result["seconds"]:g} s each.',
-            told(result),
-            'The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable)\n'
-            'it keeps the newest messages of each topic, and waits for nobody.',
-        )
-    )
 
 
 def _cells(times: dict[str, Any] | None) -> list[str]:
@@ -129,3 +100,25 @@ def _measured(ends: Ends, seconds: float) -> dict[str, Any]:
 def _summary(times: Times, sent: int) -> dict[str, Any]:
     """Of the frames that were published while it was measured; ms."""
     return {**percentiles([late_ns / 1e6 for late_ns in times]), 'received': len(times), 'lost': sent - len(times)}
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The document that the numbers stand in."""
+    assert __doc__ is not None
+    more = f'{result["rate_hz"]:g} Hz, {result["seconds"]:g} s each'
+    return '\n\n'.join([*opening('What DDS costs', result, __doc__.partition('\n\n')[2], more), told(result), HANGING])
+
+
+BENCHMARK = Benchmark(
+    name='dds',
+    about=__doc__,
+    sources=('benchmarks/dds/**', 'tactile_nodes/dds/**', 'tactile_nodes/bus/**', 'tactile_nodes/messages/**'),
+    page=page,
+    measure=measured,
+    files=('dds.json', 'dds.md'),
+    arguments=(
+        argument('--seconds', type=float, default=20.0, help='of each case (default: %(default)s)'),
+        argument('--rate', type=float, default=60.0, help='images a second (default: %(default)s)'),
+        argument('--domain', type=int, default=DEFAULT_DOMAIN, help='that nobody else uses (default: %(default)s)'),
+    ),
+)

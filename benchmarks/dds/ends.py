@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from benchmarks.harness.workers import Worker, asked
 from tactile_nodes import conversions, messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
@@ -24,7 +24,6 @@ from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.dds.opening import open_participant
 from tactile_nodes.dds.settings import Discovery
-from tactile_nodes.errors import BusError
 from tactile_nodes.messages import types
 
 Times = list[int]
@@ -60,19 +59,19 @@ class Ends:
     def __init__(self, folder: str, domain: int, rate_hz: float) -> None:
         self.bridge: Bridge | None = None
         self._folder, self._domain = folder, domain
-        self._source = _Worker(_publish, folder, domain, rate_hz)
-        self._listener = _Worker(_listen, folder, domain)
-        self._reader: _Worker | None = None
-        self._stuck: _Worker | None = None
+        self._source = Worker(_publish, folder, domain, rate_hz)
+        self._listener = Worker(_listen, folder, domain)
+        self._reader: Worker | None = None
+        self._stuck: Worker | None = None
 
     def start_reader(self) -> None:
-        self._reader = _Worker(_read, self._folder, self._domain)
+        self._reader = Worker(_read, self._folder, self._domain)
 
     def start_stuck(self) -> None:
         """One that has been found by the bridge, and reads no more."""
-        self._stuck = _Worker(_read, self._folder, self._domain)
+        self._stuck = Worker(_read, self._folder, self._domain)
         self._stuck.ask('wait')
-        self._stuck.signal(signal.SIGSTOP)
+        _signal(self._stuck, signal.SIGSTOP)
 
     def watch(self, seconds: float) -> tuple[int, dict[str, Times], dict[str, Times] | None, float | None]:
         """Frames sent; how late each was on the bus, and over DDS; processor time of the bridge [% of a core]."""
@@ -80,7 +79,7 @@ class Ends:
         for end in filter(None, (self._listener, self._reader)):
             end.ask('wait')
         before_s = self.bridge.cpu_s() if self.bridge else 0.0
-        first_ns, last_ns, sent = self._source.ask(seconds)
+        first_ns, last_ns, sent = self._source.ask(seconds, _ANSWER_WITHIN_S + seconds)
         spent_s = self.bridge.cpu_s() - before_s if self.bridge else None
         heard = self._listener.ask((first_ns, last_ns))
         read = self._reader.ask((first_ns, last_ns)) if self._reader else None
@@ -88,33 +87,15 @@ class Ends:
 
     def close(self) -> None:
         if self._stuck:
-            self._stuck.signal(signal.SIGCONT)
+            _signal(self._stuck, signal.SIGCONT)
         for end in (self.bridge, self._reader, self._stuck, self._listener, self._source):
             if end is not None:
                 end.close()
 
 
-class _Worker:
-    def __init__(self, body: Any, *arguments: Any) -> None:
-        context = multiprocessing.get_context('spawn')  # a fork would inherit threads and sockets
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=body, args=(theirs, *arguments), daemon=True)
-        self._process.start()
-
-    def ask(self, what: Any) -> Any:
-        self._pipe.send(what)
-        if not self._pipe.poll(_ANSWER_WITHIN_S + (what if isinstance(what, float) else 0.0)):
-            raise BusError('a process of the benchmark does not answer; does anybody else use its DDS domain?')
-        return self._pipe.recv()
-
-    def signal(self, number: int) -> None:
-        assert self._process.pid is not None
-        os.kill(self._process.pid, number)
-
-    def close(self) -> None:
-        self._pipe.send(None)
-        self._process.join(5.0)
-        self._process.kill()
+def _signal(worker: Worker, number: int) -> None:
+    assert worker.process.pid is not None
+    os.kill(worker.process.pid, number)
 
 
 def _publish(pipe: Connection, folder: str, domain: int, rate_hz: float) -> None:
@@ -135,7 +116,7 @@ def _publish(pipe: Connection, folder: str, domain: int, rate_hz: float) -> None
 
     worker = threading.Thread(target=work)
     worker.start()
-    while (seconds := pipe.recv()) is not None:
+    for seconds in asked(pipe):
         begin = len(stamps)
         clock.sleep_until(clock.now_ns() + round(seconds * NS_PER_S))
         end_of = len(stamps) - 1
@@ -212,7 +193,7 @@ class _Lateness:
 def _answer(pipe: Connection, times: _Lateness) -> None:
     """'wait': until something of every topic has come. (first, last): how late each message of that time was."""
     clock = SystemClock()
-    while (asked := pipe.recv()) is not None:
-        while asked == 'wait' and not times.complete:
+    for what in asked(pipe):
+        while what == 'wait' and not times.complete:
             clock.sleep_until(clock.now_ns() + NS_PER_S // 50)
-        pipe.send(True if asked == 'wait' else times.between(*asked))
+        pipe.send(True if what == 'wait' else times.between(*what))

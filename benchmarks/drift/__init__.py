@@ -10,16 +10,26 @@ import argparse
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from benchmarks.report import keep, surroundings, table
+from benchmarks.drift.cases import COURSES, PER_S, Bench, Course, Effort, Point, follow
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.report import opening, table
+from benchmarks.harness.running import Run
 
 if TYPE_CHECKING:
-    from benchmarks.drift.cases import Course, Effort, Point
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.model_file import LoadedModel
+    from tactile_nodes.simulation.gel import Gel
 
+ABOUT = """\
+Where the monitor first says ageing and invalid, and how wrong the forces of that sensor are there. Seconds: from the
+change to the higher level, where changes come at once; two pictures a second are looked at."""
+NOTHING_WRONG = """\
+**Nothing wrong** for {hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs and dragged
+({pictures} pictures): {alarms} alarms, {alarmed_s:g} s of them. The largest motion told was {largest_px:.4f} px; of the
+last contacts {unlike_share:.0%} were unlike the training."""
 ENOUGH = {'ageing': ('ageing', 'invalid'), 'invalid': ('invalid',)}
 
 
@@ -35,52 +45,37 @@ class Hours:
     unlike_share: float
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench drift``."""
-    parser.add_argument('--model', default='fast', help='a model of a simulated gel (default: fast)')
-    parser.add_argument('--hours', type=float, default=4.0, help='of presses with nothing wrong (default: 4)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write drift.json and drift.md there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.drift.cases import COURSES
-    from tactile_nodes.learning.progress import TerminalProgress
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """Every course, and so many hours."""
     from tactile_nodes.model_file import find_model, load_model
 
-    command = f'tactile bench drift --model {arguments.model} --hours {arguments.hours:g}'
-    plain = surroundings(command)
-    found, hours = measure(load_model(find_model(arguments.model)), COURSES, arguments.hours, TerminalProgress())
-    text = page(command, found, hours)
-    print(text)
-    if arguments.output:
-        told = {course.name: [asdict(each) for each in points] for course, points in found.items()}
-        keep(arguments.output, 'drift', text, {**plain, 'courses': told, 'hours': asdict(hours)})
-    return 0
+    return measure(load_model(find_model(arguments.model)), COURSES, arguments.hours, run.progress, run.part)
 
 
 def measure(
-    loaded: LoadedModel, courses: Sequence[Course], hours: float, progress: Progress
-) -> tuple[dict[Course, list[Point]], Hours]:
+    loaded: LoadedModel, courses: Sequence[Course], hours: float, progress: Progress, part: Part = at_once
+) -> Result:
     """Every course, and the hours in which nothing is wrong.
 
     Raises:
         ModelError: the model is not of a simulated gel.
     """
-    from benchmarks.drift.cases import follow
     from tactile_nodes.learning.evaluation.evaluate import config_of
 
     gel, found = config_of(loaded).gel, {}
     with progress.bar('changes', len(courses)) as bar:
         for course in courses:
-            found[course] = follow(course, loaded, gel)
+            found[course.name] = part(course.name, partial(_followed, course, loaded, gel))
             bar.advance(1, course.name)
-    return found, undisturbed(loaded, hours, progress)
+    return {'courses': found, 'hours': asdict(undisturbed(loaded, hours, progress))}
+
+
+def _followed(course: Course, loaded: LoadedModel, gel: Gel) -> list[dict[str, Any]]:
+    return [asdict(each) for each in follow(course, loaded, gel)]
 
 
 def undisturbed(loaded: LoadedModel, hours: float, progress: Progress, effort: Effort | None = None) -> Hours:
     """Presses by many bodies, and nothing wrong."""
-    from benchmarks.drift.cases import PER_S, Bench
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.sensing.judge.drift_alarm import Level
 
@@ -104,27 +99,6 @@ def undisturbed(loaded: LoadedModel, hours: float, progress: Progress, effort: E
     return Hours(hours, pictures, alarms, alarmed / PER_S, largest_px, share)
 
 
-def page(command: str, found: Mapping[Course, Sequence[Point]], hours: Hours) -> str:
-    """The results as a page of documentation."""
-    heads = ['', 'ageing at', 'force RMSE, N', 'invalid at', 'force RMSE, N', 'seconds']
-    return '\n'.join([
-        '# Drift of a calibration',
-        '',
-        f'`{command}`',
-        '',
-        'Where the monitor first says ageing and invalid, and how wrong the forces of that sensor are there. Seconds:',
-        'from the change to the higher level, where changes come at once; two pictures a second are looked at.',
-        '',
-        table(heads, [_summary(course, points) for course, points in found.items()]),
-        '',
-        f'**Nothing wrong** for {hours.hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs',
-        f'and dragged ({hours.pictures} pictures): {hours.alarms} alarms, {hours.alarmed_s:g} s of them. The largest',
-        f'motion told was {hours.largest_px:.4f} px; of the last contacts {hours.unlike_share:.0%} were unlike the',
-        'training.',
-        *[line for course, points in found.items() for line in _detail(course, points)],
-    ])  # fmt: skip
-
-
 def _summary(course: Course, points: Sequence[Point]) -> list[str]:
     row = [course.name]
     for level in ('ageing', 'invalid'):
@@ -144,7 +118,7 @@ def _detail(course: Course, points: Sequence[Point]) -> list[str]:
         ]
         for each in points
     ]  # fmt: skip
-    return ['', f'## {course.name[0].upper()}{course.name[1:]}', '', table(heads, rows)]
+    return [f'## {course.name[0].upper()}{course.name[1:]}', table(heads, rows)]
 
 
 def _newtons(point: Point) -> str:
@@ -154,3 +128,28 @@ def _newtons(point: Point) -> str:
 def _or_dash(value: float, form: str) -> str:
     """A dash for what the model does not tell: a force without a number."""
     return '-' if math.isnan(value) else format(value, form)
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The results as a page of documentation."""
+    heads = ['', 'ageing at', 'force RMSE, N', 'invalid at', 'force RMSE, N', 'seconds']
+    told = result['courses']
+    found = {course: [Point(**each) for each in told[course.name]] for course in COURSES if course.name in told}
+    parts = opening('Drift of a calibration', result, ABOUT)
+    parts.append(table(heads, [_summary(course, points) for course, points in found.items()]))
+    parts.append(NOTHING_WRONG.format(**result['hours']))
+    return '\n\n'.join([*parts, *(line for course, points in found.items() for line in _detail(course, points))])
+
+
+BENCHMARK = Benchmark(
+    name='drift',
+    about=__doc__,
+    sources=('benchmarks/drift/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    files=('drift.json', 'drift.md'),
+    arguments=(
+        argument('--model', default='fast', help='a model of a simulated gel (default: fast)'),
+        argument('--hours', type=float, default=4.0, help='of presses with nothing wrong (default: 4)'),
+    ),
+)

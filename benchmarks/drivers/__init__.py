@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from ctypes import c_int64
 from dataclasses import dataclass
@@ -25,9 +24,12 @@ import numpy as np
 
 from benchmarks.drivers import devices, readers
 from benchmarks.drivers.meter import Meter
-from benchmarks.report import surroundings, table, write_json
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.report import machine_and_commit, named_versions, table
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import SPAWN, Worker
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.errors import DeviceError, TactileError
+from tactile_nodes.errors import TactileError
 
 MARGIN_S = 60.0  # for starting, homing and ending
 
@@ -55,28 +57,16 @@ CASES = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench drivers``."""
-    parser.add_argument(
-        '--only', nargs='+', choices=CASES, metavar='NAME', help=f'of {", ".join(CASES)} (default: all)'
-    )
-    parser.add_argument('--seconds', type=float, default=10.0, help='how long to measure each (default: 10)')
-    parser.add_argument('--together', type=int, default=1, metavar='N', help='measure so many at once (default: 1)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE.json', help='keep the result')
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """All that were asked for, so many at once; what is measured is kept before the next begin."""
+    found: dict[str, Any] = {}
+    for first in range(0, len(run.cases), arguments.together):
+        found |= measure(run.cases[first : first + arguments.together], arguments.seconds)
+        run.keep({'drivers': found})
+    return {'drivers': found}
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep; what has failed is said among the rest, and in the exit status."""
-    names, result = arguments.only or list(CASES), {**surroundings('tactile bench drivers'), 'drivers': {}}
-    for first in range(0, len(names), arguments.together):
-        result['drivers'] |= measure(names[first : first + arguments.together], arguments.seconds)
-        if arguments.output:
-            write_json(arguments.output, result)
-    print(text(result))
-    return int(any('failed' in entry for entry in result['drivers'].values()))
-
-
-def measure(names: list[str], seconds: float) -> dict[str, Any]:
+def measure(names: Sequence[str], seconds: float) -> dict[str, Any]:
     """The named drivers, all at once, for so many seconds."""
     found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as running:
@@ -98,47 +88,23 @@ class _Trial:
         self.name = name
         own = folder / name
         own.mkdir()
-        context = multiprocessing.get_context('spawn')  # a fork would inherit threads and sockets
-        stamps = context.RawArray(c_int64, 1 + devices.PICTURES)
-        self._device_pipe, device_end = context.Pipe()
-        self._reader_pipe, reader_end = context.Pipe()
-        self._device = context.Process(target=_serve, args=(device_end, name, own, stamps), daemon=True)
-        self._reader = context.Process(target=_read, args=(reader_end, name, stamps, seconds), daemon=True)
-        for process in (self._device, self._reader):
-            process.start()
-        device_end.close()
-        reader_end.close()
-        self._reader_pipe.send(self._answer(self._device_pipe, MARGIN_S))
+        stamps = SPAWN.RawArray(c_int64, 1 + devices.PICTURES)
+        self._device = Worker(_serve, name, own, stamps)
+        self._reader = Worker(_read, name, stamps, seconds)
+        self._reader.send(self._device.answer(MARGIN_S))
 
     def result(self, seconds: float) -> dict[str, Any]:
         """What the reader has measured, or why it could not."""
         try:
-            found: dict[str, Any] = self._answer(self._reader_pipe, seconds + MARGIN_S)
+            found: dict[str, Any] = self._reader.answer(seconds + MARGIN_S)
         except TactileError as error:
             return {'failed': str(error)}
         return found
 
     def close(self) -> None:
         """End both."""
-        for pipe, process in ((self._reader_pipe, self._reader), (self._device_pipe, self._device)):
-            pipe.close()
-            process.join(5.0)
-            process.kill()
-
-    def _answer(self, pipe: Connection, within_s: float) -> Any:
-        try:
-            if not pipe.poll(within_s):
-                raise DeviceError(
-                    f'the benchmark of {self.name} did not answer within {within_s:g} s; is the machine idle?'
-                )
-            answer = pipe.recv()
-        except (EOFError, ConnectionResetError) as error:
-            raise DeviceError(
-                f'a process of the benchmark of {self.name} has ended; what it said stands above'
-            ) from error
-        if isinstance(answer, TactileError):
-            raise answer
-        return answer
+        self._reader.close()
+        self._device.close()
 
 
 def _serve(pipe: Connection, name: str, folder: Path, stamps: Any) -> None:
@@ -163,17 +129,13 @@ def _read(pipe: Connection, name: str, stamps: Any, seconds: float) -> None:
         pipe.send(error)
 
 
-def text(result: dict[str, Any]) -> str:
+def text(result: Mapping[str, Any]) -> str:
     """The result as a person reads it."""
-    machine, measured = result['machine'], result['drivers'].values()
-    head = (
-        f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; '
-        f'commit {result["commit"]}; ' + ', '.join(f'{name} {version}' for name, version in result['versions'].items())
-    )
+    found, head = result['drivers'].values(), f'{machine_and_commit(result)}; {named_versions(result)}'
     heads = ['driver', 'received', '/s', 'lost', 'reordered', 'doubled', 'latency p50', 'p99', 'worst [ms]']
     heads += ['stamp off by p99', 'worst [ms]', 'one core', 'memory [MB]', 'load', 'beside']
-    failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in measured if 'failed' in entry]
-    return '\n'.join([head, '', table(heads, [_row(entry) for entry in measured if 'failed' not in entry]), *failed])
+    failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in found if 'failed' in entry]
+    return '\n'.join([head, '', table(heads, [_row(entry) for entry in found if 'failed' not in entry]), *failed])
 
 
 def _row(entry: dict[str, Any]) -> list[str]:
@@ -190,3 +152,20 @@ def _row(entry: dict[str, Any]) -> list[str]:
         f'{entry["load"][1]:.1f}',
         ', '.join(entry['beside']),
     ]
+
+
+BENCHMARK = Benchmark(
+    name='drivers',
+    about=__doc__,
+    sources=('benchmarks/drivers/**', 'tactile_nodes/drivers/**', 'tactile_nodes/emulators/**'),
+    page=text,
+    measure=measured,
+    cases=tuple(CASES),
+    failed=lambda result: any('failed' in entry for entry in result['drivers'].values()),
+    files=('drivers.json', 'drivers_again.json', 'drivers.md'),
+    by_hand=True,
+    arguments=(
+        argument('--seconds', type=float, default=10.0, help='how long to measure each (default: 10)'),
+        argument('--together', type=int, default=1, metavar='N', help='measure so many at once (default: 1)'),
+    ),
+)

@@ -8,19 +8,19 @@ launch live`` in real time, with all its processes. Memory, open files, threads,
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import cv2
 
 from benchmarks.endurance.live import live
 from benchmarks.endurance.stepped import stepped
-from benchmarks.report import keep, machine_and_commit, surroundings, table
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import machine_and_commit, table
+from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 
 PARTS = ('stepped', 'live')
 MOST_MB_PER_HOUR = 2.0
@@ -29,35 +29,16 @@ LEAST_MB = 1.0
 """What a process may grow by in all before it is looked at for that."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench endurance``."""
-    parser.add_argument('--only', choices=PARTS, help='one part; the other is kept as it stands in the output folder')
-    parser.add_argument('--hours', type=float, default=8.0, help='of the stepped clock (default: %(default)s)')
-    parser.add_argument('--seconds', type=float, default=3600.0, help='of real time (default: %(default)s)')
-    parser.add_argument('--every', type=float, default=10.0, help='seconds from look to look (default: %(default)s)')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help='write endurance.json and endurance.md there'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep; 1 if something leaked or did not answer."""
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """One part."""
     cv2.setNumThreads(1)
     for name in ('hours', 'seconds', 'every'):
         if not getattr(arguments, name) > 0:
             raise ConfigurationError(f'--{name} must be above 0, got {getattr(arguments, name):g}')
-    parts = _earlier(arguments.output)
-    for part in PARTS:
-        if arguments.only in {None, part}:
-            parts[part] = {**surroundings(_command(part, arguments)), **measure(part, arguments, TerminalProgress())}
-            text = page(parts)
-            if arguments.output:
-                keep(arguments.output, 'endurance', text, parts)
-    print(text)
-    return int(any(complaints(name, part) for name, part in parts.items()))
+    return measure(arguments.only[0], arguments, run.progress)
 
 
-def measure(part: str, arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def measure(part: str, arguments: argparse.Namespace, progress: Progress) -> Result:
     """One part."""
     if part == 'stepped':
         return stepped(arguments.hours, progress)
@@ -173,13 +154,24 @@ def _leaks(who: str, held: Mapping[str, Any]) -> list[str]:
     return [*found, *(f'{who}: {held[kind]["last"]} {kind} at the end, after {held[kind]["first"]}' for kind in more)]
 
 
-def _earlier(folder: Path | None) -> dict[str, Any]:
-    """The parts that stand in a folder already."""
-    file = None if folder is None else folder / 'endurance.json'
-    found: dict[str, Any] = json.loads(file.read_text(encoding='utf-8')) if file is not None and file.exists() else {}
-    return found
+def failed(result: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether something leaked or did not answer."""
+    return any(complaints(name, part) for name, part in result.items())
 
 
-def _command(part: str, arguments: argparse.Namespace) -> str:
-    words = f'--hours {arguments.hours:g}' if part == 'stepped' else f'--seconds {arguments.seconds:g}'
-    return f'tactile bench endurance --only {part} {words} -o docs/results'
+BENCHMARK = Benchmark(
+    name='endurance',
+    about=__doc__,
+    sources=('benchmarks/endurance/**', *LIVE),
+    page=page,
+    measure=measured,
+    cases=PARTS,
+    in_parts=True,
+    failed=failed,
+    files=('endurance.json', 'endurance.md'),
+    arguments=(
+        argument('--hours', type=float, default=8.0, help='of the stepped clock (default: %(default)s)'),
+        argument('--seconds', type=float, default=3600.0, help='of real time (default: %(default)s)'),
+        argument('--every', type=float, default=10.0, help='seconds from look to look (default: %(default)s)'),
+    ),
+)

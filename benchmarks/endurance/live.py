@@ -12,8 +12,8 @@ import psutil
 
 from benchmarks.endurance.trend import MB, Look, growth
 from benchmarks.gaps import Gaps
+from benchmarks.harness.report import spread
 from benchmarks.page.launch import Sensing, sensing
-from benchmarks.report import spread
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types

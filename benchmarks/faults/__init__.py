@@ -10,10 +10,9 @@ was.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,9 @@ from typing import Any
 from benchmarks.faults.audit import DONE, Ledger, Stop, Trace, journal_steps, ledger
 from benchmarks.faults.cases import CASES, Case
 from benchmarks.faults.launch import GEL_MM, LIMITS, SAFE_MM, START_MM, Bench, Launch, Watcher, answer
-from benchmarks.report import surroundings, table, write_json
+from benchmarks.harness.declaration import RIG, Benchmark, Result, argument
+from benchmarks.harness.report import table
+from benchmarks.harness.running import Run, own_bus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
 from tactile_nodes.collection.plan.plan import Plan, load_plan_settings, make_plan
@@ -30,7 +31,6 @@ from tactile_nodes.errors import ConfigurationError
 LAUNCHES = 4
 BEGIN_S, LASTS_S, LEAVE_S = 90.0, 150.0, 12.0
 END, LONGEST_TEXT = 'collection: ', 150
-RESULT, TABLE = 'faults.json', 'faults.md'
 
 
 @dataclass
@@ -47,30 +47,18 @@ class Outcome:
     problem: str = ''
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench faults``."""
-    names = [case.name for case in CASES]
-    parser.add_argument('--only', action='append', choices=names, metavar='NAME', help=f'one of: {", ".join(names)}')
-    parser.add_argument('-o', '--output', type=Path, default=Path('faults'), metavar='FOLDER', help='for everything')
-    parser.add_argument('--limits', default=LIMITS, help=f'limits of the rig, default: {LIMITS!r}')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the faults; 1 if a point was lost, doubled or wrong."""
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """Each fault in turn, on a bus of its own; those that were tried before and are not now stay as they are kept."""
     folder: Path = arguments.output.absolute()
-    folder.mkdir(parents=True, exist_ok=True)
-    result: dict[str, Any] = surroundings('tactile bench faults')
-    rows: dict[str, Any] = _earlier(folder / RESULT)
-    with tempfile.TemporaryDirectory(prefix='tactile-') as run_folder:
-        os.environ['TACTILE_RUN_DIR'] = run_folder  # a bus of our own: nobody else's rig hears of this
-        for case in CASES:
-            if arguments.only is None or case.name in arguments.only:
-                outcome = try_fault(case, folder / case.name, arguments.limits)
-                rows[case.name] = {**asdict(outcome), 'load': round(os.getloadavg()[0], 2), 'commit': result['commit']}
-                print(told(outcome), flush=True)
-                write_json(folder / RESULT, {**result, 'faults': rows})
-    (folder / TABLE).write_text(markdown(rows) + '\n', encoding='utf-8')
-    return int(any(not is_good(row) for row in rows.values()))
+    rows: dict[str, Any] = run.earlier().get('faults', {})
+    with tempfile.TemporaryDirectory(prefix='tactile-') as run_folder, own_bus(Path(run_folder)):
+        for case in (each for each in CASES if each.name in run.cases):
+            outcome = try_fault(case, folder / case.name, arguments.limits)
+            load = round(os.getloadavg()[0], 2)
+            rows[case.name] = {**asdict(outcome), 'load': load, 'commit': run.about['commit']}
+            run.progress.say(told(outcome))
+            run.keep({'faults': rows})
+    return {'faults': rows}
 
 
 def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, int] = (2, 2)) -> Outcome:
@@ -155,12 +143,6 @@ def _is_done(folder: Path, plan: Plan) -> bool:
     return all(last.get(point.press) in DONE for point in plan.points)
 
 
-def _earlier(file: Path) -> dict[str, Any]:
-    """Rows of faults that were tried before into the same folder."""
-    found: dict[str, Any] = json.loads(file.read_text(encoding='utf-8'))['faults'] if file.exists() else {}
-    return found
-
-
 def is_good(row: dict[str, Any]) -> bool:
     """Whether nothing was lost, doubled or wrong, and the plan was finished."""
     kept = row['ledger'] or {}
@@ -180,8 +162,9 @@ def told(outcome: Outcome) -> str:
     )
 
 
-def markdown(rows: dict[str, Any]) -> str:
+def markdown(result: Mapping[str, Any]) -> str:
     """The table, in the order of the cases."""
+    rows = result['faults']
     heads = ('fault', 'at rest', 'deeper', 'up', 'launches, exit status', 'lost', 'doubled', 'wrong', 'what was told')
     cells = [_cells(case, rows[case.name]) for case in CASES if case.name in rows]
     return table(heads, cells)
@@ -211,3 +194,18 @@ def _cells(case: Case, row: dict[str, Any]) -> list[str]:
         *counts,
         text.replace('|', '/'),
     ]
+
+
+BENCHMARK = Benchmark(
+    name='faults',
+    about=__doc__,
+    sources=('benchmarks/faults/**', 'tactile_nodes/nodes/**', 'tactile_nodes/bus/**', *RIG),
+    page=markdown,
+    measure=measured,
+    cases=tuple(case.name for case in CASES),
+    failed=lambda result: not all(map(is_good, result['faults'].values())),
+    files=('faults.json', 'faults.md'),
+    by_hand=True,
+    output=Path('faults'),
+    arguments=(argument('--limits', default=LIMITS, help=f'limits of the rig, default: {LIMITS!r}'),),
+)

@@ -9,10 +9,9 @@ before and is not measured again stays in the results.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,53 +20,30 @@ from benchmarks.firmware.faults import FAULTS, Fault
 from benchmarks.firmware.obeys import obeys
 from benchmarks.firmware.page import complaints, page
 from benchmarks.firmware.press import PORT, Machine, press
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import RIG, Benchmark, Result, argument
+from benchmarks.harness.report import surroundings
+from benchmarks.harness.running import Run
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.collection.hands import TrippedError
 from tactile_nodes.drivers.cnc.contract import RISKS, CncSettings
 from tactile_nodes.errors import ConfigurationError, TactileError
-from tactile_nodes.learning.progress import TerminalProgress
 
-NAME, OBEYS = 'firmware', 'obeys'
+OBEYS = 'obeys'
 GRBL_GEL_MM, GRBL_UP_MM = (-20.0, -20.0, -20.0), -19.0
 MARLIN_GEL_MM, MARLIN_UP_MM = (20.0, 20.0, 20.0), 21.0
 ATTEMPTS = 3
 MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench firmware``."""
-    for kind, text in (('grbl', 'a Grbl, grblHAL or FluidNC'), ('marlin', 'a Marlin, or what speaks as one')):
-        parser.add_argument(
-            f'--{kind}', action='append', default=[], metavar='NAME=COMMAND', help=f'{text}; repeatable'
-        )
-    parser.add_argument('--sources', default='', metavar='TEXT', help='which sources they were built of, for the page')
-    parser.add_argument('--home-command', default='G28', help='of a Marlin (default: %(default)s)')
-    parser.add_argument(
-        '--accept', nargs='+', default=[], choices=RISKS, metavar='RISK', help=f'of {", ".join(map(repr, RISKS))}'
-    )
-    parser.add_argument(
-        '--net-ft', default='', metavar='HOST:RDT:HTTP', help='a Net F/T box without load, instead of an emulated one'
-    )
-    names = [OBEYS, *FAULTS]
-    parser.add_argument('--only', nargs='+', choices=names, metavar='WHAT', help=f'of {", ".join(names)}')
-    parser.add_argument('-o', '--output', type=Path, default=Path(NAME), metavar='FOLDER', help='for the results')
-    parser.epilog = "example: tactile bench firmware --grbl 'Grbl 1.1h=./grbl_sim.exe -n -s /dev/null -b /dev/null'"
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Try each, print, and keep; 1 if a press went on that should not have, or the other way round."""
-    chosen = machines(arguments)
-    result = _earlier(arguments.output)
-    for machine in chosen:
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """Each firmware that was named; what was measured before and is not measured again stays."""
+    result = run.earlier()
+    for machine in machines(arguments):
         found = result.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
         found |= {**surroundings(_command(machine, arguments)), 'kind': machine.kind, 'sources': arguments.sources}
-        for _ in _tried(machine, arguments.only or [OBEYS, *FAULTS], found):
-            keep(arguments.output, NAME, page(result, _page_before(arguments.output)), result)
-    print(page(result))
-    wrong = complaints({machine.name: result[machine.name] for machine in chosen})
-    print('\n'.join(wrong))
-    return int(bool(wrong))
+        for _ in _tried(machine, found, run):
+            run.keep(result)
+    return result
 
 
 def machines(arguments: argparse.Namespace) -> list[Machine]:
@@ -104,9 +80,9 @@ def _named(text: str) -> tuple[str, str]:
     return name.strip(), source.strip()
 
 
-def _tried(machine: Machine, what: Sequence[str], found: dict[str, Any]) -> Iterator[None]:
+def _tried(machine: Machine, found: dict[str, Any], run: Run) -> Iterator[None]:
     """Each in turn, into `found`."""
-    clock, progress = SystemClock(), TerminalProgress()
+    clock, progress, what = SystemClock(), run.progress, run.cases
     with tempfile.TemporaryDirectory(prefix='tf') as folder:
         if OBEYS in what:
             progress.say(f'{machine.name}: what it does without a fault')
@@ -133,19 +109,45 @@ def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict
 def _command(machine: Machine, arguments: argparse.Namespace) -> str:
     more = f" --home-command '{arguments.home_command}'" if machine.kind == 'marlin' else ''
     box = ' --net-ft HOST:RDT:HTTP' if arguments.net_ft else ''
-    return f"tactile bench {NAME} --{machine.kind} '{machine.name}=…'{more}{box} -o docs/results"
+    return f"tactile bench firmware --{machine.kind} '{machine.name}=…'{more}{box} -o docs/results"
 
 
-def _page_before(folder: Path) -> str:
-    file = folder / f'{NAME}.md'
-    return file.read_text(encoding='utf-8') if file.is_file() else ''
-
-
-def _earlier(folder: Path) -> dict[str, Any]:
-    try:
-        earlier: dict[str, Any] = json.loads((folder / f'{NAME}.json').read_text(encoding='utf-8'))
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f'cannot go on from {folder / NAME}.json ({error}); remove it') from error
-    return earlier
+BENCHMARK = Benchmark(
+    name='firmware',
+    about=__doc__,
+    sources=('benchmarks/firmware/**', *RIG),
+    page=page,
+    measure=measured,
+    cases=(OBEYS, *FAULTS),
+    failed=lambda result: bool(complaints(result)),
+    files=('firmware.json', 'firmware.md'),
+    output=Path('firmware'),
+    arguments=(
+        argument(
+            '--grbl',
+            action='append',
+            default=[],
+            metavar='NAME=COMMAND',
+            help='a Grbl, grblHAL or FluidNC; repeatable',
+        ),
+        argument(
+            '--marlin',
+            action='append',
+            default=[],
+            metavar='NAME=COMMAND',
+            help='a Marlin, or what speaks as one; repeatable',
+        ),
+        argument('--sources', default='', metavar='TEXT', help='which sources they were built of, for the page'),
+        argument('--home-command', default='G28', help='of a Marlin (default: %(default)s)'),
+        argument(
+            '--accept', nargs='+', default=[], choices=RISKS, metavar='RISK', help=f'of {", ".join(map(repr, RISKS))}'
+        ),
+        argument(
+            '--net-ft',
+            default='',
+            metavar='HOST:RDT:HTTP',
+            help='a Net F/T box without load, instead of an emulated one',
+        ),
+    ),
+    example="example: tactile bench firmware --grbl 'Grbl 1.1h=./grbl_sim.exe -n -s /dev/null -b /dev/null'",
+)

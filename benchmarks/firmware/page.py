@@ -7,8 +7,8 @@ from typing import Any
 
 from benchmarks.firmware.faults import FAULTS
 from benchmarks.firmware.press import COMMANDED_MM
+from benchmarks.harness.report import machine_and_commit
 
-NOTES = '## Notes'
 MORE_MM = 0.25  # than was commanded: what is sent elsewhere is stopped within two reports
 
 INTRODUCTION = f"""# Drivers on real firmware
@@ -27,11 +27,9 @@ firmware reports.
 - A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
 
 
-def page(result: Mapping[str, Any], before: str = '') -> str:
-    """All firmware, one after the other, and the notes that a person has added to the page that was there before."""
-    _, mark, notes = before.partition(NOTES)
-    sections = [_section(name, each) for name, each in result.items()]
-    return '\n\n'.join([INTRODUCTION, *sections, *([mark + notes.rstrip()] if mark else [])])
+def page(result: Mapping[str, Any]) -> str:
+    """All firmware, one after the other."""
+    return '\n\n'.join([INTRODUCTION, *(_section(name, each) for name, each in result.items())])
 
 
 def complaints(result: Mapping[str, Any]) -> list[str]:
@@ -53,11 +51,7 @@ def _is_right(fault: str, kind: str, outcome: Mapping[str, Any]) -> bool:
 
 
 def _section(name: str, each: Mapping[str, Any]) -> str:
-    machine = each['machine']
-    about = (
-        f'{each["sources"] or "Sources: not told."}\n\n`{each["command"]}`; {machine["processor"]}, '
-        f'{machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit {each["commit"]}.'
-    )
+    about = f'{each["sources"] or "Sources: not told."}\n\n`{each["command"]}`; {machine_and_commit(each)}.'
     parts = [f'## {name}', about]
     if each['obeys']:
         parts.append(_table(['asked for', 'what came of it'], list(each['obeys'].items())))

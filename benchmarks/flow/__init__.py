@@ -12,12 +12,15 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
-from benchmarks import report
 from benchmarks.flow.cases import Case, Sensor, deep, disturbed, known_shifts, pressed, rigid
+from benchmarks.harness.declaration import SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.report import table
+from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
@@ -63,32 +66,18 @@ class Score:
         }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench flow``."""
-    parser.add_argument('--presses', type=int, default=40, help='simulated presses a range of depths (default: 40)')
-    parser.add_argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift')
-    parser.add_argument('--json', type=Path, help='write all numbers to this file as well')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print the tables, and keep the numbers if asked."""
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """Every set of images, by each method in turn."""
     if arguments.presses < 1:
         raise ConfigurationError(f'--presses must be at least 1, got {arguments.presses}')
     cv2.setNumThreads(1)
     sensor = Sensor()
     sets: dict[str, Iterable[Case]] = {
-        **pressed(sensor, arguments.presses),
-        **disturbed(sensor, arguments.presses),
-        **rigid(sensor),
-        **deep(sensor),
-    }
+        **pressed(sensor, arguments.presses), **disturbed(sensor, arguments.presses), **rigid(sensor), **deep(sensor)
+    }  # fmt: skip
     if arguments.speckle:
         sets |= known_shifts(arguments.speckle)
-    results = {name: measure(cases) for name, cases in sets.items()}
-    show(results)
-    if arguments.json:
-        report.write_json(arguments.json, {**report.surroundings('tactile bench flow'), 'results': results})
-    return 0
+    return {'results': {name: measure(cases) for name, cases in sets.items()}}
 
 
 def measure(cases: Iterable[Case]) -> dict[str, dict[str, float]]:
@@ -135,16 +124,18 @@ def _joined(scores: list[Score]) -> Score:
     )
 
 
-def show(results: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
+def tables(result: Mapping[str, Any]) -> str:
     """Tables with a row for each set of images: errors, what is far off (where anything is), and times."""
+    results, shown_tables = result['results'], []
     wild = {name: each for name, each in results.items() if any(one['far_share'] >= 0.0005 for one in each.values())}
     for title, cell, shown in (
         ('rms error in px (slope)', _error, results),
         ('off by over 1 px, of all / of believed', _far, wild),
         ('CPU time in ms, median', _time, results),
     ):
-        rows = [[name, *(cell(result[each]) for each in CONTENDERS)] for name, result in shown.items()]
-        print(f'\n{report.table([title, *CONTENDERS], rows)}')
+        rows = [[name, *(cell(found[each]) for each in CONTENDERS)] for name, found in shown.items()]
+        shown_tables.append(table([title, *CONTENDERS], rows))
+    return '\n\n'.join(shown_tables)
 
 
 def _error(summary: Mapping[str, float]) -> str:
@@ -158,3 +149,17 @@ def _far(summary: Mapping[str, float]) -> str:
 
 def _time(summary: Mapping[str, float]) -> str:
     return f'{summary["cpu_ms"]:.2f}'
+
+
+BENCHMARK = Benchmark(
+    name='flow',
+    about=__doc__,
+    sources=('benchmarks/flow/**', 'tactile_nodes/sensing/flow/**', *SIMULATED),
+    page=tables,
+    measure=measured,
+    by_hand=True,
+    arguments=(
+        argument('--presses', type=int, default=40, help='simulated presses a range of depths (default: 40)'),
+        argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),
+    ),
+)

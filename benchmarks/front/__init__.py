@@ -11,13 +11,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.front.contenders import WAYS, Way, contenders, one_thread
 from benchmarks.front.frames import Plan, frames
+from benchmarks.front.page import page
 from benchmarks.front.shelf import Shelf
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.speed_accuracy import draw_tips as draw
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.metrics import pareto_front
 
@@ -28,40 +30,16 @@ ERRORS = ('armse_n', 'd_loc_mm', 'rmse_mc_n')
 QUICK = Plan(train=300, test=16, slow=False, compiled=False)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench front``."""
-    parser.add_argument('--train', type=int, metavar='N', help='frames to learn from (default: 1500)')
-    parser.add_argument('--test', type=int, metavar='N', help='frames to score and time by (default: 400)')
-    parser.add_argument('--only', metavar='TEXT', help='only ways whose name holds this, such as "DIS"')
-    parser.add_argument('--networks', action='store_true', help='also networks, on four of the features (needs torch)')
-    parser.add_argument('--no-slow', action='store_true', help='leave out what takes hundreds of ms a frame (TV-L1)')
-    parser.add_argument('--quick', action='store_true', help='few frames, no slow ways: to see that it runs')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help='write front.json, front.md and front.png there'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.front.page import draw, page
-    from tactile_nodes.learning.progress import TerminalProgress
-
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """What was asked for."""
     plan = _plan(arguments)
     ways = [way for way in WAYS if (arguments.only or '') in way.name and (plan.slow or not way.slow)]
     if not ways:
         raise ConfigurationError(f'no way is called {arguments.only!r}; there are: {", ".join(w.name for w in WAYS)}')
-    result = measure(ways, plan, TerminalProgress(), _command(arguments))
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'front', text, result)
-        draw(result, arguments.output / 'front.png')
-    return 0
+    return measure(ways, plan, run.progress)
 
 
-def measure(
-    ways: Sequence[Way], plan: Plan, progress: Progress, command: str = 'tactile bench front'
-) -> dict[str, Any]:
+def measure(ways: Sequence[Way], plan: Plan, progress: Progress) -> Result:
     """All numbers of the page.
 
     Raises:
@@ -71,7 +49,6 @@ def measure(
     from benchmarks.front.memory import memory_mb
     from benchmarks.front.profiles import measure_profiles
 
-    about = surroundings(command)
     one_thread()
     taking_part = contenders(ways, plan.networks)
     shelf = Shelf(ways, taking_part)
@@ -83,7 +60,7 @@ def measure(
     memory = {way.name: memory_mb(way.name) for way in ways}
     table = {name: {**each, 'memory_mb': memory[each['way']]} for name, each in found.items()}
     shipped = measure_profiles(plan, progress)
-    return {**about, 'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
+    return {'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
 
 
 def fronts(table: dict[str, Any]) -> dict[str, list[str]]:
@@ -102,9 +79,20 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks, plan.compiled)
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    switches = ('quick', 'no-slow', 'networks')
-    words = ['tactile bench front', *(f'--{each}' for each in switches if getattr(arguments, each.replace('-', '_')))]
-    words += [f'--{name} {value}' for name in ('train', 'test') if (value := getattr(arguments, name)) is not None]
-    words += [f'--only "{arguments.only}"'] if arguments.only else []
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='front',
+    about=__doc__,
+    sources=('benchmarks/front/**', 'tactile_nodes/learning/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    quick=True,
+    files=('front.json', 'front.md', 'speed_accuracy.png'),
+    arguments=(
+        argument('--train', type=int, metavar='N', help='frames to learn from (default: 1500)'),
+        argument('--test', type=int, metavar='N', help='frames to score and time by (default: 400)'),
+        argument('--only', metavar='TEXT', help='only ways whose name holds this, such as "DIS"'),
+        argument('--networks', action='store_true', help='also networks, on four of the features (needs torch)'),
+        argument('--no-slow', action='store_true', help='leave out what takes hundreds of ms a frame (TV-L1)'),
+    ),
+)

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.front.contenders import Contender
 from benchmarks.front.shelf import Shelf, Time
+from benchmarks.harness.report import in_turn, quartiles
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.scores import Validation
@@ -71,7 +72,7 @@ def _answers(
     test = range(train, len(shelf.presses))
     with progress.bar('answering', len(test)) as bar:
         for number in test:
-            for each in taking_part[:: 1 if number % 2 else -1]:
+            for each in in_turn(taking_part, number):
                 key = _key(each)
                 features = Features(
                     each.encoding, shelf.values[key][number].astype(np.float32), shelf.confidence[key][number]
@@ -101,17 +102,11 @@ def _told(
         'encoding': contender.encoding,
         'readout': contender.readout,
         'parameters': model.readout.parameter_count,
-        'cpu_ms': _spread(whole[touched, 0]),
-        'wall_ms': _spread(whole[touched, 1]),
-        'rest_cpu_ms': _spread(whole[~touched, 0]),
+        'cpu_ms': quartiles(whole[touched, 0]),
+        'wall_ms': quartiles(whole[touched, 1]),
+        'rest_cpu_ms': quartiles(whole[~touched, 0]),
         'stages_cpu_ms': {
             'flow and features': float(np.median(measured[touched, 0])),
             'predict': float(np.median(predicted[touched, 0])),
         },
     }
-
-
-def _spread(values: np.ndarray) -> dict[str, float]:
-    """Median and the range of the middle half; NaN of nothing."""
-    low, median, high = np.percentile(values, (25, 50, 75)).tolist() if values.size else 3 * [float('nan')]
-    return {'median': median, 'low': low, 'high': high}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from benchmarks.front.profiles import JPEG, MEDIUM, STAGES
-from benchmarks.report import machine_and_commit, named_versions, table
+from benchmarks.harness.report import opening, ranged, table
 
 LABELS = {'armse_n': 'aRMSE [N]', 'd_loc_mm': 'd_loc [mm]', 'rmse_mc_n': 'RMSE_mc [N]'}
 ABOUT = """\
@@ -26,26 +25,16 @@ that costs no accuracy (docs/method.md); the paper names none. The last row has 
 most. How many times faster the others are is told of both, from decoded images and with what decoding a JPEG of 640x480
 to grey takes added to each. The aims: a fiftieth of the time of `paper` at no more than a quarter of its errors, a
 fifteenth at a seventh, and a fifteenth for the fastest with JPEG."""
-COLOURS = {'ours': 'tab:red', 'DIS': 'tab:blue', 'Farneback': 'tab:green', 'TV-L1': 'tab:olive',
-           'pyramidal LK': 'tab:purple', 'phase correlation': 'tab:brown', 'small pixels': 'tab:gray'}  # fmt: skip
-MARKERS = {10: 'o', 20: 's', 40: '^'}
 
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     plan = result['plan']
     about = ABOUT.format(**plan, step_mm=32 / 9 / plan['test'])
-    return '\n\n'.join(
-        [
-            '# Speed against accuracy', f'```console\n$ {result["command"]}\n```', about, _surroundings(result),
-            _table(result), '## The front', _fronts(result), '![the chart](front.png)',
-            '## The models that ship', SHIPPED, _profiles(result), '## Where a frame\'s time goes', _stages(result),
-        ]
-    )  # fmt: skip
-
-
-def _surroundings(result: Mapping[str, Any]) -> str:
-    return f'{machine_and_commit(result)}; {named_versions(result)}; {result["threads"]} thread.'
+    parts = opening('Speed against accuracy', result, about, f'{result["threads"]} thread')
+    parts += ['![speed against accuracy](speed_accuracy.png)', _table(result), '## The front', _fronts(result)]
+    parts += ['## The models that ship', SHIPPED, _profiles(result), "## Where a frame's time goes", _stages(result)]
+    return '\n\n'.join(parts)
 
 
 def _table(result: Mapping[str, Any]) -> str:
@@ -57,15 +46,11 @@ def _table(result: Mapping[str, Any]) -> str:
         stages = each['stages_cpu_ms']
         rows.append([
             name, f'{each["armse_n"]:.4f}', f'{each["d_loc_mm"]:.3f}', f'{each["rmse_mc_n"]:.4f}',
-            f'{each["right_bin"]:.1%}', _range(each['cpu_ms']), _range(each['wall_ms']),
+            f'{each["right_bin"]:.1%}', ranged(each['cpu_ms']), ranged(each['wall_ms']),
             f'{each["rest_cpu_ms"]["median"]:.2f}', f'{stages["flow and features"]:.2f}', f'{stages["predict"]:.2f}',
             f'{each["memory_mb"]:.0f}', ', '.join(on),
         ])  # fmt: skip
     return table(heads, rows)
-
-
-def _range(found: Mapping[str, float]) -> str:
-    return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
 
 
 def _profiles(result: Mapping[str, Any]) -> str:
@@ -84,7 +69,7 @@ def _profiles(result: Mapping[str, Any]) -> str:
             for decoding in (0.0, result['floors_cpu_ms'][JPEG])
             for whole in (paper, medium)
         ]
-        rows.append([name, _range(each['cpu_ms']), *times, *errors])
+        rows.append([name, ranged(each['cpu_ms']), *times, *errors])
     heads = ['model', 'CPU [ms]', 'of paper', f'of {MEDIUM}', 'with JPEG', f'with JPEG, of {MEDIUM}',
              'aRMSE [N] (of paper)', 'RMSE_mc [N] (of paper)', 'd_loc [mm] (of paper)']  # fmt: skip
     return table(heads, rows)
@@ -112,61 +97,3 @@ def _fronts(result: Mapping[str, Any]) -> str:
     never = sorted(ways - {result['contenders'][name]['way'] for name in on_any})
     lines.append(f'- on none of them, with any grid: {"; ".join(never) if never else "no way"}')
     return '\n'.join(lines)
-
-
-def draw(result: Mapping[str, Any], file: Path) -> None:
-    """Time of a frame against each error; colours are ways, markers grids, and the front is drawn through.
-
-    Raises:
-        ConfigurationError: matplotlib is not installed.
-        DatasetError: the file cannot be written.
-    """
-    from tactile_nodes.learning.figures import figure, save
-
-    drawn = figure(15.0, 5.5)
-    axes = drawn.subplots(1, len(LABELS))
-    for axis, error in zip(axes, LABELS, strict=True):
-        _draw_error(axis, result, error)
-    for begin, colour in COLOURS.items():
-        axes[0].plot([], [], 'o', color=colour, label=begin)
-    for regions, marker in MARKERS.items():
-        axes[0].plot([], [], marker, color='k', label=f'{regions}x{regions}')
-    axes[0].legend(fontsize=7)
-    drawn.suptitle('speed against accuracy; the line is the front, stars are the models that ship')
-    save(drawn, file)
-
-
-def _draw_error(axis: Any, result: Mapping[str, Any], error: str) -> None:
-    """One error against time; one of 0 has no place on a logarithmic axis, and is drawn below all others."""
-    every = [*result['contenders'].values(), *(each for each in result['profiles'].values() if error in each)]
-    least = min((each[error] for each in every if each[error] > 0), default=1.0) / 2
-
-    def at(each: Mapping[str, Any]) -> tuple[float, float]:
-        return each['cpu_ms']['median'], max(each[error], least)
-
-    for each in result['contenders'].values():
-        colour = next(colour for begin, colour in COLOURS.items() if each['way'].startswith(begin))
-        axis.plot(
-            *at(each), MARKERS[each['regions']], color=colour, markersize=6,
-            fillstyle='none' if each['readout'] == 'network' else 'full',
-        )  # fmt: skip
-    for name, each in result['profiles'].items():
-        if error in each:
-            axis.plot(*at(each), 'k*', markersize=9)
-            axis.annotate(
-                f' {name}',
-                at(each),
-                (0, 5),
-                textcoords='offset points',
-                fontsize=7,
-                rotation=60,
-                rotation_mode='anchor',
-            )
-    axis.step(
-        *zip(*(at(result['contenders'][name]) for name in result['fronts'][error]), strict=True), 'k-', where='post'
-    )
-    below = ' (lowest: 0)' if any(each[error] == 0 for each in every) else ''
-    axis.set(
-        xscale='log', yscale='log', xlabel='CPU time of a frame, image to force [ms]', ylabel=LABELS[error] + below
-    )
-    axis.grid(which='both', linewidth=0.3)

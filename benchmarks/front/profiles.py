@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.front.contenders import one_thread
 from benchmarks.front.frames import SIDE, Frame, Plan, frames
+from benchmarks.harness.report import in_turn, quartiles
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.scores import Validation
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
@@ -99,7 +100,7 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
     turns = _turns(plan)
     with progress.bar('the models that ship', len(turns)) as bar:
         for number, turn in enumerate(turns):
-            for each in taking_part[:: 1 if number % 2 else -1]:
+            for each in in_turn(taking_part, number):
                 each.use_reference(turn[0].rest)
                 for frame in turn:
                     each.take(frame.image)
@@ -156,9 +157,8 @@ def _told(profile: Profile, presses: np.ndarray) -> dict[str, Any]:
     touched = presses[:, 2] > 0
     times = np.array(profile.times_ms)[touched]
     whole = times.sum(axis=1)
-    low, median, high = np.percentile(whole, (25, 50, 75)).tolist()
     told: dict[str, Any] = {
-        'cpu_ms': {'median': median, 'low': low, 'high': high},
+        'cpu_ms': quartiles(whole),
         'stages_cpu_ms': dict(zip(STAGES, np.median(times, axis=0).tolist(), strict=True)),
     }
     if profile.name == MEDIUM:

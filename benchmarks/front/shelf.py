@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.front.contenders import Contender, Measuring, Way
 from benchmarks.front.frames import Frame
+from benchmarks.harness.report import in_turn
 from tactile_nodes.clock import perf_ns
 
 Time = tuple[float, float]
@@ -38,7 +39,7 @@ class Shelf:
                 each.set_reference(frame.rest)
                 for _, flow in each.flows():
                     flow(frame.rest)
-        for each in self._measuring[:: 1 if len(self.presses) % 2 else -1]:
+        for each in in_turn(self._measuring, len(self.presses)):
             self._take(each, frame.image)
         self.presses.append(frame.press)
 

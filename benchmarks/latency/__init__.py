@@ -17,10 +17,12 @@ import numpy as np
 import psutil
 
 from benchmarks.gaps import Gaps
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import opening, table
+from benchmarks.harness.running import Run
 from benchmarks.latency.pictures import recorded_camera
 from benchmarks.latency.rates import highest
 from benchmarks.page.launch import Sensing, sensing
-from benchmarks.report import keep, machine_and_commit, named_versions, surroundings, table
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import ConfigurationError
 
@@ -55,39 +57,19 @@ class Stream(Gaps):
     stages_ms: list[tuple[float, ...]] = field(default_factory=list)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench latency``."""
-    parser.add_argument('--minutes', type=float, default=10.0, metavar='N', help='how long each way (default: 10)')
-    parser.add_argument('--models', nargs='+', default=['fast'], metavar='NAME', help='models (default: fast)')
-    parser.add_argument('--compiled', action='store_true', help='with compiled loops, and rates with and without')
-    parser.add_argument('--seconds', type=float, default=5.0, metavar='N', help='how long a rate is held (default: 5)')
-    parser.add_argument(
-        '--rates', nargs='+', type=int, default=[100, 200, 300, 400, 500, 600, 800, 1000], metavar='HZ', help='to try'
-    )
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write latency.json and latency.md there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from tactile_nodes.learning.progress import TerminalProgress
-
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """What was asked for."""
     if arguments.minutes < 0 or arguments.seconds <= 0 or min(arguments.rates) <= 0:
         raise ConfigurationError('--minutes must not be negative, --seconds and --rates must be above 0')
-    result = measure(arguments, TerminalProgress())
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'latency', text, result)
-    return 0
+    return measure(arguments, run.progress)
 
 
-def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def measure(arguments: argparse.Namespace, progress: Progress) -> Result:
     """All numbers of the page.
 
     Raises:
         ConfigurationError: sensing does not come up.
     """
-    about = surroundings(_command(arguments))
     extra = ('compiled:=true',) if arguments.compiled else ()
     with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
         camera = recorded_camera(Path(folder)) if arguments.minutes else ()
@@ -102,7 +84,7 @@ def measure(arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]
         for compiled in ((False, True) if arguments.compiled else (False,))
         for kind, held in _rates(model, compiled, arguments, progress).items()
     ]
-    return {**about, 'minutes': arguments.minutes, 'seconds': arguments.seconds, 'tried': sorted(arguments.rates),
+    return {'minutes': arguments.minutes, 'seconds': arguments.seconds, 'tried': sorted(arguments.rates),
             'live': runs, 'rates': rates}  # fmt: skip
 
 
@@ -150,18 +132,10 @@ def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench latency', f'--minutes {arguments.minutes:g}', f'--models {" ".join(arguments.models)}']
-    words += ['--compiled'] if arguments.compiled else []
-    words += [f'--seconds {arguments.seconds:g}', f'--rates {" ".join(map(str, arguments.rates))}']
-    return ' '.join([*words, *([f'-o {arguments.output}'] if arguments.output else [])])
-
-
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     about = ABOUT.format(**result, tried_hz=', '.join(map(str, result['tried'])))
-    parts = ['# From capture to force, live', f'```console\n$ {result["command"]}\n```', about,
-             f'{machine_and_commit(result)}; {named_versions(result)}.']  # fmt: skip
+    parts = opening('From capture to force, live', result, about)
     if result['live']:
         parts += ['## Sixty frames a second', _live_table(result['live']), _stage_table(result['live'])]
     return '\n\n'.join([*parts, '## The highest rate', _rate_table(result['rates'])])
@@ -205,3 +179,27 @@ def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:
         for each in rates
     ]  # fmt: skip
     return table(['model', 'loops', 'frames', 'held [Hz]', 'p99 [ms]', 'CPU a frame [ms]', 'no longer at [Hz]'], rows)
+
+
+BENCHMARK = Benchmark(
+    name='latency',
+    about=__doc__,
+    sources=('benchmarks/latency/**', 'benchmarks/page/launch.py', 'benchmarks/gaps.py', *LIVE),
+    page=page,
+    measure=measured,
+    files=('latency.json', 'latency.md'),
+    arguments=(
+        argument('--minutes', type=float, default=10.0, metavar='N', help='how long each way (default: 10)'),
+        argument('--models', nargs='+', default=['fast'], metavar='NAME', help='models (default: fast)'),
+        argument('--compiled', action='store_true', help='with compiled loops, and rates with and without'),
+        argument('--seconds', type=float, default=5.0, metavar='N', help='how long a rate is held (default: 5)'),
+        argument(
+            '--rates',
+            nargs='+',
+            type=int,
+            default=[100, 200, 300, 400, 500, 600, 800, 1000],
+            metavar='HZ',
+            help='to try',
+        ),
+    ),
+)

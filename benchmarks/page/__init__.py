@@ -12,15 +12,16 @@ import argparse
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import spread, table
+from benchmarks.harness.running import Run
 from benchmarks.page.launch import Sensing, sensing
 from benchmarks.page.viewers import Viewers
-from benchmarks.report import spread, surroundings, table, write_json
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.viewing.measures import StampGaps
@@ -59,26 +60,16 @@ class Seen:
     load: list[float] = field(default_factory=list)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench page``."""
-    parser.add_argument('--seconds', type=float, default=10.0, help='each condition, each round (default: %(default)s)')
-    parser.add_argument('--rounds', type=int, default=4, help='(default: %(default)s)')
-    parser.add_argument('--browser', action='store_true', help='also with a Chromium that draws, without a window')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE.json', help='keep the result')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure and print; 1 if a viewer that takes all it is sent was sent less than 20 packets a second."""
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """All conditions."""
     conditions = [*CONDITIONS, *([BROWSER] if arguments.browser else [])]
-    words = f'--seconds {arguments.seconds:g} --rounds {arguments.rounds}{" --browser" if arguments.browser else ""}'
-    around = surroundings(f'tactile bench page {words}')
     found = measure(conditions, arguments.seconds, arguments.rounds)
-    result = {**around, 'conditions': {each.title: summed_up(seen) for each, seen in found.items()}}
-    print(told(result['conditions']))
-    if arguments.output:
-        write_json(arguments.output, result)
-    slow = [seen for each, seen in found.items() if each.viewers and min(seen.shown_hz) < 20]
-    return int(bool(slow))
+    return {'conditions': {each.title: summed_up(seen) for each, seen in found.items()}}
+
+
+def too_slow(result: Mapping[str, Any]) -> bool:
+    """Whether a viewer that takes all it is sent was sent less than 20 packets a second."""
+    return any(each['shown_hz'] < 20 for each in result['conditions'].values())
 
 
 def measure(
@@ -138,13 +129,13 @@ def summed_up(seen: Seen) -> dict[str, Any]:
     }
 
 
-def told(conditions: Mapping[str, Mapping[str, Any]]) -> str:
+def told(result: Mapping[str, Any]) -> str:
     """The table: a row for each condition."""
     heads = [
         'who watches', 'p50 [ms]', 'p50 of the rounds', 'p99 [ms]', 'frames', 'skipped',
         *(f'CPU of {name} [%]' for name in PROCESSES.values()), 'packets/s each', 'load',
     ]  # fmt: skip
-    return table(heads, [_row(title, each) for title, each in conditions.items()])
+    return table(heads, [_row(title, each) for title, each in result['conditions'].items()])
 
 
 def _row(title: str, each: Mapping[str, Any]) -> list[str]:
@@ -160,3 +151,20 @@ def _row(title: str, each: Mapping[str, Any]) -> list[str]:
         '' if math.isnan(shown) else f'{shown:.1f}',
         f'{load["low"]:.1f} to {load["high"]:.1f}',
     ]
+
+
+BENCHMARK = Benchmark(
+    name='page',
+    about=__doc__,
+    sources=('benchmarks/page/**', 'tactile_nodes/web/**', 'tactile_nodes/viewing/**', *LIVE),
+    page=told,
+    measure=measured,
+    failed=too_slow,
+    files=('page.json', 'page.md'),
+    by_hand=True,
+    arguments=(
+        argument('--seconds', type=float, default=10.0, help='each condition, each round (default: %(default)s)'),
+        argument('--rounds', type=int, default=4, help='(default: %(default)s)'),
+        argument('--browser', action='store_true', help='also with a Chromium that draws, without a window'),
+    ),
+)

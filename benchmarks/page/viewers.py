@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import multiprocessing
 import os
 import shutil
 import signal
@@ -16,6 +15,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.sharedctypes import Synchronized
 from urllib.parse import urlsplit
 
+from benchmarks.harness.workers import SPAWN, Worker
 from tactile_nodes.errors import ConfigurationError
 
 PATIENCE_S = 20.0
@@ -36,7 +36,7 @@ class Viewers:
         self._url = url
         self._watching, self._hanging, self._browsers = watching, hanging, browsers
         self._stack = ExitStack()
-        self._packets: Synchronized[int] = multiprocessing.get_context('spawn').Value('q', 0)
+        self._packets: Synchronized[int] = SPAWN.Value('q', 0)
 
     def __enter__(self) -> Viewers:
         with ExitStack() as stack:
@@ -57,23 +57,10 @@ class Viewers:
         return self._packets.value
 
     def _watch(self, stack: ExitStack) -> None:
-        context = multiprocessing.get_context('spawn')
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs, self._url, self._watching, self._packets), daemon=True)
-        process.start()
-        stack.callback(_end, process)
-        theirs.close()
-        try:
-            if not ours.poll(PATIENCE_S):
-                raise ConfigurationError(f'no viewer could connect to {self._url} within {PATIENCE_S:g} s')
-            ours.recv()
-        except EOFError as error:
-            raise ConfigurationError(f'a viewer of {self._url} has ended; what it said stands above') from error
-
-
-def _end(process: multiprocessing.process.BaseProcess) -> None:
-    process.terminate()
-    process.join()
+        worker = Worker(_serve, self._url, self._watching, self._packets)
+        stack.callback(worker.process.join)
+        stack.callback(worker.process.terminate)
+        worker.answer(PATIENCE_S)
 
 
 def _serve(pipe: Connection, url: str, count: int, packets: Synchronized[int]) -> None:

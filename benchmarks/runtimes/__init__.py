@@ -12,16 +12,17 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from benchmarks.report import keep, surroundings, table
-from benchmarks.runtimes.ends import BEGIN, Worker
+from benchmarks.harness.declaration import SENSING, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.report import in_turn, opening, quartiles, ranged, table
+from benchmarks.harness.running import Run
+from benchmarks.runtimes.ends import BEGIN, Runtime
 from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.explain.network import NetworkReadout
@@ -53,28 +54,14 @@ class Effort:
 QUICK = Effort(frames=10, rounds=2, turn=5)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench runtimes``."""
-    parser.add_argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)')
-    parser.add_argument('--quick', action='store_true', help='a few frames, to see that it runs; too few to quote')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write runtimes.json and runtimes.md there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """The models that were named, or all that ship."""
     shipped = sorted((share_directory() / 'models').glob('*.safetensors'))
     files = [find_model(name) for name in arguments.model] or shipped
-    result = measure(files, QUICK if arguments.quick else Effort(), TerminalProgress(), _command(arguments))
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'runtimes', text, result)
-    return 0
+    return measure(files, QUICK if arguments.quick else Effort(), run.progress, run.part)
 
 
-def measure(
-    files: Sequence[Path], effort: Effort, progress: Progress, command: str = 'tactile bench runtimes'
-) -> dict[str, Any]:
+def measure(files: Sequence[Path], effort: Effort, progress: Progress, part: Part = at_once) -> Result:
     """All numbers of the page.
 
     Raises:
@@ -84,9 +71,11 @@ def measure(
     if len({file.stem for file in files}) < len(files):
         raise ConfigurationError('two models have the same file name, by which tables call them; rename one')
     sizes = {name: installed_size(name) for name in PACKAGES}
-    about = surroundings(command)
-    models = {file.stem: _measure_model(file, effort, progress, torch=sizes.get('torch') is not None) for file in files}
-    return {**about, 'effort': asdict(effort), 'packages': sizes, 'models': models}
+    torch = sizes.get('torch') is not None
+    models = {
+        file.stem: part(file.stem, partial(_measure_model, file, effort, progress, torch=torch)) for file in files
+    }
+    return {'effort': asdict(effort), 'packages': sizes, 'models': models}
 
 
 def _measure_model(file: Path, effort: Effort, progress: Progress, *, torch: bool) -> dict[str, Any]:
@@ -100,7 +89,7 @@ def _measure_model(file: Path, effort: Effort, progress: Progress, *, torch: boo
     with tempfile.TemporaryDirectory() as folder, _one_thread(), contextlib.ExitStack() as stack:
         exported = Path(folder) / 'model.onnx'
         exported.write_bytes(content)
-        workers = {name: Worker(name, file, exported, shown) for name in chosen}
+        workers = {name: Runtime(name, file, exported, shown) for name in chosen}
         for each in workers.values():
             stack.callback(each.close)
         runtimes = _take_turns(workers, effort, progress)
@@ -124,30 +113,24 @@ def _about(loaded: LoadedModel, file: Path, exported: int) -> dict[str, Any]:
     }
 
 
-def _take_turns(workers: Mapping[str, Worker], effort: Effort, progress: Progress) -> dict[str, Any]:
+def _take_turns(workers: Mapping[str, Runtime], effort: Effort, progress: Progress) -> dict[str, Any]:
     """Each in its turn, every round in the opposite order of the one before; the first round warms up."""
     turns: dict[str, list[tuple[float, float]]] = {name: [] for name in workers}
     with progress.bar('taking turns', effort.rounds + 1) as bar:
         for number in range(effort.rounds + 1):
-            for name in list(workers)[:: 1 if number % 2 else -1]:
+            for name in in_turn(list(workers), number):
                 turns[name].append(workers[name].turn(number * effort.turn, effort.turn))
             bar.advance()
     wall = {name: [each[0] for each in taken[1:]] for name, taken in turns.items()}
     return {
         name: {
-            'answer_ms': _quartiles(wall[name]),
-            'cpu_ms': _quartiles([each[1] for each in turns[name][1:]]),
-            'ratio': _quartiles([own / first for own, first in zip(wall[name], wall['numpy'], strict=True)]),
+            'answer_ms': quartiles(wall[name]),
+            'cpu_ms': quartiles([each[1] for each in turns[name][1:]]),
+            'ratio': quartiles([own / first for own, first in zip(wall[name], wall['numpy'], strict=True)]),
             **worker.began,
         }
         for name, worker in workers.items()
     }
-
-
-def _quartiles(values: Sequence[float]) -> dict[str, float]:
-    """Median, and the range of the middle half: on a shared machine the extremes are other people's."""
-    low, median, high = np.percentile(values, (25, 50, 75)).tolist()
-    return {'median': median, 'low': low, 'high': high}
 
 
 @contextlib.contextmanager
@@ -166,30 +149,25 @@ def _one_thread() -> Iterator[None]:
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
-    machine, versions = result['machine'], result['versions']
-    packages = ', '.join(f'{name} {each["version"]}' for name, each in result['packages'].items() if each)
+    others = {name: each for name, each in result['packages'].items() if each and name != 'numpy'}
+    packages = ', '.join(f'{name} {each["version"]}' for name, each in others.items())
     effort = result['effort']
     before = max(one['memory_before_mb'] for each in result['models'].values() for one in each['runtimes'].values())
-    about = (
-        f'{machine["processor"]}, {machine["cores"]} cores, load before {machine["load_before"][0]:g}; commit '
-        f'{result["commit"]}; python {versions["python"]}, {packages}; {effort["rounds"]} rounds of {effort["turn"]} '
-        f'of {effort["frames"]} frames. Processes had {before:.0f} MB before their runtime.'
+    more = (
+        f'{packages}; {effort["rounds"]} rounds of {effort["turn"]} of {effort["frames"]} frames. Processes had '
+        f'{before:.0f} MB before their runtime'
     )
-    return '\n\n'.join(
-        [
-            '# numpy, onnxruntime and torch', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about,
-            _times(result['models']), '## Size', _sizes(result['packages']), '## The same answers', AGREEMENT,
-            _agreement(result['models']),
-        ]
-    )  # fmt: skip
+    parts = [*opening('numpy, onnxruntime and torch', result, INTRODUCTION, more), _times(result['models'])]
+    parts += ['## Size', _sizes(result['packages']), '## The same answers', AGREEMENT, _agreement(result['models'])]
+    return '\n\n'.join(parts)
 
 
 def _times(models: Mapping[str, Any]) -> str:
     heads = ['model', 'runtime', 'answer [ms]', 'CPU [ms]', 'ratio', 'begin [s]', 'memory [MB]']
     rows = [
         [
-            f'{model} ({each["readout"]}, {each["parameters"]} numbers)', name, _range(one['answer_ms']),
-            f'{one["cpu_ms"]["median"]:.2f}', _range(one['ratio']), f'{one["start_s"]:.2f}', f'{one["memory_mb"]:.0f}',
+            f'{model} ({each["readout"]}, {each["parameters"]} numbers)', name, ranged(one['answer_ms']),
+            f'{one["cpu_ms"]["median"]:.2f}', ranged(one['ratio']), f'{one["start_s"]:.2f}', f'{one["memory_mb"]:.0f}',
         ]
         for model, each in models.items() for name, one in each['runtimes'].items()
     ]  # fmt: skip
@@ -223,10 +201,15 @@ def _agreement(models: Mapping[str, Any]) -> str:
     return table(heads, rows)
 
 
-def _range(found: Mapping[str, float]) -> str:
-    return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
-
-
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench runtimes', *arguments.model, *['--quick'] * arguments.quick]
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='runtimes',
+    about=__doc__,
+    sources=('benchmarks/runtimes/**', 'tactile_nodes/learning/onnx_files/**', *SENSING),
+    page=page,
+    measure=measured,
+    quick=True,
+    files=('runtimes.json', 'runtimes.md'),
+    arguments=(
+        argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)'),
+    ),
+)

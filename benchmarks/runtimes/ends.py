@@ -5,18 +5,16 @@ What a process imports before its runtime is what the live node needs anyway; wh
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import psutil
 
+from benchmarks.harness.workers import Worker, asked
 from tactile_nodes.clock import perf_ns
-from tactile_nodes.errors import TactileError
 from tactile_nodes.model_file import load_model
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.explain.network import NetworkReadout
@@ -24,42 +22,20 @@ from tactile_nodes.sensing.features import Features
 
 Answer = Callable[[Features], np.ndarray]
 """One frame to the force on each bin."""
-_LONGEST_S = 120.0
+LONGEST_S = 120.0
 
 
-class Worker:
+class Runtime(Worker):
     """One of the processes: `began` says how long the runtime took to begin and what memory it took."""
 
     def __init__(self, runtime: str, model: Path, exported: Path, frames: list[Features]) -> None:
-        context = multiprocessing.get_context('spawn')  # a fork would inherit what the parent has imported
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, runtime, model, exported), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._pipe.send(frames)
-        self.began: dict[str, float] = self._answer()
+        super().__init__(_serve, runtime, model, exported)
+        self.began: dict[str, float] = self.ask(frames, LONGEST_S)
 
     def turn(self, first: int, count: int) -> tuple[float, float]:
         """Median time and mean CPU time of a frame in ms, over `count` frames from the `first` on."""
-        self._pipe.send((first, count))
-        wall_ms, cpu_ms = self._answer()
+        wall_ms, cpu_ms = self.ask((first, count), LONGEST_S)
         return wall_ms, cpu_ms
-
-    def close(self) -> None:
-        """End it."""
-        self._pipe.close()
-        self._process.join(5.0)
-        self._process.kill()
-
-    def _answer(self) -> Any:
-        try:
-            if not self._pipe.poll(_LONGEST_S):
-                raise TactileError(
-                    f'a process of the benchmark did not answer for {_LONGEST_S:g} s; is the machine idle?'
-                )
-            return self._pipe.recv()
-        except (EOFError, ConnectionResetError) as error:
-            raise TactileError('a process of the benchmark has ended; what it said stands above') from error
 
 
 def _serve(pipe: Connection, runtime: str, model: Path, exported: Path) -> None:
@@ -69,17 +45,8 @@ def _serve(pipe: Connection, runtime: str, model: Path, exported: Path) -> None:
     answer(frames[0])
     began_s = (perf_ns() - begun) / 1e9
     pipe.send({'start_s': began_s, 'memory_mb': _memory_mb() - before, 'memory_before_mb': before})
-    while (asked := _next(pipe)) is not None:
-        first, count = asked
+    for first, count in asked(pipe):
         pipe.send(_turn(answer, [frames[(first + i) % len(frames)] for i in range(count)]))
-
-
-def _next(pipe: Connection) -> tuple[int, int] | None:
-    try:
-        asked: tuple[int, int] = pipe.recv()
-    except EOFError:  # nobody asks any more
-        return None
-    return asked
 
 
 def _turn(answer: Answer, frames: list[Features]) -> tuple[float, float]:

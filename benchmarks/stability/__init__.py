@@ -17,59 +17,39 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import cv2
 
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.running import Run
 from benchmarks.stability.cases import CASES, Case, named
 from benchmarks.stability.chain import Chain
 from benchmarks.stability.floor import floor_n
+from benchmarks.stability.page import FAMILIES, page
+from benchmarks.stability.plots import draw
 from benchmarks.stability.scores import Answer, Score, score
 from benchmarks.stability.stream import Change, Plan, World
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 
 PROFILES = ('paper', 'fast', 'accurate')
 QUICK = Plan(presses=3, before=2, coming=6, after=12)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench stability``."""
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument('--only', metavar='NAME', help='only disturbances whose name holds this, or of this family')
-    parser.add_argument(
-        '--profiles', nargs='+', default=list(PROFILES), metavar='MODEL',
-        help='models that ship, or files of models of the simulated gel (default: paper fast accurate)',
-    )  # fmt: skip
-    parser.add_argument('--seed', type=int, default=Plan.seed, help='of places and depths of the presses (default: 11)')
-    parser.add_argument('--single', action='store_true', help='every force of its own frame: averages over no others')
-    parser.add_argument('--quick', action='store_true', help='three presses and the largest level: to see that it runs')
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write stability.json, .md and .png there')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.stability.page import page
-    from benchmarks.stability.plots import draw
-
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """The disturbances that were asked for."""
     cv2.setNumThreads(1)
     cases = named(arguments.only) if arguments.only else list(CASES)
     if not cases:
         known = ', '.join(dict.fromkeys(each.family for each in CASES))
         raise ConfigurationError(f'no disturbance is called {arguments.only!r}; families are: {known}')
     plan = replace(QUICK if arguments.quick else Plan(), seed=arguments.seed)
-    result = surroundings(_command(arguments))
-    result |= measure(
-        cases, arguments.profiles, plan, TerminalProgress(), largest_only=arguments.quick, single=arguments.single
-    )
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'stability', text, result)
-        draw(result, arguments.output)
-    return 0
+    return measure(
+        cases, arguments.profiles, plan, run.progress,
+        largest_only=arguments.quick, single=arguments.single, part=run.part,
+    )  # fmt: skip
 
 
 def measure(
@@ -80,15 +60,14 @@ def measure(
     *,
     largest_only: bool = False,
     single: bool = False,
-) -> dict[str, Any]:
+    part: Part = at_once,
+) -> Result:
     """All numbers of the page; `single`: of forces that are averaged over no frames."""
     world = World()
-    found: list[dict[str, Any]] = []
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
     with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
-        undisturbed, floor = follow(world, Change(), profiles, plan, single=single), floor_n(world, Change(), plan)
-        bar.advance(1)
-        for case in cases:
+
+        def at_each_level(case: Case) -> list[dict[str, Any]]:
             points: list[dict[str, Any]] = []
             for level in levels[case]:
                 scores = follow(world, case.at(level), profiles, plan, single=single)
@@ -96,8 +75,16 @@ def measure(
                 if level in case.held_at:
                     points[-1]['floor_n'] = floor_n(world, case.at(level), plan)
                 bar.advance(1, f'{case.name} {level:g} {case.unit}')
-            about = {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at}
-            found.append({**about, 'points': points})
+            return points
+
+        undisturbed = follow(world, Change(), profiles, plan, single=single)
+        floor = floor_n(world, Change(), plan)
+        bar.advance(1)
+        found = [
+            {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at,
+             'points': part(f'{case.family} {case.name} {case.unit}', partial(at_each_level, case))}
+            for case in cases
+        ]  # fmt: skip
     return {
         'plan': asdict(plan),
         'profiles': list(profiles),
@@ -129,9 +116,29 @@ def read(
     return answers
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench stability', *['--quick'] * arguments.quick, *['--single'] * arguments.single]
-    words += [f'--only "{arguments.only}"'] if arguments.only else []
-    words += [] if arguments.seed == Plan.seed else ['--seed', str(arguments.seed)]
-    words += [] if arguments.profiles == list(PROFILES) else ['--profiles', *arguments.profiles]
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='stability',
+    about=__doc__,
+    sources=('benchmarks/stability/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    seed=Plan.seed,
+    quick=True,
+    files=tuple(
+        f'{folder}stability{end}'
+        for folder in ('', 'field/')
+        for end in ('.json', '.md', *(f'_{family.replace(" ", "_")}.png' for family in FAMILIES))
+    ),
+    arguments=(
+        argument('--only', metavar='NAME', help='only disturbances whose name holds this, or of this family'),
+        argument(
+            '--profiles',
+            nargs='+',
+            default=list(PROFILES),
+            metavar='MODEL',
+            help='models that ship, or files of models of the simulated gel (default: paper fast accurate)',
+        ),
+        argument('--single', action='store_true', help='every force of its own frame: averages over no others'),
+    ),
+)

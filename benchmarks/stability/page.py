@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmarks.report import machine_and_commit, table
+from benchmarks.harness.report import opening, table
 from benchmarks.stability.aims import AIMS, Point, Verdict, losers, points_of
 from benchmarks.stability.floor import least_ratio
 
@@ -49,19 +49,19 @@ Cramér-Rao bound, place, depth and rest image's noise included, all else known:
 what was measured in one picture: the first that is held of each press. In brackets, by how much each profile's error
 would grow if it grew by no more than that: the nearer a profile is to the floor undisturbed, the more of its error is
 noise, and the more times noise makes it worse. At the floor itself four times the noise is four times the error. After
-the semicolon the error over the whole hold, over which [forces in altered pictures are averaged](../stability.md), and
-what that is of the undisturbed one's."""
+the semicolon the error over the whole hold, over which forces in altered pictures are averaged (`docs/stability.md`),
+and what that is of the undisturbed one's."""
 
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     points = points_of(result)
     plan = result['plan']
-    about = (
+    more = (
         f'{plan["presses"]} presses a stream, {plan["hold"]} frames each, {plan["fps"]:g} frames a second; '
-        f'{len(points)} streams; {machine_and_commit(result)}.'
+        f'{len(points)} streams'
     )
-    parts = ['# The failure bench', f'```console\n$ {result["command"]}\n```', INTRODUCTION, about]
+    parts = opening('The failure bench', result, INTRODUCTION, more)
     parts += ['## Aims', _aims(result, points), _undisturbed(result)]
     if floors := _floors(result):
         parts += ['## What one picture can tell', FLOOR, floors]
@@ -72,9 +72,9 @@ def page(result: Mapping[str, Any]) -> str:
     return '\n\n'.join([*parts, '## The disturbances that still win', *_losers(result, points)])
 
 
-def picture_of(family: str) -> str:
+def picture_of(family: str, name: str = 'stability') -> str:
     """The file name of a family's plot."""
-    return f'stability_{family.replace(" ", "_")}.png'
+    return f'{name}_{family.replace(" ", "_")}.png'
 
 
 def _aims(result: Mapping[str, Any], points: Sequence[Point]) -> str:

@@ -15,14 +15,15 @@ LEAST, MOST = 0.2, 300.0
 ACROSS = 4
 
 
-def draw(result: Mapping[str, Any], folder: Path) -> None:
+def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
     """Write the plot of every family. Raises ConfigurationError without matplotlib."""
     points = points_of(result)
     for family in dict.fromkeys(each.family for each in points):
-        _family([each for each in points if each.family == family], family, result['profiles'], folder)
+        own = [each for each in points if each.family == family]
+        _family(own, family, result['profiles'], folder / picture_of(family, name))
 
 
-def _family(points: Sequence[Point], family: str, profiles: Sequence[str], folder: Path) -> None:
+def _family(points: Sequence[Point], family: str, profiles: Sequence[str], file: Path) -> None:
     from tactile_nodes.learning.figures import figure, save
 
     names = list(dict.fromkeys(each.name for each in points))
@@ -37,7 +38,7 @@ def _family(points: Sequence[Point], family: str, profiles: Sequence[str], folde
         axes[row * min(ACROSS, len(names))].set_ylabel('error / undisturbed')
     _legend(axes[0], profiles)
     drawn.suptitle(f'{family}: force error on held frames; colour: what most of them say')
-    save(drawn, folder / picture_of(family), dpi=90)
+    save(drawn, file, dpi=90)
 
 
 def _case(axis: Any, points: Sequence[Point], profiles: Sequence[str]) -> None:

@@ -8,17 +8,18 @@ and guard are those of a collection, in this process. What a real rig adds: USB 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import surroundings, table, write_json
+from benchmarks.harness.declaration import RIG, Benchmark, Result, argument
+from benchmarks.harness.report import table
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import Worker
 from benchmarks.stopping.rig import NEVER, Seen, serve
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
@@ -42,24 +43,10 @@ PATIENCE = 20
 WORST = ('p50', 'p99', 'worst')
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench stopping``."""
-    parser.add_argument('--stops', type=int, default=100, help='at each feed (default: %(default)s)')
-    parser.add_argument(
-        '--feeds', type=float, nargs='+', default=[60.0, 300.0], metavar='MM_MIN', help='of the tip (default: 60 300)'
-    )
-    parser.add_argument('--divider', type=int, default=7, help='of the 7000 samples a second (default: 7, 1000 Hz)')
-    parser.add_argument('--json', type=Path, help='keep the result here')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure and print; 1 if a stop was not the first thing that arrived after its sample."""
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """All stops at each feed."""
     found = {feed: measure(feed, arguments.stops, arguments.divider) for feed in arguments.feeds}
-    print(told(found))
-    if arguments.json:
-        command = f'tactile bench stopping --stops {arguments.stops} --divider {arguments.divider}'
-        write_json(arguments.json, {**surroundings(command), 'limit_n': LIMIT_N, 'feeds': _results(found)})
-    return int(any(seen.before for each in found.values() for seen in each))
+    return {'limit_n': LIMIT_N, 'feeds': {f'{feed:g} mm/min': _result(stops) for feed, stops in found.items()}}
 
 
 def measure(feed_mm_min: float, stops: int, divider: int = 7) -> list[Seen]:
@@ -68,34 +55,16 @@ def measure(feed_mm_min: float, stops: int, divider: int = 7) -> list[Seen]:
     Raises:
         DeviceError: a device failed, or the limit did not act.
     """
-    with tempfile.TemporaryDirectory() as folder, _rig(Path(folder), divider) as (pipe, cnc, force_torque):
+    with tempfile.TemporaryDirectory() as folder, _rig(Path(folder), divider) as (rig, cnc, force_torque):
         limits = LimitSettings(force_n=LIMIT_N, force_rate_n_s=1e6, force_silence_ms=2000.0)
         settings = CollectionSettings(limits=limits)
         station = Station(settings, cnc, force_torque, WorldSettings(), SystemClock(), *(lambda _: None,) * 3)
         try:
             station.cnc.home()
             station.safety.watch(station.hands.clock.now_ns(), camera=False)
-            return [_one(station, settings, pipe, feed_mm_min) for _ in range(stops)]
+            return [_one(station, settings, rig, feed_mm_min) for _ in range(stops)]
         finally:
             station.close()
-
-
-def told(found: dict[float, list[Seen]]) -> str:
-    """The table: a row for each feed and measure."""
-    rows = []
-    for feed, stops in found.items():
-        allowed_mm = stopping_mm(CollectionSettings(), feed)
-        for name, values, unit in measures(stops):
-            median, p99, worst = summary(values)
-            rows.append([f'{feed:g} mm/min: {name}', f'{median:.3f}', f'{p99:.3f}', f'{worst:.3f}', unit])
-        rows.append([f'{feed:g} mm/min: way that the speed law reckons with', '', '', f'{allowed_mm:.3f}', 'mm'])
-        others = str(sum(bool(seen.before) for seen in stops))
-        rows.append([f'{feed:g} mm/min: stops with other commands before them', '', '', others, f'of {len(stops)}'])
-    return table(['', 'median', 'p99', 'worst', 'unit'], rows)
-
-
-def _results(found: dict[float, list[Seen]]) -> dict[str, Any]:
-    return {f'{feed:g} mm/min': _result(stops) for feed, stops in found.items()}
 
 
 def _result(stops: Sequence[Seen]) -> dict[str, Any]:
@@ -119,43 +88,37 @@ def summary(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 @contextmanager
-def _rig(folder: Path, divider: int) -> Iterator[tuple[Connection, CncSettings, ForceTorqueSettings]]:
-    context = multiprocessing.get_context('spawn')
-    ours, theirs = context.Pipe()
-    process = context.Process(target=serve, args=(theirs, folder, LIMIT_N, divider), daemon=True)
-    process.start()
+def _rig(folder: Path, divider: int) -> Iterator[tuple[Worker, CncSettings, ForceTorqueSettings]]:
+    rig = Worker(serve, folder, LIMIT_N, divider)
     try:
-        rdt_port, http_port = ours.recv()
+        rdt_port, http_port = rig.answer()
         net_ft = NetFtSettings(rdt_port=rdt_port, http_port=http_port)
         cnc = CncSettings(str(folder / 'cnc'), 'grbl', boot_s=0.5, safe_z_mm=SAFE_Z_MM)
         sensor = ForceTorqueSettings('netft://127.0.0.1', rate_hz=INTERNAL_RATE_HZ / divider, net_ft=net_ft)
-        yield ours, cnc, sensor
-        ours.send('end')
+        yield rig, cnc, sensor
     finally:
-        process.join(5.0)
-        process.kill()
+        rig.close()
 
 
-def _one(station: Station, settings: CollectionSettings, pipe: Connection, feed_mm_min: float) -> Seen:
+def _one(station: Station, settings: CollectionSettings, rig: Worker, feed_mm_min: float) -> Seen:
     """One stop; a stop for another reason than the force, as a busy machine brings it about, is not counted."""
     reason = ''
     for _ in range(PATIENCE):
         try:
             station.hands.run(_ready(settings))
-            pipe.send('arm')
+            rig.send('arm')
             station.hands.run(_down(feed_mm_min))
         except TrippedError as tripped:
             station.hands.retreat()
             station.safety.reset(station.hands.clock.now_ns())
             reason = tripped.trip.reason
             if tripped.trip.kind == FORCE:
-                return _seen(pipe)
+                return _seen(rig)
     raise DeviceFaultError(f'the force limit did not stop the tip in {PATIENCE} attempts; {reason}')
 
 
-def _seen(pipe: Connection) -> Seen:
-    pipe.send('tell')
-    seen: Seen = pipe.recv()
+def _seen(rig: Worker) -> Seen:
+    seen: Seen = rig.ask('tell')
     if NEVER in {seen.sample_ns, seen.stop_ns, seen.rest_ns}:
         raise DeviceFaultError(f'the emulated rig saw no stop: {seen}')
     return seen
@@ -173,3 +136,40 @@ def _ready(settings: CollectionSettings) -> Procedure[None]:
 
 def _down(feed_mm_min: float) -> Procedure[None]:
     yield Go(z=WorldSettings().gel_z_mm - DEEP_MM, feed_mm_min=feed_mm_min)
+
+
+def told(result: Mapping[str, Any]) -> str:
+    """The table: a row for each feed and measure."""
+    rows = []
+    for feed, found in result['feeds'].items():
+        numbers = {name: each for name, each in found.items() if isinstance(each, dict)}
+        rows += [[f'{feed}: {name}', *(f'{each[of]:.3f}' for of in WORST)] for name, each in numbers.items()]
+        allowed_mm = stopping_mm(CollectionSettings(), float(feed.split()[0]))
+        rows.append([f'{feed}: way that the speed law reckons with [mm]', '', '', f'{allowed_mm:.3f}'])
+        others = f'{found["not the first command"]} of {found["stops"]}'
+        rows.append([f'{feed}: stops with other commands before them', '', '', others])
+    return table(['', 'median', 'p99', 'worst'], rows)
+
+
+BENCHMARK = Benchmark(
+    name='stopping',
+    about=__doc__,
+    sources=('benchmarks/stopping/**', *RIG),
+    page=told,
+    measure=measured,
+    failed=lambda result: any(each['not the first command'] for each in result['feeds'].values()),
+    files=('stopping.json', 'stopping.md'),
+    by_hand=True,
+    arguments=(
+        argument('--stops', type=int, default=100, help='at each feed (default: %(default)s)'),
+        argument(
+            '--feeds',
+            type=float,
+            nargs='+',
+            default=[60.0, 300.0],
+            metavar='MM_MIN',
+            help='of the tip (default: 60 300)',
+        ),
+        argument('--divider', type=int, default=7, help='of the 7000 samples a second (default: 7, 1000 Hz)'),
+    ),
+)

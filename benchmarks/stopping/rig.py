@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from benchmarks.harness.workers import asked
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.emulators.cnc.grbl import JOG_CANCEL, Grbl
 from tactile_nodes.emulators.force_torque.mounting import Mounted
@@ -89,7 +90,7 @@ class WatchedGrbl(Grbl):
 
 
 def serve(pipe: Connection, folder: Path, limit_n: float, divider: int) -> None:
-    """The process: 'arm' begins to look, 'tell' gives what was seen, 'end' ends it."""
+    """The process: 'arm' begins to look, 'tell' gives what was seen."""
     clock, watch = SystemClock(), Watch(limit_n)
     world = World()
     grbl = WatchedGrbl(world, clock)
@@ -97,7 +98,7 @@ def serve(pipe: Connection, folder: Path, limit_n: float, divider: int) -> None:
     box = NetFtBox(WatchedForce(world, watch), NetFtConfig(divider=divider), noise=NOISE)
     with PtyPort(grbl, clock, folder / 'cnc'), NetFtServer(box, clock) as server:
         pipe.send((server.rdt_port, server.http_port))
-        while (word := pipe.recv()) != 'end':
+        for word in asked(pipe):
             if word == 'arm':
                 watch.seen, watch.armed = Seen(), True
             else:

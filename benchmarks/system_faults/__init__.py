@@ -8,15 +8,14 @@ socket and topic of a live launch, and its run folder spoilt in each way. `crowd
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.running import Run, own_bus
 from benchmarks.system_faults.bus import SPOILT, WATCH_S, garbage, spoil
 from benchmarks.system_faults.crowd import many_nodes, many_sensors
 from benchmarks.system_faults.files import bag_cuts, model_bytes
@@ -24,45 +23,23 @@ from benchmarks.system_faults.kills import VICTIMS, kills
 from benchmarks.system_faults.page import complaints, page
 from benchmarks.system_faults.sensor import sensor
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 
 PARTS = ('kills', 'bus', 'crowd', 'files')
 MODELS = {'portable': 600, 'fast': 200, 'accurate': 100, 'paper': 100}
 RATES_HZ = (5.0, 10.0, 20.0)
-NAME = 'system_faults'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench system_faults``."""
-    names = [victim.process for victim in VICTIMS]
-    parser.add_argument('--only', action='append', choices=PARTS, help='one part; the others stay as they are kept')
-    parser.add_argument('--kill', action='append', choices=names, metavar='PROCESS', help='kill only this one')
-    parser.add_argument('--period', type=float, default=16.0, help='seconds from press to press (default: %(default)s)')
-    parser.add_argument('--quick', action='store_true', help='little of each, to see that it runs; too little to quote')
-    parser.add_argument(
-        '-o', '--output', type=Path, default=Path(NAME), metavar='FOLDER', help='for results, and launches below it'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Do it, print, and keep; 1 if something broke."""
-    folder: Path = arguments.output.absolute()
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """One part, on a bus of its own."""
     if not arguments.period >= 4.0:
         raise ConfigurationError(f'--period must be 4 s or more, got {arguments.period:g}')
-    parts = _earlier(folder)
-    with tempfile.TemporaryDirectory(prefix='ts') as scratch:
-        os.environ['TACTILE_RUN_DIR'] = str(Path(scratch) / 'run')  # a bus of our own
-        for part in PARTS:
-            if arguments.only is None or part in arguments.only:
-                command = f'tactile bench {NAME} --only {part}{" --quick" * arguments.quick} -o docs/results'
-                found = measure(part, arguments, Path(scratch) / part, TerminalProgress())
-                parts[part] = {**surroundings(command), **found}
-                keep(folder, NAME, page(parts), parts)
-    print(page(parts))
-    return int(bool(complaints(parts)))
+    (part,) = arguments.only
+    with tempfile.TemporaryDirectory(prefix='ts') as scratch, own_bus(Path(scratch) / 'run'):
+        return measure(part, arguments, Path(scratch) / part, run.progress)
 
 
-def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Progress) -> dict[str, Any]:
+def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Progress) -> Result:
     """One part. Raises ConfigurationError if sensing does not come up."""
     folder.mkdir(parents=True)
     if part == 'kills':
@@ -86,8 +63,26 @@ def _bus(folder: Path, frames: int, faults: Sequence[str], watch_s: float) -> di
         return {'garbage': sent, 'spoilt': [asdict(spoil(running, fault, watch_s)) for fault in faults]}
 
 
-def _earlier(folder: Path) -> dict[str, Any]:
-    """The parts that stand in a folder already."""
-    file = folder / f'{NAME}.json'
-    found: dict[str, Any] = json.loads(file.read_text(encoding='utf-8')) if file.exists() else {}
-    return found
+BENCHMARK = Benchmark(
+    name='system_faults',
+    about=__doc__,
+    sources=('benchmarks/system_faults/**', 'tactile_nodes/bag/**', *LIVE),
+    page=page,
+    measure=measured,
+    cases=PARTS,
+    in_parts=True,
+    quick=True,
+    failed=lambda result: bool(complaints(result)),
+    files=('system_faults.json', 'system_faults.md'),
+    output=Path('system_faults'),
+    arguments=(
+        argument(
+            '--kill',
+            action='append',
+            choices=[victim.process for victim in VICTIMS],
+            metavar='PROCESS',
+            help='kill only this one',
+        ),
+        argument('--period', type=float, default=16.0, help='seconds from press to press (default: %(default)s)'),
+    ),
+)

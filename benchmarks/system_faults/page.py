@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from benchmarks.report import machine_and_commit, table
+from benchmarks.harness.report import machine_and_commit, table
 
 RECOVERS_S = 2.0
 HEAD = """# Faults of the whole system

@@ -14,13 +14,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.report import keep, surroundings
-from benchmarks.transfer.page import draw, page
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.transfer.page import Measured, draw, page
 from benchmarks.transfer.scores import (
     ALONE,
     AS_IT_IS,
@@ -58,66 +58,36 @@ MANY_PRESSES = 400
 REFUSED = 'refused'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench transfer``."""
-    parser.add_argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)')
-    parser.add_argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)')
-    parser.add_argument(
-        '--many', type=int, default=8, metavar='N', help='gels that a model without any press learns from (default: 8)'
-    )
-    parser.add_argument(
-        '--own', type=int, default=TRAINED_PRESSES, metavar='N',
-        help=f'presses on each gel that a model of its own is trained by; 0: none (default: {TRAINED_PRESSES})',
-    )  # fmt: skip
-    parser.add_argument(
-        '--pictures', type=int, default=PICTURES, metavar='N',
-        help=f'pictures of each press to calibrate by, while it is held (default: {PICTURES})',
-    )  # fmt: skip
-    parser.add_argument(
-        '--gels-seed', type=int, default=TESTED_SEED, metavar='N', help='other gels than the test gels, to develop on'
-    )
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER',
-        help='write transfer.json, .md and .png there; of other gels or pictures transfer_gels_N_pictures_N.*',
-    )  # fmt: skip
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """On so many gels."""
     from tactile_nodes.learning.evaluation.evaluate import config_of
-    from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model, load_model
 
+    _check(arguments)
+    loaded, seed = load_model(find_model(arguments.model)), arguments.gels_seed
+    own, scores = measure(
+        loaded, range(arguments.gels), run.progress, arguments.many, seed, trained=arguments.own,
+        pictures=arguments.pictures,
+    )  # fmt: skip
+    gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
+    told = {'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]}
+    return {**told, '_page': Measured(own, scores, gels, f'{name_of(arguments)}.png', arguments.pictures)}
+
+
+def name_of(arguments: argparse.Namespace) -> str:
+    """Other gels, and another number of pictures, make other results."""
+    seed, pictures = arguments.gels_seed, arguments.pictures
+    gels = '' if seed == TESTED_SEED else f'_gels_{seed}'
+    return f'transfer{gels}' + ('' if pictures == PICTURES else f'_pictures_{pictures}')
+
+
+def _check(arguments: argparse.Namespace) -> None:
     if arguments.gels < 1 or arguments.many < 0:
         raise ConfigurationError('--gels must be at least 1, and --many at least 0')
     if arguments.pictures < 1:
         raise ConfigurationError('--pictures must be at least 1')
     if arguments.own and arguments.own < LEAST_TRAINED:
         raise ConfigurationError(f'--own must be 0, or at least {LEAST_TRAINED} for a model to be trained by')
-    seed, name, said = arguments.gels_seed, 'transfer', f' --own {arguments.own}'
-    if seed != TESTED_SEED:
-        name, said = f'transfer_gels_{seed}', f'{said} --gels-seed {seed}'
-    if arguments.pictures != PICTURES:
-        name, said = f'{name}_pictures_{arguments.pictures}', f'{said} --pictures {arguments.pictures}'
-    command = f'tactile bench transfer --model {arguments.model} --gels {arguments.gels} --many {arguments.many}{said}'
-    plain = surroundings(command)
-    loaded = load_model(find_model(arguments.model))
-    own, scores = measure(
-        loaded, range(arguments.gels), TerminalProgress(), arguments.many, seed, trained=arguments.own,
-        pictures=arguments.pictures,
-    )  # fmt: skip
-    gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
-    text = page(command, plain, own, scores, gels, f'{name}.png', arguments.pictures)
-    print(text)
-    if arguments.output:
-        keep(
-            arguments.output,
-            name,
-            text,
-            {**plain, 'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]},
-        )
-        draw(own, scores, arguments.output / f'{name}.png')
-    return 0
 
 
 def measure(
@@ -266,3 +236,50 @@ def _alone(few: Dataset, presses: int, source: AnyReadout) -> ResponseReadout:
 
     config = ResponseConfig(components=min(40, max(3, presses // 2)), spacing_mm=4.0, levels=3, most_contacts=1)
     return fit_response(few, np.zeros(len(few.presses), bool), config, source.bins, Progress())
+
+
+BENCHMARK = Benchmark(
+    name='transfer',
+    about=__doc__,
+    sources=('benchmarks/transfer/**', 'tactile_nodes/learning/**', 'config/plans/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    name_of=name_of,
+    more_than_json=True,
+    files=tuple(
+        f'transfer{of}{end}' for of in ('', '_gels_4077', '_gels_4077_pictures_1') for end in ('.json', '.md', '.png')
+    ),
+    arguments=(
+        argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)'),
+        argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
+        argument(
+            '--many',
+            type=int,
+            default=8,
+            metavar='N',
+            help='gels that a model without any press learns from (default: 8)',
+        ),
+        argument(
+            '--own',
+            type=int,
+            default=TRAINED_PRESSES,
+            metavar='N',
+            help=f'presses on each gel that a model of its own is trained by; 0: none (default: {TRAINED_PRESSES})',
+        ),
+        argument(
+            '--pictures',
+            type=int,
+            default=PICTURES,
+            metavar='N',
+            help=f'pictures of each press to calibrate by, while it is held (default: {PICTURES})',
+        ),
+        argument(
+            '--gels-seed',
+            type=int,
+            default=TESTED_SEED,
+            metavar='N',
+            help='other gels than the test gels, to develop on',
+        ),
+    ),
+)

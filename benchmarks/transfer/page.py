@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.report import machine_and_commit, table
+from benchmarks.harness.report import opening, table
 from benchmarks.transfer.scores import (
     ALONE,
     AS_IT_IS,
@@ -45,67 +46,72 @@ HEADS = [
 COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1', TRAINED: 'C2'}
 DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'placed_armse_n': 'aRMSE, any grid, N'}
 OF_FORCE = 'force', 'aRMSE'
+GEL_HEADS = ['gel', 'modulus, kPa', 'soft layer, mm', 'camera aside, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad']
+ABOUT = """\
+{gels} simulated gels; median (worst) over the gels, each tested on {tested} presses at new continuous places, the
+model's own gel at the same places and depths. The place is the median over the presses of a gel; `covered` is the share
+of forces within the stated 90 % interval; `of many gels` is one response fitted to other gels of the same spread,
+without a press of the gel tested. Presses to calibrate by are the first of `config/plans/calibrate.yaml`, {pictures};
+`fitted alone` gets the first of them. Presses tested are read from single pictures. The first row is the model on its
+own gel.
+
+The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid these are a
+handful; `any grid` is the mean over {placements} placements of that grid, in which all presses count. It grows with the
+number of presses tested, as fewer bins are left without such a press."""
+CHANCE = """\
+With standard errors over the presses tested (bootstrap, the same draws for all gels); the aRMSE is that on any grid.
+That other presses to calibrate by, and other gels, would give other numbers is not in them."""
+HARDER = """\
+All gels were pressed as deep, so a gel that is a third harder bore a third more force, and the same motion seen wrong
+is a third more newtons. In shares of the mean force pressed with:"""
+LEVELS = """\
+A harder or thicker gel, or one seen aslant, may be read less exactly however well it is known. The first row is what
+gels do, the rows of calibrations are what calibrations leave over; the second row is what fewer presses than the source
+was trained by do."""
+BORNE = """\
+Times the source's own, in newtons (as a share of the force that was pressed with). `force borne` is that force, times
+the source gel's at the same depths: what is read exactly as well as the source's own gel is at this number in newtons,
+and at 1 as a share."""
 AIMS = {100: 1.1, 25: 1.5}
 """Times the source's own error, by presses."""
 
 
-def page(
-    command: str,
-    plain: Mapping[str, Any],
-    own: Score,
-    scores: Sequence[Score],
-    gels: Sequence[Gel] = (),
-    picture: str = 'transfer.png',
-    pictures: int = PICTURES,
-) -> str:
+@dataclass(frozen=True)
+class Measured:
+    """What the page tells of, with the errors of chance that the JSON file does not hold."""
+
+    own: Score
+    scores: Sequence[Score]
+    gels: Sequence[Gel] = ()
+    picture: str = 'transfer.png'
+    pictures: int = PICTURES
+
+
+def page(result: Mapping[str, Any]) -> str:
     """The results as a page of documentation."""
-    scores, trained = [each for each in scores if each.gel != OWN_GEL], [s for s in scores if s.gel == OWN_GEL]
+    told: Measured = result['_page']
+    own, scores = told.own, [each for each in told.scores if each.gel != OWN_GEL]
+    trained = [each for each in told.scores if each.gel == OWN_GEL]
+    about = ABOUT.format(
+        gels=len({each.gel for each in scores}), tested=own.tested, pictures=_held(told.pictures),
+        placements=PLACEMENTS,
+    )  # fmt: skip
+    heads = [f'{of}, median gel (worst)' for of in COMPARED]
+    return '\n\n'.join([
+        *opening('Transfer to other gels', result, about), *_of_trained(trained),
+        f'![error against number of presses]({told.picture})', _errors(own, scores, trained),
+        '## Against the source on its own gel', CHANCE, table(['presses', 'aim', *heads], _aims(own, scores)),
+        HARDER, table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
+        *_against_each(own, scores, trained), *_gel_by_gel(own, scores), '## The gels',
+        table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(told.gels)]),
+    ])  # fmt: skip
+
+
+def _errors(own: Score, scores: Sequence[Score], trained: Sequence[Score]) -> str:
     rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
     rows += [_row(TRAINED, presses, scores) for presses in sorted({s.presses for s in scores if s.way == TRAINED})]
     levels = [_own('all', own), *(_own(str(each.presses), each) for each in trained)]
-    return '\n'.join([
-        '# Transfer to other gels',
-        '',
-        f'`{command}`',
-        '',
-        f'{machine_and_commit(plain)}.',
-        '',
-        f'{len({each.gel for each in scores})} simulated gels; median (worst) over the gels, each tested on '
-        f'{own.tested} presses at new continuous',
-        "places, the model's own gel at the same places and depths. The place is the median over the presses of a gel;",
-        '`covered` is the share of forces within the stated 90 % interval; `of many gels` is one response fitted to',
-        'other gels of the same spread, without a press of the gel tested. Presses to calibrate by are the first of',
-        f'`config/plans/calibrate.yaml`, {_held(pictures)}; `fitted alone` gets the first of them. Presses tested are',
-        'read from single pictures. The first row is the model on its own gel.',
-        *_of_trained(trained),
-        '',
-        "The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid",
-        f'these are a handful; `any grid` is the mean over {PLACEMENTS} placements of that grid, in which all presses',
-        'count. It grows with the number of presses tested, as fewer bins are left without such a press.',
-        '',
-        f'![error against number of presses]({picture})',
-        '',
-        table(HEADS, [*levels, *(each for each in rows if each)]),
-        '',
-        '## Against the source on its own gel',
-        '',
-        'With standard errors over the presses tested (bootstrap, the same draws for all gels); the aRMSE is that on',
-        'any grid. That other presses to calibrate by, and other gels, would give other numbers is not in them.',
-        '',
-        table(['presses', 'aim', *(f'{of}, median gel (worst)' for of in COMPARED)], _aims(own, scores)),
-        '',
-        'All gels were pressed as deep, so a gel that is a third harder bore a third more force, and the same motion',
-        'seen wrong is a third more newtons. In shares of the mean force pressed with:',
-        '',
-        table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
-        *_against_each(own, scores, trained),
-        *_gel_by_gel(own, scores),
-        '',
-        '## The gels',
-        '',
-        table(['gel', 'modulus, kPa', 'soft layer, mm', 'camera aside, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad'],
-              [_gel(number, each) for number, each in enumerate(gels)]),
-    ])  # fmt: skip
+    return table(HEADS, [*levels, *(each for each in rows if each)])
 
 
 def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
@@ -152,16 +158,8 @@ def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score])
         of = [next(level for level in levels if level.gel == each.gel) for each in chosen]
         told = [_told(ratio(of, chosen, measured)) for measured in COMPARED]
         rows.append([f'calibrated by {presses} / {TRAINED}', *told])
-    return [
-        '',
-        "## Against each gel's own level",
-        '',
-        'A harder or thicker gel, or one seen aslant, may be read less exactly however well it is known. The first row',
-        'is what gels do, the rows of calibrations are what calibrations leave over; the second row is what fewer',
-        'presses than the source was trained by do.',
-        '',
-        table(['', *(f'{of}, median gel (worst)' for of in COMPARED)], rows),
-    ]
+    heads = ['', *(f'{of}, median gel (worst)' for of in COMPARED)]
+    return ["## Against each gel's own level", LEVELS, table(heads, rows)]
 
 
 def _aims(own: Score, scores: Sequence[Score]) -> list[list[str]]:
@@ -198,16 +196,8 @@ def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
         borne = next(iter(of.values())).pressed_n / own.pressed_n
         times = [ratio(own, [of[way]], measured).worst for measured in OF_FORCE for way in asked.values()]
         rows.append([str(gel), f'{borne:.2f}x', *(f'{each:.2f}x ({each / borne:.2f}x)' for each in times)])
-    return [
-        '',
-        '## Gel by gel',
-        '',
-        "Times the source's own, in newtons (as a share of the force that was pressed with). `force borne` is that",
-        "force, times the source gel's at the same depths: what is read exactly as well as the source's own gel is",
-        'at this number in newtons, and at 1 as a share.',
-        '',
-        table(['gel', 'force borne', *(f'{of}, {told}' for of in OF_FORCE for told in asked)], rows),
-    ]
+    heads = ['gel', 'force borne', *(f'{of}, {told}' for of in OF_FORCE for told in asked)]
+    return ['## Gel by gel', BORNE, table(heads, rows)]
 
 
 def _told(of: Ratio) -> str:
@@ -220,7 +210,7 @@ def _gel(number: int, gel: Gel) -> list[str]:
     return [str(number), f'{1e3 * gel.shear_modulus_mpa:.1f}', f'{gel.soft_mm:.1f}', aside, tilt, *numbers]
 
 
-def draw(own: Score, scores: Sequence[Score], file: Path) -> None:
+def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
     """Error against number of presses: median over the gels as lines, all gels as a band.
 
     Raises:
@@ -228,22 +218,23 @@ def draw(own: Score, scores: Sequence[Score], file: Path) -> None:
     """
     from tactile_nodes.learning.figures import figure, save
 
+    own, scores = result['_page'].own, result['_page'].scores
     drawn = figure(12, 4)
-    for panel, (name, label) in zip(drawn.subplots(1, 3), DRAWN.items(), strict=True):
+    for panel, (measured, label) in zip(drawn.subplots(1, 3), DRAWN.items(), strict=True):
         for way in (CALIBRATED, ALONE):
-            _line(panel, way, name, scores)
+            _line(panel, way, measured, scores)
         for way in (AS_IT_IS, MANY):
-            values = [getattr(each, name) for each in scores if each.way == way]
+            values = [getattr(each, measured) for each in scores if each.way == way]
             if values:
                 panel.axhline(np.median(values), color=COLOURS[way], linestyle='--', label=f'{way}, no press')
-        panel.axhline(getattr(own, name), color='k', linestyle=':', label='source on its own gel')
-        _band(panel, name, [each for each in scores if each.way == TRAINED and each.gel != OWN_GEL])
+        panel.axhline(getattr(own, measured), color='k', linestyle=':', label='source on its own gel')
+        _band(panel, measured, [each for each in scores if each.way == TRAINED and each.gel != OWN_GEL])
         panel.set(xscale='log', yscale='log', xlabel='presses on the new gel', ylabel=label)
         panel.set_xticks(COUNTS, [str(count) for count in COUNTS])
         panel.minorticks_off()
         panel.grid(alpha=0.3, which='both')
     drawn.axes[0].legend(fontsize=8)
-    save(drawn, file)
+    save(drawn, folder / f'{name}.png')
 
 
 def _band(panel: Any, name: str, trained: Sequence[Score]) -> None:

@@ -11,12 +11,14 @@ import argparse
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.transfer_paper.page import draw, page
 from benchmarks.transfer_paper.scores import (
     AS_IT_IS,
     GROUP,
@@ -55,42 +57,28 @@ class Presses:
     new: Dataset
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench transfer_paper``."""
-    told = f'(default: {" ".join(map(str, COUNTS))})'
-    parser.add_argument('--model', default='paper', help='a network of polar features (default: paper)')
-    parser.add_argument('--gels', type=int, default=3, metavar='N', help='gels to transfer to (default: 3)')
-    parser.add_argument('--presses', type=int, nargs='+', default=COUNTS, metavar='N', help=f'to learn from {told}')
-    words = f'epochs without a better validation loss; the paper has 200 (default: {PATIENCE})'
-    parser.add_argument('--patience', type=int, default=PATIENCE, metavar='N', help=words)
-    parser.add_argument('-o', '--output', type=Path, metavar='FOLDER', help='write transfer_paper.json, .md and .png')
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep what is there after every gel."""
-    from benchmarks.transfer_paper.page import page
-    from benchmarks.transfer_paper.steps import FirstSteps, first_steps
-    from tactile_nodes.learning.progress import TerminalProgress
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """All gels; what is there is kept after every one."""
+    from benchmarks.transfer_paper.steps import first_steps
     from tactile_nodes.learning.transfer.network import network_readout
     from tactile_nodes.model_file import find_model, load_model
 
-    counts, words = _counts(arguments), f'--gels {arguments.gels} --patience {arguments.patience}'
-    command = f'tactile bench transfer_paper --model {arguments.model} {words} --presses {" ".join(map(str, counts))}'
-    plain, progress = surroundings(command), TerminalProgress()
-    loaded = load_model(find_model(arguments.model))
+    counts, loaded = _counts(arguments), load_model(find_model(arguments.model))
     readout, config = network_readout(loaded), scratch_config(loaded, arguments.patience)
-    scores = as_it_is(readout, pressed(loaded, OWN, progress))
-    steps: list[FirstSteps] = []
+
+    def on_gel(number: int) -> Result:
+        presses = pressed(loaded, number, run.progress)
+        steps = [] if number else first_steps(readout, presses.grid)
+        scores = measure(readout, presses, counts, arguments.patience, config, run.progress.say)
+        return {'scores': [asdict(each) for each in scores], 'steps': [asdict(each) for each in steps]}
+
+    own = run.part('own gel', lambda: [asdict(each) for each in as_it_is(readout, pressed(loaded, OWN, run.progress))])
+    result = {'scores': own, 'steps': []}
     for number in range(arguments.gels):
-        presses = pressed(loaded, number, progress)
-        steps = steps or first_steps(readout, presses.grid)
-        scores += measure(readout, presses, counts, arguments.patience, config, progress.say)
-        text = page(command, plain, scores, steps)
-        if arguments.output:
-            result = {**plain, 'scores': [asdict(each) for each in scores], 'steps': [asdict(each) for each in steps]}
-            _keep(arguments.output, text, result, scores)
-    print(text)
-    return 0
+        for name, found in run.part(f'gel {number}', partial(on_gel, number)).items():
+            result[name] += found
+        run.keep(result)
+    return result
 
 
 def _counts(arguments: argparse.Namespace) -> list[int]:
@@ -245,8 +233,31 @@ def answers(readout: NetworkReadout, dataset: Dataset) -> np.ndarray:
     return forces
 
 
-def _keep(folder: Path, text: str, result: dict[str, Any], scores: Sequence[Score]) -> None:
-    from benchmarks.transfer_paper.page import draw
-
-    keep(folder, 'transfer_paper', text, result)
-    draw(scores, folder / 'transfer_paper.png')
+BENCHMARK = Benchmark(
+    name='transfer_paper',
+    about=__doc__,
+    sources=('benchmarks/transfer_paper/**', 'tactile_nodes/learning/**', 'config/transfer/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    draw=draw,
+    files=('transfer_paper.json', 'transfer_paper.md', 'transfer_paper.png'),
+    arguments=(
+        argument('--model', default='paper', help='a network of polar features (default: paper)'),
+        argument('--gels', type=int, default=3, metavar='N', help='gels to transfer to (default: 3)'),
+        argument(
+            '--presses',
+            type=int,
+            nargs='+',
+            default=list(COUNTS),
+            metavar='N',
+            help=f'to learn from (default: {" ".join(map(str, COUNTS))})',
+        ),
+        argument(
+            '--patience',
+            type=int,
+            default=PATIENCE,
+            metavar='N',
+            help=f'epochs without a better validation loss; the paper has 200 (default: {PATIENCE})',
+        ),
+    ),
+)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import machine_and_commit, table
+from benchmarks.harness.report import opening, table
 from benchmarks.transfer_paper.scores import (
     AS_IT_IS,
     GROUP,
@@ -32,6 +32,10 @@ presses are every fourth place of the paper's grid along x and y, at its eight d
 order of chance, teach; a tenth of those stops the training; the rest is the paper's test. That rest holds the places
 that were learned, at other depths. `new` are 300 presses at continuous places and depths within 27x27 mm. Training
 stops after as many epochs without a better validation loss as `--patience` says, in the paper after 200."""
+TABLE = """\
+Median over the gels, and the worst where there are several. aRMSE depends on how many presses it is taken over, so
+every metric is a mean over groups of about {group}. `own gel` is the source on the gel that it was trained on, where
+the coarse grid holds places and depths of its training. `epoch` is the best one, `s` the seconds of a fit."""
 WHY = """\
 **Why the published rate does harm here.** Nadam divides the gradient by its own size, so its first step moves every
 weight by about the rate, whatever the loss. All inputs of a unit are positive, and the gradients of its weights have
@@ -50,37 +54,22 @@ angles in turns the same rate would move magnitudes about four times less. So no
 numbers; for magnitudes in px beside angles in rad its rate is too large."""
 
 
-def page(command: str, plain: Mapping[str, Any], scores: Sequence[Score], steps: Sequence[FirstSteps]) -> str:
+def page(result: Mapping[str, Any]) -> str:
     """The results as a page of documentation."""
+    scores, steps = _scores(result), [FirstSteps(**each) for each in result['steps']]
     gels = len({each.gel for each in scores if each.gel != OWN})
-    return '\n'.join([
-        "# The paper's calibration layer on other gels",
-        '',
-        f'`{command}`',
-        '',
-        f'{machine_and_commit(plain)}. Simulated gels: those of [transfer](transfer.md), {gels} of them.',
-        '',
-        READING,
-        '',
-        'Median over the gels, and the worst where there are several. aRMSE depends on how many presses it is taken',
-        f'over, so every metric is a mean over groups of about {GROUP}. `own gel` is the source on the gel that it was',
-        'trained on, where the coarse grid holds places and depths of its training. `epoch` is the best one, `s` the',
-        'seconds of a fit.',
-        '',
-        _table(scores),
-        '',
-        _found(scores),
-        '',
-        '![the three metrics against the number of presses](transfer_paper.png)',
-        '',
+    more = f'simulated gels: those of [transfer](transfer.md), {gels} of them'
+    return '\n\n'.join([
+        *opening("The paper's calibration layer on other gels", result, READING, more), TABLE.format(group=GROUP),
+        _table(scores), _found(scores), '![the three metrics against the number of presses](transfer_paper.png)',
         '## First steps',
-        '',
         f'One gel, {PRESSES} presses to learn from, tested on the others of the grid: aRMSE after so much training.',
-        '',
-        _steps(steps),
-        '',
-        WHY,
+        _steps(steps), WHY,
     ])  # fmt: skip
+
+
+def _scores(result: Mapping[str, Any]) -> list[Score]:
+    return [Score(**each) for each in result['scores']]
 
 
 def _found(scores: Sequence[Score]) -> str:
@@ -148,7 +137,7 @@ def _steps(steps: Sequence[FirstSteps]) -> str:
     return table(heads, rows)
 
 
-def draw(scores: Sequence[Score], file: Path) -> None:
+def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
     """The three metrics against the number of presses: dashed on the rest of the 800, solid at new places.
 
     Raises:
@@ -157,6 +146,7 @@ def draw(scores: Sequence[Score], file: Path) -> None:
     """
     from tactile_nodes.learning.figures import figure, save
 
+    scores = _scores(result)
     counts = sorted({each.presses for each in scores if each.presses})
     drawn = figure(11.0, 4.2)  # says so if there is no matplotlib
     from matplotlib.ticker import FuncFormatter, LogLocator
@@ -171,7 +161,7 @@ def draw(scores: Sequence[Score], file: Path) -> None:
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
     handles, labels = drawn.axes[0].get_legend_handles_labels()
     drawn.legend(handles, labels, loc='outside upper center', ncols=4, fontsize='small')
-    save(drawn, file)
+    save(drawn, folder / f'{name}.png')
 
 
 def _draw_metric(axes: Any, scores: Sequence[Score], metric: str) -> None:

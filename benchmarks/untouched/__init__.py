@@ -11,17 +11,20 @@ import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import cv2
 import numpy as np
 
 from benchmarks.flow.cases import Sensor, seen_by
-from benchmarks.report import keep, surroundings
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.report import in_turn
+from benchmarks.harness.running import Run
+from benchmarks.untouched.page import page
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_tables import contact_table, load_gel
-from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
@@ -90,44 +93,24 @@ class Plan:
 QUICK = Plan(touches=4, at_20_mn=8, rests=8, disturbed=2, seconds=1.2)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench untouched``."""
-    parser.add_argument('model', nargs='*', help='model files, or names of models that ship (default: fast accurate)')
-    parser.add_argument('--quick', action='store_true', help='a few frames, to see that it runs; too few to quote')
-    parser.add_argument('--seconds', type=float, metavar='S', help='of presses and pauses (default: 60)')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help='write untouched.json and untouched.md there'
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep."""
-    from benchmarks.untouched.page import page
-
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """What was asked for."""
     cv2.setNumThreads(1)
     plan = QUICK if arguments.quick else Plan()
     if arguments.seconds is not None:
         if not arguments.seconds > 0:
             raise ConfigurationError(f'--seconds must be above 0, got {arguments.seconds:g}')
         plan = Plan(**{**asdict(plan), 'seconds': arguments.seconds})
-    result = measure(arguments.model or ['fast', 'accurate'], plan, TerminalProgress(), _command(arguments))
-    text = page(result)
-    print(text)
-    if arguments.output:
-        keep(arguments.output, 'untouched', text, result)
-    return 0
+    return measure(arguments.model or ['fast', 'accurate'], plan, run.progress, run.part)
 
 
-def measure(
-    models: Sequence[str], plan: Plan, progress: Progress, command: str = 'tactile bench untouched'
-) -> dict[str, Any]:
+def measure(models: Sequence[str], plan: Plan, progress: Progress, part: Part = at_once) -> Result:
     """All numbers of the page."""
     return {
-        **surroundings(command),
         'plan': asdict(plan),
         'options': asdict(StillnessOptions()),
-        'gels': {name: gel_rates(name, plan, progress) for name in GELS},
-        'disturbances': disturbed_rates(plan, progress),
+        'gels': {name: part(name, partial(gel_rates, name, plan, progress)) for name in GELS},
+        'disturbances': part('disturbances', partial(disturbed_rates, plan, progress)),
         'minute': minute(models, plan.seconds, progress),
     }
 
@@ -238,7 +221,7 @@ def minute(models: Sequence[str], seconds: float, progress: Progress) -> dict[st
         for number in range(frames):
             at_ns = number * NS_PER_S // FRAMES_A_SECOND
             image = seen_by(scene.render(at_ns))
-            for way in order if number % 2 else order[::-1]:
+            for way in in_turn(order, number):
                 way.answer(image)
             true_n.append(scene.truth(at_ns).total_n)
             bar.advance()
@@ -264,7 +247,16 @@ def _compared(without: _Way, with_look: _Way, true_n: np.ndarray) -> dict[str, A
     }
 
 
-def _command(arguments: argparse.Namespace) -> str:
-    words = ['tactile bench untouched', *arguments.model, *['--quick'] * arguments.quick]
-    words += [] if arguments.seconds is None else [f'--seconds {arguments.seconds:g}']
-    return ' '.join([*words, *(['-o', str(arguments.output)] if arguments.output else [])])
+BENCHMARK = Benchmark(
+    name='untouched',
+    about=__doc__,
+    sources=('benchmarks/untouched/**', *SENSING, *SIMULATED),
+    page=page,
+    measure=measured,
+    quick=True,
+    files=('untouched.json', 'untouched.md'),
+    arguments=(
+        argument('model', nargs='*', help='model files, or names of models that ship (default: fast accurate)'),
+        argument('--seconds', type=float, metavar='S', help='of presses and pauses (default: 60)'),
+    ),
+)

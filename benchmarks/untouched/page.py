@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from benchmarks.report import machine_and_commit, named_versions, table
+from benchmarks.harness.report import opening, table
 
 INTRODUCTION = """\
-A look at each image decides whether anything touches or has changed (`sensing/picture/stillness.py`); where
-nothing has, the flow features node answers with no motion and the force estimator with 0 N, without flow and network.
+A look at each image decides whether anything touches or has changed (`tactile_nodes/sensing/picture/stillness.py`);
+where nothing has, the flow features node answers with no motion and the force estimator with 0 N, without flow and
+network.
 All of it is simulation. *motion* is the number that decides, in units of what noise makes of it: a frame is still up to
 {limit:g}. Of still frames one in {full_every} is measured all the same; the first two tables leave that out, the last
 has it."""
@@ -30,17 +31,12 @@ def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     return '\n\n'.join(
         [
-            '# Frames in which nothing touches', f'```console\n$ {result["command"]}\n```',
-            INTRODUCTION.format(**result['options']), _surroundings(result),
+            *opening('Frames in which nothing touches', result, INTRODUCTION.format(**result['options'])),
             '## Missed touches and false alarms', TOUCHES, _touches(result['gels']),
             '## Disturbances', DISTURBED, _disturbances(result['disturbances']),
             '## What it saves', MINUTE, _minute(result['minute']),
         ]
     )  # fmt: skip
-
-
-def _surroundings(result: Mapping[str, Any]) -> str:
-    return f'{machine_and_commit(result)}; {named_versions(result)}.'
 
 
 def _touches(gels: Mapping[str, Any]) -> str:

@@ -136,4 +136,4 @@ def test_run_with_a_wrong_point_is_not_good() -> None:
     assert is_good(row)
     row['ledger'] |= {'wrong': (3,)}
     assert not is_good(row)
-    assert ' all / well |' in markdown({'none': row})
+    assert ' all / well |' in markdown({'faults': {'none': row}})

@@ -199,10 +199,3 @@ def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
 def test_what_cannot_be_measured_is_refused_in_a_sentence(given: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=sentence):
         firmware.machines(arguments(**given))
-
-
-def test_what_a_person_has_noted_on_the_page_stays() -> None:
-    first = page(result()) + '\n\n## Notes\n\nBuilt with care.\n'
-    again = page(result(mute=outcome('it is silent', 0.6)), first)
-    assert again.endswith('## Notes\n\nBuilt with care.')
-    assert page(result(), again).count('Built with care.') == 1

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import pytest
 
 from benchmarks import latency
+from benchmarks.harness.command import parser_of
+from benchmarks.harness.running import Run
 from benchmarks.latency.rates import highest
 from tactile_nodes.learning.progress import Progress
 
@@ -31,8 +32,10 @@ def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> Non
     held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'cpu_ms': 0.8, 'next': 400}
     monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
     monkeypatch.setattr(latency, 'recorded_camera', lambda _: ('source:=somewhere', 'config:=else'))
-    asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
-    text = latency.page(latency.measure(asked, Progress()))
-    assert '$ tactile bench latency --minutes 0.1 --models fast --compiled --seconds 1 --rates 300 400' in text
+    words = ['--minutes', '0.1', '--compiled', '--seconds', '1', '--rates', '300', '400']
+    asked = parser_of(latency.BENCHMARK).parse_args(words)
+    run = Run(latency.BENCHMARK, asked, Progress())
+    text = latency.page(run.keep(latency.measured(asked, run)))
+    assert '$ tactile bench latency --minutes 0.1 --compiled --seconds 1 --rates 300 400' in text
     assert '600 |       2 |    1 |' in text
     assert 'compiled |  mixed |       300 |     2.50 |             0.80 |               400 |' in text

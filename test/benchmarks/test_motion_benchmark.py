@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks import motion
 from benchmarks.front.contenders import WAYS
+from benchmarks.harness.report import surroundings
 from benchmarks.motion import Errors
 from tactile_nodes.learning.progress import Progress
 
@@ -38,5 +39,5 @@ def test_known_motion_comes_back_and_the_page_tells_it(monkeypatch: pytest.Monke
     moved = result['moved']['moved by 2 px']['ours, half size']
     assert moved['rms_px'] < 0.05
     assert abs(moved['bias_px']) < 0.03
-    text = motion.page(result)
+    text = motion.page({**surroundings('tactile bench motion'), **result})
     assert '| way             | CPU [ms] |         0.1 px |           2 px |' in text

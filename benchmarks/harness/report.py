@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
+import math
 import os
 import platform
-import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError
+from benchmarks.harness.history import describe
 from tactile_nodes.learning.evaluation.tables import Table
 from tactile_nodes.paths import share_directory
 
+T = TypeVar('T')
 _PACKAGES = ('numpy', 'pyzmq', 'rosbags', 'opencv-contrib-python-headless')
 
 
@@ -46,30 +46,29 @@ def spread(values: Sequence[float]) -> dict[str, float]:
     return {'median': float(np.median(values)), 'low': float(min(values)), 'high': float(max(values))}
 
 
-def write_json(file: Path, result: dict[str, Any]) -> None:
-    """Keep a result.
+def quartiles(values: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """Median, and the range of the middle half: on a shared machine the extremes are other people's; NaN of nothing."""
+    low, median, high = np.percentile(values, (25, 50, 75)).tolist() if len(values) else 3 * [math.nan]
+    return {'median': median, 'low': low, 'high': high}
 
-    Raises:
-        ConfigurationError: the file cannot be written.
+
+def ranged(found: Mapping[str, float]) -> str:
+    """'1.20 (1.10 to 1.40)' of what `quartiles` or `spread` found."""
+    return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
+
+
+def in_turn(contenders: Sequence[T], number: int) -> Sequence[T]:
+    """Contenders in the order of their turn in one round: every other round it is the opposite one.
+
+    What else runs on the machine, and what the one before has left in the processor's caches, then meets all of them.
     """
-    try:
-        file.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write the result to {file}: {error.strerror}') from error
+    return contenders[:: -1 if number % 2 else 1]
 
 
-def keep(folder: Path, name: str, text: str, result: dict[str, Any]) -> None:
-    """Write a benchmark's page and numbers, NAME.md and NAME.json, into a folder that is made if need be.
-
-    Raises:
-        ConfigurationError: it cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / f'{name}.md').write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
-    write_json(folder / f'{name}.json', result)
+def opening(title: str, result: Mapping[str, Any], introduction: str, more: str = '') -> list[str]:
+    """What every page begins with: its title, the command, what is told, and on which machine it was measured."""
+    about = '; '.join(filter(None, [machine_and_commit(result), named_versions(result), more]))
+    return [f'# {title}', f'```console\n$ {result["command"]}\n```', introduction.strip(), f'{about}.']
 
 
 def machine_and_commit(result: Mapping[str, Any]) -> str:
@@ -110,8 +109,4 @@ def _versions() -> dict[str, str]:
 
 
 def _commit() -> str:
-    command = ['git', '-C', str(share_directory()), 'describe', '--always', '--dirty', '--abbrev=12']
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):  # installed rather than checked out
-        return importlib.metadata.version('tactile_nodes')
+    return describe(share_directory()) or importlib.metadata.version('tactile_nodes')
