@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.flow import by_region
 from benchmarks.flow.cases import Case, Sensor, known_shifts, pressed, rigid
+from benchmarks.flow.errors import Errors, errors_of
 from benchmarks.front.contenders import WAYS, Way, one_thread
 from benchmarks.front.flows import SmallPixels
 from benchmarks.harness.declaration import SIMULATED, Benchmark, Result, argument
-from benchmarks.harness.report import in_turn, opening, table
+from benchmarks.harness.report import opening, table
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
@@ -49,38 +47,6 @@ def flow_ways() -> list[Way]:
     return [way for way in WAYS if way.make is not SmallPixels]
 
 
-@dataclass
-class Errors:
-    """What one way made of some images: error and truth by region and axis (px), and CPU times (ms)."""
-
-    error: list[np.ndarray] = field(default_factory=list)
-    truth: list[np.ndarray] = field(default_factory=list)
-    cpu_ms: list[float] = field(default_factory=list)
-
-    def take(self, flow: FlowMethod, case: Case) -> None:
-        """Measure an image whose motion is known."""
-        begun = time.process_time_ns()
-        measured = flow.displacement(case.image)
-        self.cpu_ms.append((time.process_time_ns() - begun) / 1e6)
-        motion, _ = by_region(measured, REGIONS)
-        truth, counts = case.truth(motion.shape[0])
-        self.error.append((motion - truth)[counts])
-        self.truth.append(truth[counts])
-
-    def summary(self, low_px: float = 0.0, high_px: float = float('inf')) -> dict[str, float]:
-        """Root mean square error, bias along the motion, and how many regions, of those that moved so far."""
-        error, truth = np.concatenate(self.error), np.concatenate(self.truth)
-        size = np.hypot(*truth.T)
-        chosen = (size >= low_px) & (size < high_px)
-        error, truth, size = error[chosen], truth[chosen], np.maximum(size[chosen], 1e-9)
-        if not len(error):
-            return {'rms_px': float('nan'), 'bias_px': float('nan'), 'regions': 0}
-        along = (error * truth).sum(axis=1) / size
-        return {
-            'rms_px': float(np.sqrt(np.square(error).mean())), 'bias_px': float(along.mean()), 'regions': len(error)
-        }  # fmt: skip
-
-
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """The ways that were asked for."""
     if min(arguments.frames, arguments.presses) < 1:
@@ -100,21 +66,31 @@ def measure(ways: Sequence[Way], frames: int, presses: int, speckle: Path | None
     """
     shifted = known_shifts(speckle) if speckle else {}
     one_thread()
-    sensor = Sensor()
-    moved = {name: _errors(ways, cases) for name, cases in _told(rigid(sensor, frames, SIZES_PX), progress)}
-    together = _joined([_errors(ways, cases) for _, cases in _told(pressed(sensor, presses), progress)])
-    bands = list(itertools.pairwise(BANDS_PX))
+    flows = {way.name: _flow(way.make, REGIONS if REGIONS in way.grids else way.grids[0]) for way in ways}
+
+    def of_each(sets: Mapping[str, Iterable[Case]]) -> dict[str, dict[str, Errors]]:
+        return {name: errors_of(flows, cases, REGIONS) for name, cases in _told(sets, progress)}
+
+    sensor, together = Sensor(), {name: Errors() for name in flows}
+    moved = of_each(rigid(sensor, frames, SIZES_PX))
+    for found in of_each(pressed(sensor, presses)).values():
+        for name, each in found.items():
+            together[name].add(each)
+    bands = {f'{low:g} to {high:g} px': (low, high) for low, high in itertools.pairwise(BANDS_PX)}
     result = {
-        'moved': {name: _summaries(found) for name, found in moved.items()},
+        'moved': _summaries(moved),
         'pressed': {
-            f'{low:g} to {high:g} px': {name: each.summary(low, high) for name, each in together.items()}
-            for low, high in bands
+            name: {way: each.along_motion(*band) for way, each in together.items()} for name, band in bands.items()
         },
     }
     if shifted:
-        result['speckle'] = {name: _summaries(_errors(ways, cases)) for name, cases in _told(shifted, progress)}
+        result['speckle'] = _summaries(of_each(shifted))
     times = {name: float(np.median(each.cpu_ms)) for name, each in moved['moved by 2 px'].items()}
     return {'threads': 1, 'sizes_px': SIZES_PX, 'cpu_ms': times, **result}
+
+
+def _summaries(sets: Mapping[str, Mapping[str, Errors]]) -> dict[str, dict[str, dict[str, float]]]:
+    return {name: {way: each.along_motion() for way, each in found.items()} for name, found in sets.items()}
 
 
 def _told(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tuple[str, Iterable[Case]]]:
@@ -124,39 +100,10 @@ def _told(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tu
             bar.advance(1, name)
 
 
-def _errors(ways: Sequence[Way], cases: Iterable[Case]) -> dict[str, Errors]:
-    """What each way makes of the cases, in turn on every image."""
-    flows = {way.name: _flow(way.make, REGIONS if REGIONS in way.grids else way.grids[0]) for way in ways}
-    found = {way.name: Errors() for way in ways}
-    rest: np.ndarray | None = None
-    for number, case in enumerate(cases):
-        if case.rest is not rest:
-            rest = case.rest
-            for flow in flows.values():
-                flow.set_reference(rest)
-                flow.displacement(rest)
-        for name in in_turn(list(flows), number):
-            found[name].take(flows[name], case)
-    return found
-
-
 def _flow(make: Callable[[int], FlowMethod | SmallPixels], regions: int) -> FlowMethod:
     made = make(regions)
     assert not isinstance(made, SmallPixels)
     return made
-
-
-def _joined(parts: Sequence[Mapping[str, Errors]]) -> dict[str, Errors]:
-    joined = {name: Errors() for name in parts[0]}
-    for part in parts:
-        for name, each in part.items():
-            joined[name].error += each.error
-            joined[name].truth += each.truth
-    return joined
-
-
-def _summaries(found: Mapping[str, Errors]) -> dict[str, dict[str, float]]:
-    return {name: each.summary() for name, each in found.items()}
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -213,7 +160,6 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     draw=draw,
-    files=('motion.json', 'motion.md', 'motion.png'),
     arguments=(
         argument('--frames', type=int, default=3, help='images of each size (default: 3)'),
         argument('--presses', type=int, default=12, help='simulated presses a range of depths (default: 12)'),

@@ -240,7 +240,6 @@ BENCHMARK = Benchmark(
     sources=('benchmarks/transfer_partial.py', 'tactile_nodes/learning/**', *SENSING, *SIMULATED),
     page=page,
     measure=measured,
-    files=('transfer_partial.json', 'transfer_partial.md'),
     arguments=(
         argument('--model', default='portable', help='an axisymmetric model (default: portable)'),
         argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),

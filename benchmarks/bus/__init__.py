@@ -230,6 +230,5 @@ BENCHMARK = Benchmark(
     page=text,
     measure=measured,
     quick=True,
-    files=('bus.json', 'bus.md'),
     by_hand=True,
 )

@@ -115,7 +115,6 @@ BENCHMARK = Benchmark(
     sources=('benchmarks/dds/**', 'tactile_nodes/dds/**', 'tactile_nodes/bus/**', 'tactile_nodes/messages/**'),
     page=page,
     measure=measured,
-    files=('dds.json', 'dds.md'),
     arguments=(
         argument('--seconds', type=float, default=20.0, help='of each case (default: %(default)s)'),
         argument('--rate', type=float, default=60.0, help='images a second (default: %(default)s)'),

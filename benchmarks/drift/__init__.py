@@ -147,7 +147,6 @@ BENCHMARK = Benchmark(
     sources=('benchmarks/drift/**', *SENSING, *SIMULATED),
     page=page,
     measure=measured,
-    files=('drift.json', 'drift.md'),
     arguments=(
         argument('--model', default='fast', help='a model of a simulated gel (default: fast)'),
         argument('--hours', type=float, default=4.0, help='of presses with nothing wrong (default: 4)'),

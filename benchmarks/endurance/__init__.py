@@ -168,7 +168,6 @@ BENCHMARK = Benchmark(
     cases=PARTS,
     in_parts=True,
     failed=failed,
-    files=('endurance.json', 'endurance.md'),
     arguments=(
         argument('--hours', type=float, default=8.0, help='of the stepped clock (default: %(default)s)'),
         argument('--seconds', type=float, default=3600.0, help='of real time (default: %(default)s)'),

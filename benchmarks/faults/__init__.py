@@ -49,7 +49,8 @@ class Outcome:
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """Each fault in turn, on a bus of its own; those that were tried before and are not now stay as they are kept."""
-    folder: Path = arguments.output.absolute()
+    assert run.folder is not None
+    folder = run.folder.absolute()
     rows: dict[str, Any] = run.earlier().get('faults', {})
     with tempfile.TemporaryDirectory(prefix='tactile-') as run_folder, own_bus(Path(run_folder)):
         for case in (each for each in CASES if each.name in run.cases):
@@ -204,7 +205,6 @@ BENCHMARK = Benchmark(
     measure=measured,
     cases=tuple(case.name for case in CASES),
     failed=lambda result: not all(map(is_good, result['faults'].values())),
-    files=('faults.json', 'faults.md'),
     by_hand=True,
     output=Path('faults'),
     arguments=(argument('--limits', default=LIMITS, help=f'limits of the rig, default: {LIMITS!r}'),),

@@ -120,7 +120,6 @@ BENCHMARK = Benchmark(
     measure=measured,
     cases=(OBEYS, *FAULTS),
     failed=lambda result: bool(complaints(result)),
-    files=('firmware.json', 'firmware.md'),
     output=Path('firmware'),
     arguments=(
         argument(

@@ -8,9 +8,7 @@ computer-made speckle with commanded shifts. Methods take turns on every image, 
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +16,14 @@ import cv2
 import numpy as np
 
 from benchmarks.flow.cases import Case, Sensor, deep, disturbed, known_shifts, pressed, rigid
+from benchmarks.flow.errors import errors_of
 from benchmarks.harness.declaration import SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.report import table
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
 
-BELIEVED = 0.4
-"""Patches of more confidence than this are counted as believed."""
-
+REGIONS = 40
 _OURS = 'inverse_compositional'
 CONTENDERS: dict[str, tuple[str, Mapping[str, object]]] = {
     'DIS ultrafast': ('dis', {}),
@@ -38,32 +34,6 @@ CONTENDERS: dict[str, tuple[str, Mapping[str, object]]] = {
     'ours 20x20 half': (_OURS, {'rows': 20, 'cols': 20, 'finest_scale': 1}),
     'ours 10x10 half': (_OURS, {'rows': 10, 'cols': 10, 'finest_scale': 1}),
 }
-
-
-@dataclass(frozen=True)
-class Score:
-    """What one method made of a set of images: errors by region and axis (px), truth, belief, CPU times (ms)."""
-
-    error: np.ndarray
-    truth: np.ndarray
-    believed: np.ndarray
-    times_ms: list[float]
-
-    def summary(self) -> dict[str, float]:
-        """Root mean square error, slope of measured over true motion, share off by over 1 px, and of those believed."""
-        size = np.square(self.truth).sum()
-        far = np.hypot(*self.error.T) > 1
-        return {
-            'rms_px': float(np.sqrt(np.square(self.error).mean())),
-            'slope': float(((self.error + self.truth) * self.truth).sum() / size) if size > 0 else float('nan'),
-            'believed_rms_px': float(np.sqrt(np.square(self.error[self.believed]).mean()))
-            if self.believed.any()
-            else 0.0,
-            'far_share': float(far.mean()),
-            'believed_share': float(self.believed.mean()),
-            'believed_far_share': float(far[self.believed].mean()) if self.believed.any() else 0.0,
-            'cpu_ms': float(np.median(self.times_ms)),
-        }
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
@@ -77,51 +47,11 @@ def measured(arguments: argparse.Namespace, _: Run) -> Result:
     }  # fmt: skip
     if arguments.speckle:
         sets |= known_shifts(arguments.speckle)
-    return {'results': {name: measure(cases) for name, cases in sets.items()}}
-
-
-def measure(cases: Iterable[Case]) -> dict[str, dict[str, float]]:
-    """What each contender makes of the cases, which take turns on every image."""
     flows = {name: make_flow(method, options) for name, (method, options) in CONTENDERS.items()}
-    found: dict[str, list[Score]] = {name: [] for name in flows}
-    rest: np.ndarray | None = None
-    for case in cases:
-        if case.rest is not rest:
-            rest = case.rest
-            for flow in flows.values():
-                flow.set_reference(rest)
-                flow.displacement(rest)
-        for name, flow in flows.items():
-            found[name].append(score(flow, case))
-    return {name: _joined(scores).summary() for name, scores in found.items()}
-
-
-def score(flow: FlowMethod, case: Case) -> Score:
-    """One image: the method's motion in the regions that the case knows, and its CPU time."""
-    start = time.process_time_ns()
-    field = flow.displacement(case.image)
-    took_ms = (time.process_time_ns() - start) / 1e6
-    motion, confidence = by_region(field)
-    truth, counts = case.truth(motion.shape[0])
-    return Score((motion - truth)[counts], truth[counts], confidence[counts] > BELIEVED, [took_ms])
-
-
-def by_region(field: DisplacementField, regions: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Motion and confidence by patch, or of a dense field by region; a method that states none believes all."""
-    motion = field.displacement_px
-    if motion.shape[0] > regions:
-        motion = cv2.resize(motion, (regions, regions), interpolation=cv2.INTER_AREA)
-    confidence = field.confidence if field.confidence is not None else np.ones(motion.shape[:2], np.float32)
-    return motion, confidence
-
-
-def _joined(scores: list[Score]) -> Score:
-    return Score(
-        np.concatenate([each.error for each in scores]),
-        np.concatenate([each.truth for each in scores]),
-        np.concatenate([each.believed for each in scores]),
-        [time for each in scores for time in each.times_ms],
-    )
+    found = {name: errors_of(flows, cases, REGIONS) for name, cases in sets.items()}
+    return {
+        'results': {name: {one: each.by_belief() for one, each in errors.items()} for name, errors in found.items()}
+    }
 
 
 def tables(result: Mapping[str, Any]) -> str:
@@ -131,7 +61,7 @@ def tables(result: Mapping[str, Any]) -> str:
     for title, cell, shown in (
         ('rms error in px (slope)', _error, results),
         ('off by over 1 px, of all / of believed', _far, wild),
-        ('CPU time in ms, median', _time, results),
+        ('CPU time in ms, median', lambda each: f'{each["cpu_ms"]:.2f}', results),
     ):
         rows = [[name, *(cell(found[each]) for each in CONTENDERS)] for name, found in shown.items()]
         shown_tables.append(table([title, *CONTENDERS], rows))
@@ -147,10 +77,6 @@ def _far(summary: Mapping[str, float]) -> str:
     return f'{summary["far_share"]:.1%} / {summary["believed_far_share"]:.1%}'
 
 
-def _time(summary: Mapping[str, float]) -> str:
-    return f'{summary["cpu_ms"]:.2f}'
-
-
 BENCHMARK = Benchmark(
     name='flow',
     about=__doc__,
@@ -158,6 +84,7 @@ BENCHMARK = Benchmark(
     page=tables,
     measure=measured,
     by_hand=True,
+    files=(),
     arguments=(
         argument('--presses', type=int, default=40, help='simulated presses a range of depths (default: 40)'),
         argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),

@@ -83,7 +83,7 @@ class Benchmark:
         draw: writes charts into a folder; their names begin with that of the result.
         failed: whether the exit status says that something is wrong.
         name_of: of the files that are written, where other arguments make another result.
-        files: what stands in docs/results of it.
+        files: what stands in docs/results of it; by default NAME.json, its page, and its chart if it draws one.
         keeps: whether ``-o`` keeps the result as JSON; what is read of recordings is printed alone.
         by_hand: a person writes the page around what is printed.
         more_than_json: the page tells what the JSON file does not hold (keys of the result that begin with `_`), so it
@@ -104,7 +104,7 @@ class Benchmark:
     draw: Callable[[Told, Path, str], None] | None = None
     failed: Callable[[Told], bool] = _never
     name_of: Callable[[argparse.Namespace], str] | None = None
-    files: tuple[str, ...] = ()
+    files: tuple[str, ...] | None = None
     keeps: bool = True
     by_hand: bool = False
     more_than_json: bool = False
@@ -115,3 +115,10 @@ class Benchmark:
     def help(self) -> str:
         """Its first sentence, for lists."""
         return ' '.join((self.about or '').partition('\n\n')[0].split())
+
+    @property
+    def published(self) -> tuple[str, ...]:
+        """What stands in docs/results of it."""
+        if self.files is not None:
+            return self.files
+        return (f'{self.name}.json', f'{self.name}.md', *([f'{self.name}.png'] if self.draw else []))

@@ -33,7 +33,8 @@ class Run:
     def __init__(self, benchmark: Benchmark, arguments: argparse.Namespace, progress: Progress | None = None) -> None:
         self.benchmark, self.progress = benchmark, progress or TerminalProgress()
         self.command = command_of(parser_of(benchmark), arguments, f'tactile bench {benchmark.name}')
-        self.cases: tuple[str, ...] = tuple(getattr(arguments, 'only', None) or benchmark.cases)
+        chosen = benchmark.cases and getattr(arguments, 'only', None)
+        self.cases: tuple[str, ...] = tuple(chosen or benchmark.cases)
         self.folder, self.name = _place(benchmark, arguments)
         self.about = {} if benchmark.in_parts else surroundings(self.command)
         told = {key: value for key, value in vars(arguments).items() if key != 'output'}
@@ -41,7 +42,11 @@ class Run:
 
     def part(self, name: str, make: Callable[[], Any]) -> Any:
         """A part of a long run, as JSON holds it: measured now, or before the run was killed."""
-        return self._parts.get(name, make)
+        before = self._parts.found
+        found = self._parts.get(name, make)
+        if self._parts.found > before:
+            self.progress.say(f'{name}: as it was measured before the run was ended')
+        return found
 
     def earlier(self) -> Result:
         """The result that stands where this one goes.

@@ -73,8 +73,8 @@ def _line(age: Age) -> str:
 
 def _results(benchmark: Benchmark) -> Iterator[str]:
     """The JSON files, and pages that have none."""
-    names = {Path(file).with_suffix(''): file for file in benchmark.files if file.endswith('.md')}
-    names |= {Path(file).with_suffix(''): file for file in benchmark.files if file.endswith('.json')}
+    names = {Path(file).with_suffix(''): file for file in benchmark.published if file.endswith('.md')}
+    names |= {Path(file).with_suffix(''): file for file in benchmark.published if file.endswith('.json')}
     yield from names.values()
 
 
@@ -111,11 +111,11 @@ def _commits(found: Any) -> list[str]:
 def check(root: Path, benchmarks: Sequence[Benchmark]) -> Iterator[str]:
     """What is broken, in sentences."""
     for each in benchmarks:
-        yield from (f'{RESULTS / file} of {each.name} is missing' for file in each.files if not _there(root, file))
+        yield from (f'{RESULTS / file} of {each.name} is missing' for file in each.published if not _there(root, file))
         for source in each.sources:
             if next(root.glob(source), None) is None:
                 yield f'{each.name} names {source} as a source, and there is none'
-        for file in each.files:
+        for file in each.published:
             if file.endswith('.json') and _there(root, file):
                 yield from _disagreement(root, root / RESULTS / file, each)
     yield from _unclaimed(root, benchmarks)
@@ -126,7 +126,7 @@ def _there(root: Path, file: str) -> bool:
 
 
 def _unclaimed(root: Path, benchmarks: Sequence[Benchmark]) -> Iterator[str]:
-    claimed = {file for each in benchmarks for file in each.files}
+    claimed = {file for each in benchmarks for file in each.published}
     for file in sorted((root / RESULTS).rglob('*.*')):
         name = file.relative_to(root / RESULTS).as_posix()
         if name not in claimed:

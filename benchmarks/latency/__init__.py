@@ -187,7 +187,6 @@ BENCHMARK = Benchmark(
     sources=('benchmarks/latency/**', 'benchmarks/page/launch.py', 'benchmarks/gaps.py', *LIVE),
     page=page,
     measure=measured,
-    files=('latency.json', 'latency.md'),
     arguments=(
         argument('--minutes', type=float, default=10.0, metavar='N', help='how long each way (default: 10)'),
         argument('--models', nargs='+', default=['fast'], metavar='NAME', help='models (default: fast)'),

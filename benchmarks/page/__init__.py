@@ -160,7 +160,6 @@ BENCHMARK = Benchmark(
     page=told,
     measure=measured,
     failed=too_slow,
-    files=('page.json', 'page.md'),
     by_hand=True,
     arguments=(
         argument('--seconds', type=float, default=10.0, help='each condition, each round (default: %(default)s)'),

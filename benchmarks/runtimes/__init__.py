@@ -208,7 +208,6 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     quick=True,
-    files=('runtimes.json', 'runtimes.md'),
     arguments=(
         argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)'),
     ),

@@ -158,7 +158,6 @@ BENCHMARK = Benchmark(
     page=told,
     measure=measured,
     failed=lambda result: any(each['not the first command'] for each in result['feeds'].values()),
-    files=('stopping.json', 'stopping.md'),
     by_hand=True,
     arguments=(
         argument('--stops', type=int, default=100, help='at each feed (default: %(default)s)'),

@@ -73,7 +73,6 @@ BENCHMARK = Benchmark(
     in_parts=True,
     quick=True,
     failed=lambda result: bool(complaints(result)),
-    files=('system_faults.json', 'system_faults.md'),
     output=Path('system_faults'),
     arguments=(
         argument(

@@ -240,7 +240,6 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     draw=draw,
-    files=('transfer_paper.json', 'transfer_paper.md', 'transfer_paper.png'),
     arguments=(
         argument('--model', default='paper', help='a network of polar features (default: paper)'),
         argument('--gels', type=int, default=3, metavar='N', help='gels to transfer to (default: 3)'),

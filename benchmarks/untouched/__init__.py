@@ -254,7 +254,6 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     quick=True,
-    files=('untouched.json', 'untouched.md'),
     arguments=(
         argument('model', nargs='*', help='model files, or names of models that ship (default: fast accurate)'),
         argument('--seconds', type=float, metavar='S', help='of presses and pauses (default: 60)'),
