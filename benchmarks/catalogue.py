@@ -1,46 +1,28 @@
-"""All benchmarks, and ``tactile bench`` as their command line."""
+"""All benchmarks, and ``tactile bench`` as their command line.
+
+A benchmark is a module or folder beside this file that declares itself as `BENCHMARK`.
+"""
 
 from __future__ import annotations
 
 import argparse
+import importlib
+import pkgutil
 
-from benchmarks import (
-    accuracy,
-    bus,
-    collection,
-    contacts,
-    dds,
-    drift,
-    drivers,
-    endurance,
-    faults,
-    fingers,
-    firmware,
-    flow,
-    front,
-    latency,
-    motion,
-    page,
-    runtimes,
-    stability,
-    stopping,
-    system_faults,
-    take_over,
-    transfer,
-    transfer_paper,
-    transfer_partial,
-    untouched,
-)
+import benchmarks
 from benchmarks.harness import status
 from benchmarks.harness.command import fill
+from benchmarks.harness.declaration import Benchmark
 from benchmarks.harness.running import run as run_one
 
-MODULES = (
-    accuracy, transfer, transfer_partial, transfer_paper, take_over, drift, bus, dds, drivers, collection, faults,
-    stopping, firmware, runtimes, flow, front, motion, stability, untouched, latency, page, endurance, system_faults,
-    contacts, fingers,
-)  # fmt: skip
-BENCHMARKS = {module.BENCHMARK.name: module.BENCHMARK for module in MODULES}
+
+def _declared() -> dict[str, Benchmark]:
+    names = [each.name for each in pkgutil.iter_modules(benchmarks.__path__) if each.name != 'catalogue']
+    modules = [importlib.import_module(f'benchmarks.{name}') for name in names]
+    return {each.BENCHMARK.name: each.BENCHMARK for each in modules if hasattr(each, 'BENCHMARK')}
+
+
+BENCHMARKS = _declared()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -19,7 +19,16 @@ from typing import Any
 from benchmarks.bus.ends import CONTENDERS, FLOORS, NODE, PAYLOADS, payload
 from benchmarks.bus.processes import End
 from benchmarks.harness.declaration import Aim, Benchmark, Result, reached
-from benchmarks.harness.report import in_turn, machine_and_commit, named_versions, percentiles, ranged, spread, table
+from benchmarks.harness.report import (
+    columns,
+    in_turn,
+    machine_and_commit,
+    named,
+    named_versions,
+    percentiles,
+    ranged,
+    spread,
+)  # fmt: skip
 from benchmarks.harness.running import Run
 from tactile_nodes import messages
 from tactile_nodes.clock import NS_PER_S
@@ -171,33 +180,23 @@ def text(result: Mapping[str, Any]) -> str:
 
 
 def _latency_table(latencies: dict[str, Any]) -> str:
-    heads = ['payload', 'contender', 'p50', 'p90', 'p99', 'p50 of the rounds', 'lost', 'ratio']
-    rows = []
-    for name, contenders in latencies.items():
-        for contender in [known for known in CONTENDERS if known in contenders]:
-            entry = contenders[contender]
-            over = entry['p50_by_round']
-            ratio = entry.get('ratio_to_floor')
-            rows.append(
-                [
-                    name,
-                    contender,
-                    *(f'{entry[level]:.0f}' for level in ('p50', 'p90', 'p99')),
-                    f'{over["low"]:.0f} to {over["high"]:.0f}',
-                    f'{entry["lost"]}',
-                    ranged(ratio) if ratio else '',
-                ]
-            )
-    return table(heads, rows)
+    return columns(
+        [
+            {'payload': name, 'contender': known, **contenders[known]}
+            for name, contenders in latencies.items() for known in CONTENDERS if known in contenders
+        ],
+        ('payload', '{payload}'), ('contender', '{contender}'), ('p50', '{p50:.0f}'), ('p90', '{p90:.0f}'),
+        ('p99', '{p99:.0f}'), ('p50 of the rounds', '{p50_by_round[low]:.0f} to {p50_by_round[high]:.0f}'),
+        ('lost', '{lost}'), ('ratio', lambda each: ranged(each['ratio_to_floor']) if 'ratio_to_floor' in each else ''),
+    )  # fmt: skip
 
 
 def _rate_table(rates: dict[str, Any]) -> str:
-    rows = [
-        [name, contender, f'{entry["per_s"]:.0f}', f'{entry["megabytes_per_s"]:.0f}', f'{entry["lost_share"]:.0%}']
-        for name, contenders in rates.items()
-        for contender, entry in contenders.items()
-    ]
-    return table(['payload', 'contender', 'messages/s received', 'MB/s', 'dropped'], rows)
+    return columns(
+        [{'payload': name, **each} for name, contenders in rates.items() for each in named(contenders)],
+        ('payload', '{payload}'), ('contender', '{name}'), ('messages/s received', '{per_s:.0f}'),
+        ('MB/s', '{megabytes_per_s:.0f}'), ('dropped', '{lost_share:.0%}'),
+    )  # fmt: skip
 
 
 def _period_ns(plan: Plan) -> int:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from typing import Any
 
 from benchmarks.dds.ends import Bridge, Ends, Times
 from benchmarks.harness.declaration import Benchmark, Result, argument
-from benchmarks.harness.report import opening, percentiles, table
+from benchmarks.harness.report import columns, opening, percentiles
 from benchmarks.harness.running import Run
 from tactile_nodes.dds.opening import require_cyclone
 
@@ -46,30 +46,22 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 def told(result: Mapping[str, Any]) -> str:
     """A row for each case and topic."""
-    heads = [
-        'case',
-        'topic',
-        'on the bus, p50 [ms]',
-        'p99',
-        'lost',
-        'over DDS, p50 [ms]',
-        'p99',
-        'lost',
-        'bridge [% of a core]',
-    ]
-    rows = []
-    for name, case in result['cases'].items():
-        for topic, ends in case['topics'].items():
-            there = _cells(ends['bus']) + _cells(ends['dds'])
-            cpu = '' if case['bridge_percent'] is None else f'{case["bridge_percent"]:.0f}'
-            rows.append([name, topic, *there, cpu])
-    return table(heads, rows)
+    entries = [
+        {**ends, 'name': name, 'topic': topic, 'percent': case['bridge_percent']}
+        for name, case in result['cases'].items() for topic, ends in case['topics'].items()
+    ]  # fmt: skip
+    return columns(
+        entries,
+        ('case', '{name}'), ('topic', '{topic}'), ('on the bus, p50 [ms]', _of('bus', 'p50')), ('p99', _of('bus', 'p99')),
+        ('lost', _of('bus', 'lost')), ('over DDS, p50 [ms]', _of('dds', 'p50')), ('p99', _of('dds', 'p99')),
+        ('lost', _of('dds', 'lost')),
+        ('bridge [% of a core]', lambda each: '' if each['percent'] is None else f'{each["percent"]:.0f}'),
+    )  # fmt: skip
 
 
-def _cells(times: dict[str, Any] | None) -> list[str]:
-    if times is None:
-        return ['', '', '']
-    return [f'{times["p50"]:.2f}', f'{times["p99"]:.2f}', f'{times["lost"]}']
+def _of(end: str, what: str) -> Callable[[Mapping[str, Any]], str]:
+    form = '{}' if what == 'lost' else '{:.2f}'
+    return lambda each: form.format(each[end][what]) if each[end] else ''
 
 
 @contextmanager

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.drivers import devices, readers
 from benchmarks.drivers.meter import Meter
 from benchmarks.harness.declaration import Benchmark, Result, argument
-from benchmarks.harness.report import machine_and_commit, named_versions, table
+from benchmarks.harness.report import columns, machine_and_commit, named_versions
 from benchmarks.harness.running import Run
 from benchmarks.harness.workers import SPAWN, Worker
 from tactile_nodes.clock import SystemClock
@@ -132,26 +132,21 @@ def _read(pipe: Connection, name: str, stamps: Any, seconds: float) -> None:
 def text(result: Mapping[str, Any]) -> str:
     """The result as a person reads it."""
     found, head = result['drivers'].values(), f'{machine_and_commit(result)}; {named_versions(result)}'
-    heads = ['driver', 'received', '/s', 'lost', 'reordered', 'doubled', 'latency p50', 'p99', 'worst [ms]']
-    heads += ['stamp off by p99', 'worst [ms]', 'one core', 'memory [MB]', 'load', 'beside']
     failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in found if 'failed' in entry]
-    return '\n'.join([head, '', table(heads, [_row(entry) for entry in found if 'failed' not in entry]), *failed])
+    measured = columns(
+        [entry for entry in found if 'failed' not in entry],
+        ('driver', '{title}'), ('received', '{received}'), ('/s', '{per_s:.0f}'), ('lost', '{lost}'),
+        ('reordered', '{reordered}'), ('doubled', '{doubled}'), ('latency p50', '{latency_ms[p50]:.2f}'),
+        ('p99', '{latency_ms[p99]:.2f}'), ('worst [ms]', '{latency_ms[worst]:.2f}'),
+        ('stamp off by p99', _stamp('p99')), ('worst [ms]', _stamp('worst')), ('one core', '{cpu_share:.0%}'),
+        ('memory [MB]', '{memory_mb[begin]:.1f} → {memory_mb[half]:.1f} → {memory_mb[end]:.1f}'),
+        ('load', '{load[1]:.1f}'), ('beside', lambda entry: ', '.join(entry['beside'])),
+    )  # fmt: skip
+    return '\n'.join([head, '', measured, *failed])
 
 
-def _row(entry: dict[str, Any]) -> list[str]:
-    latency, stamp, memory = entry['latency_ms'], entry['stamp_error_ms'], entry['memory_mb']
-    return [
-        entry['title'],
-        f'{entry["received"]}',
-        f'{entry["per_s"]:.0f}',
-        *(f'{entry[what]}' for what in ('lost', 'reordered', 'doubled')),
-        *(f'{latency[level]:.2f}' for level in ('p50', 'p99', 'worst')),
-        *(f'{stamp[level]:.2f}' if stamp else '–' for level in ('p99', 'worst')),
-        f'{entry["cpu_share"]:.0%}',
-        f'{memory["begin"]:.1f} → {memory["half"]:.1f} → {memory["end"]:.1f}',
-        f'{entry["load"][1]:.1f}',
-        ', '.join(entry['beside']),
-    ]
+def _stamp(of: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda entry: f'{entry["stamp_error_ms"][of]:.2f}' if entry['stamp_error_ms'] else '–'
 
 
 BENCHMARK = Benchmark(

@@ -17,7 +17,7 @@ import cv2
 from benchmarks.endurance.live import live
 from benchmarks.endurance.stepped import stepped
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.report import machine_and_commit, table
+from benchmarks.harness.report import columns, machine_and_commit, named
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
@@ -115,34 +115,13 @@ def _verdict(name: str, part: Mapping[str, Any]) -> str:
 
 
 def _held(processes: Mapping[str, Mapping[str, Any]]) -> str:
-    heads = (
-        'process',
-        'MiB first',
-        'last',
-        'most',
-        'MiB/h',
-        'steadily',
-        'files first',
-        'last',
-        'threads first',
-        'last',
-        'core',
-    )
-    return table(heads, [_row(name, held) for name, held in processes.items()])
-
-
-def _row(name: str, held: Mapping[str, Any]) -> list[str]:
-    memory, files, threads = held['memory_mb'], held['files'], held['threads']
-    sizes = [f'{memory[which]:.1f}' for which in ('first', 'last', 'most')]
-    counts = [str(kind[which]) for kind in (files, threads) for which in ('first', 'last')]
-    return [
-        name,
-        *sizes,
-        f'{held["mb_per_hour"]:+.2f}',
-        f'{held["steady_mb_per_hour"]:+.2f}',
-        *counts,
-        f'{held["cpu_share"]:.1%}',
-    ]
+    return columns(
+        named(processes),
+        ('process', '{name}'), ('MiB first', '{memory_mb[first]:.1f}'), ('last', '{memory_mb[last]:.1f}'),
+        ('most', '{memory_mb[most]:.1f}'), ('MiB/h', '{mb_per_hour:+.2f}'), ('steadily', '{steady_mb_per_hour:+.2f}'),
+        ('files first', '{files[first]}'), ('last', '{files[last]}'), ('threads first', '{threads[first]}'),
+        ('last', '{threads[last]}'), ('core', '{cpu_share:.1%}'),
+    )  # fmt: skip
 
 
 def _leaks(who: str, held: Mapping[str, Any]) -> list[str]:

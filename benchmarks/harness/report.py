@@ -6,9 +6,9 @@ import importlib.metadata
 import math
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, Union
 
 import numpy as np
 
@@ -88,6 +88,26 @@ def named_versions(result: Mapping[str, Any]) -> str:
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table whose columns line up: the first to the left, the others to the right."""
     return Table('', tuple(heads), tuple(map(tuple, rows))).markdown()
+
+
+Cell = Union[str, Callable[[Mapping[str, Any]], str]]
+
+
+def columns(entries: Iterable[Mapping[str, Any]], *cells: tuple[str, Cell]) -> str:
+    """A table with a row an entry; a column is its head, and a format of what the entry holds or a function of it.
+
+    >>> print(columns([{'name': 'fast', 'ms': {'p50': 1.26}}], ('model', '{name}'), ('p50 [ms]', '{ms[p50]:.1f}')))
+    | model | p50 [ms] |
+    | ----- | -------: |
+    | fast  |      1.3 |
+    """
+    rows = [[cell.format(**each) if isinstance(cell, str) else cell(each) for _, cell in cells] for each in entries]
+    return table([head for head, _ in cells], rows)
+
+
+def named(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Entries with their own names in them."""
+    return [{'name': name, **each} for name, each in entries.items()]
 
 
 def _processor() -> str:

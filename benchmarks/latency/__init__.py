@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.gaps import Gaps
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.report import opening, table
+from benchmarks.harness.report import columns, opening
 from benchmarks.harness.running import Run
 from benchmarks.latency.pictures import recorded_camera
 from benchmarks.latency.rates import highest
@@ -142,43 +142,34 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _live_table(runs: Sequence[Mapping[str, Any]]) -> str:
-    heads = [
-        'model',
-        'processes',
-        'forces',
-        'skipped',
-        'lost',
-        'p50 [ms]',
-        'p99 [ms]',
-        'worst [ms]',
-        'longest gap [ms]',
-    ]
-    rows = [
-        [each['model'], each['arrangement'], str(each['forces']), str(each['skipped']), str(each['lost']),
-         *(f'{each[name]:.2f}' for name in ('p50_ms', 'p99_ms', 'worst_ms', 'longest_ms'))]
-        for each in runs
-    ]  # fmt: skip
-    return table(heads, rows)
+    return columns(
+        runs,
+        ('model', '{model}'), ('processes', '{arrangement}'), ('forces', '{forces}'), ('skipped', '{skipped}'),
+        ('lost', '{lost}'), ('p50 [ms]', '{p50_ms:.2f}'), ('p99 [ms]', '{p99_ms:.2f}'), ('worst [ms]', '{worst_ms:.2f}'),
+        ('longest gap [ms]', '{longest_ms:.2f}'),
+    )  # fmt: skip
 
 
 def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
     names = sorted({name for each in runs for name in each['cpu_share']})
-    rows = [
-        [each['model'], each['arrangement'], *(f'{each["stages_p50_ms"][stage]:.2f}' for stage in STAGES),
-         *(f'{each["cpu_share"][name]:.0%}' if name in each['cpu_share'] else '–' for name in names)]
-        for each in runs
-    ]  # fmt: skip
-    heads = ['model', 'processes', *(f'{stage} p50 [ms]' for stage in STAGES), *(f'CPU of {name}' for name in names)]
-    return table(heads, rows)
+    return columns(
+        [{**each, 'cpu': {name: _percent(each['cpu_share'].get(name)) for name in names}} for each in runs],
+        ('model', '{model}'), ('processes', '{arrangement}'),
+        *((f'{stage} p50 [ms]', f'{{stages_p50_ms[{stage}]:.2f}}') for stage in STAGES),
+        *((f'CPU of {name}', f'{{cpu[{name}]}}') for name in names),
+    )  # fmt: skip
+
+
+def _percent(share: float | None) -> str:
+    return '–' if share is None else f'{share:.0%}'
 
 
 def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:
-    rows = [
-        [each['model'], 'compiled' if each['compiled'] else 'numpy', each['frames'], str(each['held']),
-         f'{each["p99_ms"]:.2f}', f'{each["cpu_ms"]:.2f}', str(each['next'] or '–')]
-        for each in rates
-    ]  # fmt: skip
-    return table(['model', 'loops', 'frames', 'held [Hz]', 'p99 [ms]', 'CPU a frame [ms]', 'no longer at [Hz]'], rows)
+    return columns(
+        [{**each, 'loops': 'compiled' if each['compiled'] else 'numpy', 'next': each['next'] or '–'} for each in rates],
+        ('model', '{model}'), ('loops', '{loops}'), ('frames', '{frames}'), ('held [Hz]', '{held}'),
+        ('p99 [ms]', '{p99_ms:.2f}'), ('CPU a frame [ms]', '{cpu_ms:.2f}'), ('no longer at [Hz]', '{next}'),
+    )  # fmt: skip
 
 
 BENCHMARK = Benchmark(

@@ -18,7 +18,7 @@ import numpy as np
 import psutil
 
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.report import spread, table
+from benchmarks.harness.report import columns, named, spread
 from benchmarks.harness.running import Run
 from benchmarks.page.launch import Sensing, sensing
 from benchmarks.page.viewers import Viewers
@@ -131,26 +131,15 @@ def summed_up(seen: Seen) -> dict[str, Any]:
 
 def told(result: Mapping[str, Any]) -> str:
     """The table: a row for each condition."""
-    heads = [
-        'who watches', 'p50 [ms]', 'p50 of the rounds', 'p99 [ms]', 'frames', 'skipped',
-        *(f'CPU of {name} [%]' for name in PROCESSES.values()), 'packets/s each', 'load',
-    ]  # fmt: skip
-    return table(heads, [_row(title, each) for title, each in result['conditions'].items()])
-
-
-def _row(title: str, each: Mapping[str, Any]) -> list[str]:
-    rounds, load, shown = each['p50_of_rounds_ms'], each['load'], each['shown_hz']
-    return [
-        title,
-        f'{each["latency_ms"]["p50"]:.2f}',
-        f'{rounds["low"]:.2f} to {rounds["high"]:.2f}',
-        f'{each["latency_ms"]["p99"]:.2f}',
-        str(each['frames']),
-        str(each['skipped']),
-        *(f'{each["cpu_percent"][name]:.1f}' for name in PROCESSES.values()),
-        '' if math.isnan(shown) else f'{shown:.1f}',
-        f'{load["low"]:.1f} to {load["high"]:.1f}',
-    ]
+    spent = [(f'CPU of {name} [%]', f'{{cpu_percent[{name}]:.1f}}') for name in PROCESSES.values()]
+    return columns(
+        named(result['conditions']),
+        ('who watches', '{name}'), ('p50 [ms]', '{latency_ms[p50]:.2f}'),
+        ('p50 of the rounds', '{p50_of_rounds_ms[low]:.2f} to {p50_of_rounds_ms[high]:.2f}'),
+        ('p99 [ms]', '{latency_ms[p99]:.2f}'), ('frames', '{frames}'), ('skipped', '{skipped}'), *spent,
+        ('packets/s each', lambda each: '' if math.isnan(each['shown_hz']) else f'{each["shown_hz"]:.1f}'),
+        ('load', '{load[low]:.1f} to {load[high]:.1f}'),
+    )  # fmt: skip
 
 
 BENCHMARK = Benchmark(
