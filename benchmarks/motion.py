@@ -49,8 +49,6 @@ def flow_ways() -> list[Way]:
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """The ways that were asked for."""
-    if min(arguments.frames, arguments.presses) < 1:
-        raise ConfigurationError('--frames and --presses must be at least 1')
     asked = arguments.only or ''
     ways = [way for way in flow_ways() if asked in way.name and (arguments.slow or not way.slow)]
     if not ways:
@@ -161,8 +159,8 @@ BENCHMARK = Benchmark(
     measure=measured,
     draw=draw,
     arguments=(
-        argument('--frames', type=int, default=3, help='images of each size (default: 3)'),
-        argument('--presses', type=int, default=12, help='simulated presses a range of depths (default: 12)'),
+        argument('--frames', least=1, type=int, default=3, help='images of each size (default: 3)'),
+        argument('--presses', least=1, type=int, default=12, help='simulated presses a range of depths (default: 12)'),
         argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),
         argument('--only', metavar='TEXT', help='only ways whose name holds this'),
         argument('--slow', action='store_true', help='also what takes hundreds of ms a frame (TV-L1)'),

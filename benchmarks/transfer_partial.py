@@ -19,7 +19,7 @@ from benchmarks.harness.report import opening, table
 from benchmarks.harness.running import Run
 from benchmarks.transfer import UNTOUCHED
 from tactile_nodes import clock
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.errors import DatasetError
 from tactile_nodes.simulation.other_gels import TESTED_SEED, other_gel
 
 if TYPE_CHECKING:
@@ -75,8 +75,6 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """On so many gels."""
     from tactile_nodes.model_file import find_model, load_model
 
-    if arguments.gels < 1:
-        raise ConfigurationError('--gels must be at least 1')
     loaded, gels = load_model(find_model(arguments.model)), range(arguments.gels)
     return {'scores': measure(loaded, gels, run.progress, seed=arguments.gels_seed, part=run.part)}
 
@@ -242,7 +240,7 @@ BENCHMARK = Benchmark(
     measure=measured,
     arguments=(
         argument('--model', default='portable', help='an axisymmetric model (default: portable)'),
-        argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
+        argument('--gels', least=1, type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
         argument(
             '--gels-seed',
             type=int,

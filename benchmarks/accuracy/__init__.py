@@ -106,8 +106,6 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     plan = QUICK if arguments.quick else Plan()
     presses = plan.presses if arguments.presses is None else arguments.presses
     unlike = plan.unlike if arguments.unlike is None else arguments.unlike
-    if presses < 1 or unlike < 0:
-        raise ConfigurationError('--presses must be at least 1, and --unlike no less than 0')
     return Plan(presses, unlike, plan.rounds, plan.images)
 
 
@@ -147,7 +145,7 @@ BENCHMARK = Benchmark(
             '--curve', nargs='+', default=[], metavar='MODEL',
             help='models trained on different plans and numbers of presses, for the curve of accuracy against presses',
         ),
-        argument('--presses', type=int, metavar='N', help='presses off the grid (default: 2000)'),
-        argument('--unlike', type=int, metavar='N', help='presses for each disturbance (default: 200)'),
+        argument('--presses', least=1, type=int, metavar='N', help='presses off the grid (default: 2000)'),
+        argument('--unlike', least=0, type=int, metavar='N', help='presses for each disturbance (default: 200)'),
     ),
 )  # fmt: skip

@@ -52,9 +52,9 @@ def told(result: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     return columns(
         entries,
-        ('case', '{name}'), ('topic', '{topic}'), ('on the bus, p50 [ms]', _of('bus', 'p50')), ('p99', _of('bus', 'p99')),
-        ('lost', _of('bus', 'lost')), ('over DDS, p50 [ms]', _of('dds', 'p50')), ('p99', _of('dds', 'p99')),
-        ('lost', _of('dds', 'lost')),
+        ('case', '{name}'), ('topic', '{topic}'), ('on the bus, p50 [ms]', _of('bus', 'p50')),
+        ('p99', _of('bus', 'p99')), ('lost', _of('bus', 'lost')), ('over DDS, p50 [ms]', _of('dds', 'p50')),
+        ('p99', _of('dds', 'p99')), ('lost', _of('dds', 'lost')),
         ('bridge [% of a core]', lambda each: '' if each['percent'] is None else f'{each["percent"]:.0f}'),
     )  # fmt: skip
 

@@ -158,6 +158,17 @@ class Launch:
                 found.append(match[2])
         return found
 
+    @property
+    def said(self) -> str:
+        """All that it has said so far."""
+        return '\n'.join(line for _, line in list(self.lines))
+
+    def interrupt(self, patience_s: float) -> None:
+        """As Ctrl-C does, and `end`."""
+        if self.status is None:
+            self.send('launch', signal.SIGINT)
+        self.end(patience_s)
+
     def end(self, patience_s: float) -> None:
         """Wait until nothing of it is left; what does not go in time is killed."""
         deadline_ns = self._clock.now_ns() + round(patience_s * NS_PER_S)

@@ -74,8 +74,6 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     plan = QUICK if arguments.quick else Plan()
     train = plan.train if arguments.train is None else arguments.train
     test = plan.test if arguments.test is None else arguments.test
-    if train < 300 or test < 1:
-        raise ConfigurationError('--train must be at least 300, and --test at least 1')
     return Plan(train, test, plan.slow and not arguments.no_slow, arguments.networks, plan.compiled)
 
 
@@ -89,8 +87,8 @@ BENCHMARK = Benchmark(
     quick=True,
     files=('front.json', 'front.md', 'speed_accuracy.png'),
     arguments=(
-        argument('--train', type=int, metavar='N', help='frames to learn from (default: 1500)'),
-        argument('--test', type=int, metavar='N', help='frames to score and time by (default: 400)'),
+        argument('--train', least=300, type=int, metavar='N', help='frames to learn from (default: 1500)'),
+        argument('--test', least=1, type=int, metavar='N', help='frames to score and time by (default: 400)'),
         argument('--only', metavar='TEXT', help='only ways whose name holds this, such as "DIS"'),
         argument('--networks', action='store_true', help='also networks, on four of the features (needs torch)'),
         argument('--no-slow', action='store_true', help='leave out what takes hundreds of ms a frame (TV-L1)'),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness.declaration import Benchmark
+from tactile_nodes.errors import ConfigurationError
 
 NOT_TOLD = 'help', 'redraw'
 
@@ -51,6 +52,22 @@ def _add_files(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
         parser.add_argument(
             '--redraw', type=Path, metavar='FILE.json', help='measure nothing: write page and charts of a kept result'
         )
+
+
+def check(benchmark: Benchmark, given: argparse.Namespace) -> None:
+    """Refuse numbers that nothing can be measured with.
+
+    Raises:
+        ConfigurationError: there is one.
+    """
+    for each in benchmark.arguments:
+        name = each.names[-1]
+        value = getattr(given, name.lstrip('-').replace('-', '_'))
+        for number in value if isinstance(value, list) else [value]:
+            if each.least is not None and number is not None and not number >= each.least:
+                raise ConfigurationError(f'{name} must be at least {each.least:g}, got {number:g}')
+            if each.above is not None and number is not None and not number > each.above:
+                raise ConfigurationError(f'{name} must be above {each.above:g}, got {number:g}')
 
 
 def command_of(parser: argparse.ArgumentParser, arguments: argparse.Namespace, words: str) -> str:

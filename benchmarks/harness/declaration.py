@@ -33,15 +33,17 @@ LIVE = *SENSING, 'tactile_nodes/nodes/**', 'tactile_nodes/bus/**', 'launch/**'
 
 @dataclass(frozen=True)
 class Argument:
-    """One argument of a command line, as `argparse` takes it."""
+    """One argument of a command line, as `argparse` takes it, and the least number that means anything."""
 
     names: tuple[str, ...]
     options: Mapping[str, Any]
+    least: float | None = None
+    above: float | None = None
 
 
-def argument(*names: str, **options: Any) -> Argument:
-    """An argument of one benchmark; `common` ones need none."""
-    return Argument(names, options)
+def argument(*names: str, least: float | None = None, above: float | None = None, **options: Any) -> Argument:
+    """An argument of one benchmark; those that many have need none."""
+    return Argument(names, options, least, above)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, Union
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return Table('', tuple(heads), tuple(map(tuple, rows))).markdown()
 
 
-Cell = Union[str, Callable[[Mapping[str, Any]], str]]
+Cell: TypeAlias = 'str | Callable[[Mapping[str, Any]], str]'
 
 
 def columns(entries: Iterable[Mapping[str, Any]], *cells: tuple[str, Cell]) -> str:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness.command import command_of, parser_of
+from benchmarks.harness.command import check, command_of, parser_of
 from benchmarks.harness.declaration import Benchmark, Result
 from benchmarks.harness.parts import Parts
 from benchmarks.harness.report import surroundings
@@ -73,6 +73,7 @@ def run(benchmark: Benchmark, arguments: argparse.Namespace) -> int:
     if getattr(arguments, 'redraw', None):
         result = redraw(benchmark, arguments.redraw)
     else:
+        check(benchmark, arguments)
         running = Run(benchmark, arguments)
         result = _measured(benchmark, arguments, running)
         running.end()
@@ -159,15 +160,17 @@ def parted(page: str) -> tuple[str, str]:
 
 @contextmanager
 def own_bus(folder: Path) -> Iterator[None]:
-    """A bus that nobody else hears, for this process and those that it starts."""
-    before = os.environ.get('TACTILE_RUN_DIR')
-    os.environ['TACTILE_RUN_DIR'] = str(folder)
+    """A bus that nobody else hears, for this process and those that it starts, whose logs are kept there too."""
+    own = {'TACTILE_RUN_DIR': str(folder), 'ROS_LOG_DIR': str(folder / 'log')}
+    before = {name: os.environ.get(name) for name in own}
+    os.environ.update(own)
     try:
         yield
     finally:
-        os.environ.pop('TACTILE_RUN_DIR')
-        if before is not None:
-            os.environ['TACTILE_RUN_DIR'] = before
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
 
 
 def _place(benchmark: Benchmark, arguments: argparse.Namespace) -> tuple[Path | None, str]:

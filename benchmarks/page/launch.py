@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import re
-import signal
-import subprocess
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.faults.launch import Launch
+from benchmarks.harness.running import own_bus
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
-from tactile_nodes.clock import NS_PER_S, SystemClock, monotonic_s
+from tactile_nodes.clock import NS_PER_S, Clock, SystemClock, monotonic_s
 from tactile_nodes.errors import ConfigurationError
 
 PATIENCE_S, STOP_WITHIN_S = 60.0, 15.0
 LOOK_NS = NS_PER_S // 10
-_STARTED = re.compile(r'\[(\w+)-\d+\]: process started with pid \[(\d+)\]')
 _SERVED = re.compile(r'the live view is at (http://\S+)')
 
 
@@ -60,43 +57,25 @@ def sensing(*words: str) -> Iterator[Sensing]:
     Raises:
         ConfigurationError: it did not come up.
     """
-    with tempfile.TemporaryDirectory(prefix='tp') as folder:
-        environment = {**os.environ, 'TACTILE_RUN_DIR': folder, 'ROS_LOG_DIR': f'{folder}/log'}
-        command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'live', 'page_port:=0', *words, '--noninteractive']
-        log = Path(folder) / 'said.txt'
-        with log.open('w') as said:
-            process = subprocess.Popen(command, env=environment, stdout=said, stderr=subprocess.STDOUT, text=True)
-        bus = ZmqBus(folder=Path(folder))
+    with tempfile.TemporaryDirectory(prefix='tp') as folder, own_bus(Path(folder)):
+        clock, chosen = SystemClock(), ('page_port:=0', *words, '--noninteractive')
+        launch, bus = Launch(chosen, Path(folder) / 'said.txt', clock, 'live'), ZmqBus()
         try:
             topic = topics.FORCE_DISTRIBUTION
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
-                raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {log.read_text()}')
-            _await(lambda: _SERVED.search(log.read_text()) is not None)
-            yield _described(log.read_text(), forces)
+                raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.said}')
+            yield Sensing(_served(launch, clock), launch.pids, forces)
         finally:
             bus.close()
-            _end(process)
+            launch.interrupt(STOP_WITHIN_S)
 
 
-def _await(ready: Callable[[], bool]) -> None:
-    """The page may come up later than the first force."""
-    clock, end_s = SystemClock(), monotonic_s() + PATIENCE_S
-    while not ready() and monotonic_s() < end_s:
+def _served(launch: Launch, clock: Clock) -> str:
+    """The address of the page, which may come up later than the first force."""
+    end_s = monotonic_s() + PATIENCE_S
+    while (found := _SERVED.search(launch.said)) is None and monotonic_s() < end_s:
         clock.sleep_until(clock.now_ns() + LOOK_NS)
-
-
-def _described(said: str, forces: Subscription) -> Sensing:
-    served = _SERVED.search(said)
-    if served is None:
-        raise ConfigurationError(f'the launch serves no page; it says: {said}')
-    return Sensing(served[1], {name: int(pid) for name, pid in _STARTED.findall(said)}, forces)
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    process.send_signal(signal.SIGINT)
-    try:
-        process.wait(STOP_WITHIN_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    if found is None:
+        raise ConfigurationError(f'the launch serves no page; it says: {launch.said}')
+    return found[1]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -147,7 +145,6 @@ def sensor(folder: Path, period_s: float, *words: str) -> Iterator[Sensor]:
     config, (port, _, _) = folder / 'live.yaml', free_ports()
     config.write_text(CONFIG.format(period_s=period_s, start_ns=start_ns), encoding='ascii')
     chosen = (f'config:={config}', f'page_port:={port}', f'bags:={folder}/', '--noninteractive', *words)
-    os.environ['ROS_LOG_DIR'] = str(folder / 'log')
     launch, bus = Launch(chosen, folder / 'launch.log', clock, 'live'), ZmqBus()
     try:
         made = Sensor(launch, bus, clock, start_ns, period_s, f'http://127.0.0.1:{port}/', folder)
@@ -156,6 +153,4 @@ def sensor(folder: Path, period_s: float, *words: str) -> Iterator[Sensor]:
         yield made
     finally:
         bus.close()
-        if launch.status is None:
-            launch.send('launch', signal.SIGINT)
-        launch.end(LEAVES_S)
+        launch.interrupt(LEAVES_S)

@@ -63,7 +63,8 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.model_file import find_model, load_model
 
-    _check(arguments)
+    if arguments.own and arguments.own < LEAST_TRAINED:
+        raise ConfigurationError(f'--own must be 0, or at least {LEAST_TRAINED} for a model to be trained by')
     loaded, seed = load_model(find_model(arguments.model)), arguments.gels_seed
     own, scores = measure(
         loaded, range(arguments.gels), run.progress, arguments.many, seed, trained=arguments.own,
@@ -79,15 +80,6 @@ def name_of(arguments: argparse.Namespace) -> str:
     seed, pictures = arguments.gels_seed, arguments.pictures
     gels = '' if seed == TESTED_SEED else f'_gels_{seed}'
     return f'transfer{gels}' + ('' if pictures == PICTURES else f'_pictures_{pictures}')
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    if arguments.gels < 1 or arguments.many < 0:
-        raise ConfigurationError('--gels must be at least 1, and --many at least 0')
-    if arguments.pictures < 1:
-        raise ConfigurationError('--pictures must be at least 1')
-    if arguments.own and arguments.own < LEAST_TRAINED:
-        raise ConfigurationError(f'--own must be 0, or at least {LEAST_TRAINED} for a model to be trained by')
 
 
 def measure(
@@ -252,9 +244,10 @@ BENCHMARK = Benchmark(
     ),
     arguments=(
         argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)'),
-        argument('--gels', type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
+        argument('--gels', least=1, type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
         argument(
             '--many',
+            least=0,
             type=int,
             default=8,
             metavar='N',
@@ -269,6 +262,7 @@ BENCHMARK = Benchmark(
         ),
         argument(
             '--pictures',
+            least=1,
             type=int,
             default=PICTURES,
             metavar='N',

@@ -83,8 +83,8 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 def _counts(arguments: argparse.Namespace) -> list[int]:
     counts = sorted(set(arguments.presses))
-    if arguments.gels < 1 or arguments.patience < 1 or counts[0] < 20 or counts[-1] > 800 - GROUP:
-        raise ConfigurationError(f'--gels and --patience must be at least 1, and --presses from 20 to {800 - GROUP}')
+    if counts[-1] > 800 - GROUP:
+        raise ConfigurationError(f'--presses must be at most {800 - GROUP}, got {counts[-1]}')
     return counts
 
 
@@ -242,9 +242,10 @@ BENCHMARK = Benchmark(
     draw=draw,
     arguments=(
         argument('--model', default='paper', help='a network of polar features (default: paper)'),
-        argument('--gels', type=int, default=3, metavar='N', help='gels to transfer to (default: 3)'),
+        argument('--gels', least=1, type=int, default=3, metavar='N', help='gels to transfer to (default: 3)'),
         argument(
             '--presses',
+            least=20,
             type=int,
             nargs='+',
             default=list(COUNTS),
@@ -253,6 +254,7 @@ BENCHMARK = Benchmark(
         ),
         argument(
             '--patience',
+            least=1,
             type=int,
             default=PATIENCE,
             metavar='N',

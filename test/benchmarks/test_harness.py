@@ -42,7 +42,8 @@ COUNTING = Benchmark(
     quick=True,
     seed=7,
     arguments=(
-        argument('--to', type=int, default=3, help='how far'),
+        argument('--to', type=int, default=3, least=0, help='how far'),
+        argument('--steps', type=float, nargs='+', default=[1.0], above=0, help='by how much'),
         argument('--images', type=Path, help='of what'),
     ),
 )
@@ -68,6 +69,19 @@ def test_a_run_writes_numbers_page_and_chart_and_prints_the_page(
 def test_what_is_wrong_is_in_the_exit_status(capsys: pytest.CaptureFixture[str]) -> None:
     assert counted(['--to', '101']) == 1
     assert 'To 101.' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['--to', '-1'], '--to must be at least 0, got -1'),
+        (['--steps', '1', '0'], '--steps must be above 0, got 0'),
+        (['--steps', 'nan'], '--steps must be above 0, got nan'),
+    ],
+)
+def test_numbers_that_nothing_can_be_measured_with_are_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        counted(words)
 
 
 def test_the_json_file_may_be_named(tmp_path: Path) -> None:
