@@ -27,7 +27,7 @@ def measure(arguments, run):
     finally:
         print('cleaned up', flush=True)
 
-BENCHMARKS['slow'] = dataclasses.replace(BENCHMARKS['flow'], measure=measure)
+BENCHMARKS['slow'] = dataclasses.replace(BENCHMARKS['flow'], measure=measure, arguments=())
 bench.run(argparse.Namespace(benchmark='slow'))
 """
 
