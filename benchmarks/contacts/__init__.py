@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,19 +42,33 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
     gel, progress = Gel(seed=arguments.gel_seed), run.progress
     chosen = cases(gel, arguments.seed, arguments.each, progress)
-    result: Result = {'seed': arguments.seed, 'each': arguments.each}
     with tempfile.TemporaryDirectory() as folder:
         models = _models(arguments, gel, Path(folder), progress)
-        scores, result['dis_ms'] = _read(models, gel, chosen, CONDITIONS[0], progress)
-        scores |= _read_compiled(models[BEST], gel, chosen, progress)
-        result['models'] = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
-        broad, _ = _read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
-        result['broad'] = {name: [_told(each) for each in found] for name, found in broad.items()}
-        result['disturbed'] = {}
-        for condition in () if arguments.no_disturbances else CONDITIONS:
+
+        def undisturbed() -> Result:
+            scores, dis_ms = _read(models, gel, chosen, CONDITIONS[0], progress)
+            scores |= _read_compiled(models[BEST], gel, chosen, progress)
+            told = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
+            return {'dis_ms': dis_ms, 'models': told}
+
+        def broad() -> Result:
+            found, _ = _read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
+            return {name: [_told(each) for each in told] for name, told in found.items()}
+
+        def disturbed(condition: Condition) -> dict[str, float]:
             scores, _ = _read({BEST: models[BEST]}, gel, chosen, condition, progress)
-            result['disturbed'][condition.name] = summed(*scores.values())
-    return result
+            return summed(*scores.values())
+
+        return {
+            'seed': arguments.seed,
+            'each': arguments.each,
+            **run.part('undisturbed', undisturbed),
+            'broad': run.part('broad', broad),
+            'disturbed': {
+                each.name: run.part(f'disturbed, {each.name}', partial(disturbed, each))
+                for each in (() if arguments.no_disturbances else CONDITIONS)
+            },
+        }
 
 
 def _told(score: Score) -> dict[str, Any]:

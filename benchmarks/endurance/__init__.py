@@ -19,7 +19,6 @@ from benchmarks.endurance.stepped import stepped
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
 from benchmarks.harness.report import columns, machine_and_commit, named
 from benchmarks.harness.running import Run
-from tactile_nodes.learning.progress import Progress
 
 PARTS = ('stepped', 'live')
 MOST_MB_PER_HOUR = 2.0
@@ -31,14 +30,9 @@ LEAST_MB = 1.0
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """One part."""
     cv2.setNumThreads(1)
-    return measure(arguments.only[0], arguments, run.progress)
-
-
-def measure(part: str, arguments: argparse.Namespace, progress: Progress) -> Result:
-    """One part."""
-    if part == 'stepped':
-        return stepped(arguments.hours, progress)
-    return live(arguments.seconds, arguments.every, progress)
+    if arguments.only == ['stepped']:
+        return stepped(arguments.hours, run.progress)
+    return live(arguments.seconds, arguments.every, run.progress)
 
 
 def complaints(name: str, part: Mapping[str, Any]) -> list[str]:

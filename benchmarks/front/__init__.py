@@ -11,13 +11,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.front.contenders import WAYS, Way, contenders, one_thread
 from benchmarks.front.frames import Plan, frames
 from benchmarks.front.page import page
 from benchmarks.front.shelf import Shelf
-from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
 from benchmarks.harness.running import Run
 from benchmarks.speed_accuracy import draw_tips as draw
 from tactile_nodes.errors import ConfigurationError
@@ -36,20 +37,27 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     ways = [way for way in WAYS if (arguments.only or '') in way.name and (plan.slow or not way.slow)]
     if not ways:
         raise ConfigurationError(f'no way is called {arguments.only!r}; there are: {", ".join(w.name for w in WAYS)}')
-    return measure(ways, plan, run.progress)
+    return measure(ways, plan, run.progress, run.part)
 
 
-def measure(ways: Sequence[Way], plan: Plan, progress: Progress) -> Result:
+def measure(ways: Sequence[Way], plan: Plan, progress: Progress, part: Part = at_once) -> Result:
     """All numbers of the page.
 
     Raises:
         DatasetError: there are too few frames to learn from.
     """
-    from benchmarks.front.fit import fitted
-    from benchmarks.front.memory import memory_mb
     from benchmarks.front.profiles import measure_profiles
 
     one_thread()
+    table = part('contenders', partial(_contenders, ways, plan, progress))
+    shipped = part('profiles', partial(measure_profiles, plan, progress))
+    return {'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
+
+
+def _contenders(ways: Sequence[Way], plan: Plan, progress: Progress) -> dict[str, Any]:
+    from benchmarks.front.fit import fitted
+    from benchmarks.front.memory import memory_mb
+
     taking_part = contenders(ways, plan.networks)
     shelf = Shelf(ways, taking_part)
     with progress.bar('measuring frames', plan.train + plan.test) as bar:
@@ -58,9 +66,7 @@ def measure(ways: Sequence[Way], plan: Plan, progress: Progress) -> Result:
             bar.advance()
     found = fitted(shelf, taking_part, plan.train, progress)
     memory = {way.name: memory_mb(way.name) for way in ways}
-    table = {name: {**each, 'memory_mb': memory[each['way']]} for name, each in found.items()}
-    shipped = measure_profiles(plan, progress)
-    return {'threads': 1, 'plan': asdict(plan), 'contenders': table, 'fronts': fronts(table), **shipped}
+    return {name: {**each, 'memory_mb': memory[each['way']]} for name, each in found.items()}
 
 
 def fronts(table: dict[str, Any]) -> dict[str, list[str]]:

@@ -10,6 +10,7 @@ import math
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,11 +58,6 @@ class Stream(Gaps):
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """What was asked for."""
-    return measure(arguments, run.progress)
-
-
-def measure(arguments: argparse.Namespace, progress: Progress) -> Result:
     """All numbers of the page.
 
     Raises:
@@ -71,22 +67,25 @@ def measure(arguments: argparse.Namespace, progress: Progress) -> Result:
     with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
         camera = recorded_camera(Path(folder)) if arguments.minutes else ()
         runs = [
-            {'model': model, 'arrangement': name,
-             **_live(60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), progress)}
+            {'model': model, 'arrangement': name, **run.part(f'{model}, {name}', partial(
+                _live, 60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), run.progress
+            ))}
             for model in arguments.models for name, words in ARRANGEMENTS.items() if camera
         ]  # fmt: skip
     rates = [
         {'model': model, 'compiled': compiled, 'frames': kind, **held}
         for model in arguments.models
         for compiled in ((False, True) if arguments.compiled else (False,))
-        for kind, held in _rates(model, compiled, arguments, progress).items()
+        for kind, held in run.part(
+            f'rates {model} {compiled}', partial(_rates, model, compiled, arguments, run)
+        ).items()
     ]
     return {'minutes': arguments.minutes, 'seconds': arguments.seconds, 'tried': sorted(arguments.rates),
             'live': runs, 'rates': rates}  # fmt: skip
 
 
-def _rates(model: str, compiled: bool, arguments: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    found = highest(model, compiled, sorted(arguments.rates), arguments.seconds, progress)
+def _rates(model: str, compiled: bool, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
+    found = highest(model, compiled, sorted(arguments.rates), arguments.seconds, run.progress)
     return {
         kind: {'held': held.rate_hz, 'p99_ms': held.p99_ms, 'cpu_ms': held.cpu_ms, 'next': held.next_hz}
         for kind, held in found.items()

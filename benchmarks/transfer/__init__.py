@@ -14,11 +14,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
 from benchmarks.harness.running import Run
 from benchmarks.transfer.page import Measured, draw, page
 from benchmarks.transfer.scores import (
@@ -68,7 +69,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     loaded, seed = load_model(find_model(arguments.model)), arguments.gels_seed
     own, scores = measure(
         loaded, range(arguments.gels), run.progress, arguments.many, seed, trained=arguments.own,
-        pictures=arguments.pictures,
+        pictures=arguments.pictures, part=run.part,
     )  # fmt: skip
     gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
     told = {'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]}
@@ -85,7 +86,7 @@ def name_of(arguments: argparse.Namespace) -> str:
 def measure(
     loaded: LoadedModel, gels: Sequence[int], progress: Progress, many: int = 0, seed: int = TESTED_SEED,
     counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES, trained: int = 0,
-    pictures: int = PICTURES,
+    pictures: int = PICTURES, part: Part = at_once,
 ) -> tuple[Score, list[Score]]:  # fmt: skip
     """The model's score on its own gel, and all further scores; with a model of `many` further gels beside.
 
@@ -103,18 +104,24 @@ def measure(
     tested, _ = _tested(loaded, gel, progress, frames)
     own = score(OWN_GEL, 0, AS_IT_IS, source, tested)
     of_many = _of_many(loaded, gel, many, progress) if many else None
-    scores = [_trained(loaded, gel, OWN_GEL, trained, tested, progress)] if trained else []
-    for number in gels:
+
+    def on_own_gel() -> list[dict[str, Any]]:
+        return [_trained(loaded, gel, OWN_GEL, trained, tested, progress).kept()]
+
+    def on_gel(number: int) -> list[dict[str, Any]]:
         other = other_gel(gel, number, seed)
-        tested, rest = _tested(loaded, other, progress, frames)
-        made = _on_gel(source, _planned(loaded, other, progress, pictures), tested, number, counts)
+        pressed, rest = _tested(loaded, other, progress, frames)
+        made = _on_gel(source, _planned(loaded, other, progress, pictures), pressed, number, counts)
         if of_many is not None:
-            made.append(score(number, 0, MANY, _at_rest(of_many, rest), tested))
+            made.append(score(number, 0, MANY, _at_rest(of_many, rest), pressed))
         if trained:
-            made.append(_trained(loaded, other, number, trained, tested, progress))
-        scores += made
+            made.append(_trained(loaded, other, number, trained, pressed, progress))
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
-    return own, scores
+        return [each.kept() for each in made]
+
+    told = part('own gel', on_own_gel) if trained else []
+    told += [each for number in gels for each in part(f'gel {number}', partial(on_gel, number))]
+    return own, [Score.of(each) for each in told]
 
 
 def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> AxisymmetricReadout:

@@ -7,7 +7,7 @@ the mean over many placements of the same grid, in which every press lies close 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,15 @@ class Score:
         told = asdict(self)
         del told['drawn']
         return told
+
+    def kept(self) -> dict[str, Any]:
+        """For a part of a run, with what was drawn."""
+        return {**self.as_dict(), 'drawn': None if self.drawn is None else self.drawn.tolist()}
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any]) -> Score:
+        """What was kept."""
+        return cls(**{**told, 'drawn': None if told['drawn'] is None else np.array(told['drawn'])})
 
 
 def score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Dataset) -> Score:

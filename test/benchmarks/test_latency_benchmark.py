@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,7 +28,8 @@ def test_a_slow_rate_from_memory_is_held() -> None:
         assert held.next_hz is None
 
 
-def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))  # where parts of a run are kept
     monkeypatch.setattr(latency, '_live', lambda *_: LIVE)
     held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'cpu_ms': 0.8, 'next': 400}
     monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
