@@ -11,8 +11,7 @@ import dataclasses
 import json
 import signal
 import sys
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.collection.bag import CollectionBag
+from benchmarks.collection.page import told
 from benchmarks.harness.declaration import RIG, SIMULATED, Benchmark, Result, argument
-from benchmarks.harness.report import surroundings, table
+from benchmarks.harness.report import surroundings
 from benchmarks.harness.running import Run
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.clock import NS_PER_S, monotonic_s
@@ -56,7 +56,6 @@ CNC = CncSettings(safe_z_mm=SAFE_Z_MM)
 SETTINGS = CollectionSettings(surface=SurfaceSettings(top_mm=-29.7))
 RESULT = 'result.json'
 TELL_S = 5.0
-MB = 1e6
 
 
 @dataclass(frozen=True)
@@ -241,38 +240,6 @@ def _sessions(file: Path) -> list[dict[str, Any]]:
     except (OSError, ValueError, KeyError) as error:
         raise ConfigurationError(f'cannot read the earlier result {file}: {error}; take it away') from error
     return found
-
-
-def told(result: Mapping[str, Any]) -> str:
-    """For a person: a table, and one of the topics."""
-    sessions = result['sessions']
-    recorded, rejected, simulated_s, real_s = (
-        sum(each[name] for each in sessions) for name in ('recorded', 'rejected', 'simulated_s', 'real_s')
-    )
-    rows = [
-        ['presses of the plan', str(result['presses'])],
-        ['recorded', str(recorded)],
-        ['attempts rejected', str(rejected)],
-        ['sessions', str(len(sessions))],
-        ['simulated time', duration(simulated_s)],
-        ['the plan, estimated before', duration(result['estimated_s'])],
-        ["the machine's own limit", duration(result['machine_s'])],
-        ['real time', duration(real_s)],
-        ['faster than real time', f'{simulated_s / real_s:.0f} times'],
-        ['on disk', f'{result["disk_bytes"] / MB:.0f} MB'],
-    ]
-    return f'{sessions[-1]["ended"]}\n\n{table(["", "value"], rows)}\n\n{_topics(sessions)}'
-
-
-def _topics(sessions: list[dict[str, Any]]) -> str:
-    counts: Counter[str] = Counter()
-    sizes: Counter[str] = Counter()
-    for each in sessions:
-        counts.update(each['messages'])
-        sizes.update(each['payload_bytes'])
-    rows = [[name, str(counts[name]), f'{size / MB:.1f} MB'] for name, size in sizes.most_common()]
-    rows.append(['all', str(sum(counts.values())), f'{sum(sizes.values()) / MB:.1f} MB'])
-    return table(['topic', 'messages', 'before compression'], rows)
 
 
 def _tell(line: str) -> None:

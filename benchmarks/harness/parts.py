@@ -33,7 +33,7 @@ class Parts:
 
     def get(self, name: str, make: Callable[[], Any]) -> Any:
         """A part as JSON holds it: the one that was kept, or a new one."""
-        file = None if self._folder is None else self._folder / f'{re.sub(r"[^a-zA-Z0-9]+", "_", name)}.json'
+        file = None if self._folder is None else self._folder / f'{_file_name(name)}.json'
         if file is not None and file.is_file():
             self.found += 1
             return json.loads(file.read_text(encoding='utf-8'))
@@ -46,3 +46,8 @@ class Parts:
         """All is done."""
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _file_name(part: str) -> str:
+    """Readable, and another one for every name."""
+    return f'{re.sub(r"[^a-zA-Z0-9]+", "_", part)}_{hashlib.sha256(part.encode()).hexdigest()[:6]}'

@@ -15,7 +15,7 @@ and the status of every message. Everything is simulation; docs/results/stabilit
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -32,7 +32,7 @@ from benchmarks.stability.plots import draw
 from benchmarks.stability.scores import Answer, Score, score
 from benchmarks.stability.stream import Change, Plan, World
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.progress import Bar, Progress
 
 PROFILES = ('paper', 'fast', 'accurate')
 QUICK = Plan(presses=3, before=2, coming=6, after=12)
@@ -65,24 +65,15 @@ def measure(
     """All numbers of the page; `single`: of forces that are averaged over no frames."""
     world = World()
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
+    read_by = partial(follow, world, profiles=profiles, plan=plan, single=single)
     with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
-
-        def at_each_level(case: Case) -> list[dict[str, Any]]:
-            points: list[dict[str, Any]] = []
-            for level in levels[case]:
-                scores = follow(world, case.at(level), profiles, plan, single=single)
-                points.append({'level': level, 'scores': {name: asdict(each) for name, each in scores.items()}})
-                if level in case.held_at:
-                    points[-1]['floor_n'] = floor_n(world, case.at(level), plan)
-                bar.advance(1, f'{case.name} {level:g} {case.unit}')
-            return points
-
-        undisturbed = follow(world, Change(), profiles, plan, single=single)
-        floor = floor_n(world, Change(), plan)
+        undisturbed, floor = read_by(Change()), floor_n(world, Change(), plan)
         bar.advance(1)
         found = [
             {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at,
-             'points': part(f'{case.family} {case.name} {case.unit}', partial(at_each_level, case))}
+             'points': part(f'{case.family} {case.name} {case.unit}', partial(
+                 _points, case, levels[case], read_by, lambda change: floor_n(world, change, plan), bar
+             ))}
             for case in cases
         ]  # fmt: skip
     return {
@@ -92,6 +83,24 @@ def measure(
         'floor_n': floor,
         'cases': found,
     }
+
+
+def _points(
+    case: Case,
+    levels: Sequence[float],
+    read_by: Callable[[Change], dict[str, Score]],
+    floor_of: Callable[[Change], float],
+    bar: Bar,
+) -> list[dict[str, Any]]:
+    """One disturbance at each level."""
+    points: list[dict[str, Any]] = []
+    for level in levels:
+        change = case.at(level)
+        points.append({'level': level, 'scores': {name: asdict(each) for name, each in read_by(change).items()}})
+        if level in case.held_at:
+            points[-1]['floor_n'] = floor_of(change)
+        bar.advance(1, f'{case.name} {level:g} {case.unit}')
+    return points
 
 
 def follow(
