@@ -13,8 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.accuracy.page import draw, page
-from benchmarks.accuracy.results import Results
+from benchmarks.accuracy.page import Results, draw, page
 from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.accuracy.results import Results
 from benchmarks.accuracy.times import STAGES
 from benchmarks.harness.declaration import Aim, reached
 from benchmarks.harness.report import opening, ranged, table
@@ -33,6 +33,19 @@ believed. Another gel is another one from the rest image on; what is knocked, co
 rest image was taken. Ball and punch press with the forces of the tip."""
 UNCERTAINTY = """\
 Which share of the true values the stated 90 % intervals hold (along each axis, for places). The aim is 87 to 93 %."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """What was measured of some models; the evaluations are in the models' order.
+
+    `aside` is on what the training of the `paper` plan's model put aside, and empty if none of the models has one.
+    """
+
+    plain: dict[str, Any]
+    off_grid: Sequence[Evaluation]
+    aside: Sequence[Evaluation]
+    curve: Sequence[Evaluation]
 
 
 def page(result: Mapping[str, Any]) -> str:

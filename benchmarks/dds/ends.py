@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from benchmarks.harness.workers import Worker, asked
+from benchmarks.harness.workers import Worker, asked, processor_s
 from tactile_nodes import conversions, messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
@@ -45,8 +45,7 @@ class Bridge:
 
     def cpu_s(self) -> float:
         """Processor time since its start."""
-        spent = self._meter.cpu_times()
-        return float(spent.user + spent.system)
+        return processor_s(self._meter)
 
     def close(self) -> None:
         self._process.terminate()

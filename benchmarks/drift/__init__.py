@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.drift.cases import COURSES, PER_S, Bench, Course, Effort, Point, follow
 from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
-from benchmarks.harness.report import opening, table
+from benchmarks.harness.report import opening, shown, table
 from benchmarks.harness.running import Run
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _detail(course: Course, points: Sequence[Point]) -> list[str]:
     heads = [course.unit, 'force RMSE, N', 'place, mm', 'flagged by the model', 'monitor', 'reasons']
     rows = [
         [
-            f'{each.extent:g}', _newtons(each), _or_dash(each.place_median_mm, '.3f'), f'{each.flagged:.0%}',
+            f'{each.extent:g}', _newtons(each), shown(each.place_median_mm, '{:.3f}', '-'), f'{each.flagged:.0%}',
             each.level, each.reasons,
         ]
         for each in points
@@ -122,12 +122,7 @@ def _detail(course: Course, points: Sequence[Point]) -> list[str]:
 
 
 def _newtons(point: Point) -> str:
-    return _or_dash(point.force_rmse_n, '.4f')
-
-
-def _or_dash(value: float, form: str) -> str:
-    """A dash for what the model does not tell: a force without a number."""
-    return '-' if math.isnan(value) else format(value, form)
+    return shown(point.force_rmse_n, '{:.4f}', '-')
 
 
 def page(result: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from benchmarks.harness.workers import processor_s
 from tactile_nodes.clock import NS_PER_S, Clock
 
 SHORTEST_NS = 1_000.0
@@ -75,7 +76,7 @@ class Meter:
             self._begin_ns = self.clock.now_ns() + round(warm_up_s * NS_PER_S)
         passed_s = (self.clock.now_ns() - self._begin_ns) / NS_PER_S
         if passed_s >= 0 and not self.measuring:
-            self.measuring, self._cpu_s = True, self._used_s()
+            self.measuring, self._cpu_s = True, processor_s(self._process)
         if self.measuring and passed_s >= len(self._memory) * self._seconds / 100:
             self._memory.append(self._process.memory_info().rss / 2**20)
         return passed_s < self._seconds
@@ -104,7 +105,7 @@ class Meter:
             'latency_ms': self.latency.summary_ms(),
             'stamp_error_ms': self.stamp_error.summary_ms(),
             **{what: self._counts[what] for what in ('received', 'lost', 'reordered', 'doubled')},
-            'cpu_share': (self._used_s() - self._cpu_s) / passed_s,
+            'cpu_share': (processor_s(self._process) - self._cpu_s) / passed_s,
             'memory_mb': {
                 'begin': self._memory[0],
                 'half': self._memory[half],
@@ -113,10 +114,6 @@ class Meter:
             },
             **self.extra,
         }
-
-    def _used_s(self) -> float:
-        used = self._process.cpu_times()
-        return float(used.user + used.system)
 
 
 class Order:

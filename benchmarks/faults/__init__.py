@@ -22,7 +22,8 @@ from benchmarks.faults.cases import CASES, Case
 from benchmarks.faults.launch import GEL_MM, LIMITS, SAFE_MM, START_MM, Bench, Launch, Watcher, answer
 from benchmarks.harness.declaration import RIG, Benchmark, Result, argument
 from benchmarks.harness.report import table
-from benchmarks.harness.running import Run, own_bus
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import own_bus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
 from tactile_nodes.collection.plan.plan import Plan, load_plan_settings, make_plan

@@ -105,6 +105,11 @@ def columns(entries: Iterable[Mapping[str, Any]], *cells: tuple[str, Cell]) -> s
     return table([head for head, _ in cells], rows)
 
 
+def shown(value: float | None, form: str, none: str = '–') -> str:
+    """A number in a form such as '{:.2f} s'; a dash where there is none."""
+    return none if value is None or math.isnan(value) else form.format(value)
+
+
 def named(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Entries with their own names in them."""
     return [{'name': name, **each} for name, each in entries.items()]

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -156,21 +154,6 @@ def parted(page: str) -> tuple[str, str]:
     """What a benchmark has written of a page, and the notes that a person has added to its end."""
     written, mark, notes = page.partition(NOTES)
     return written.rstrip(), (mark + notes).rstrip()
-
-
-@contextmanager
-def own_bus(folder: Path) -> Iterator[None]:
-    """A bus that nobody else hears, for this process and those that it starts, whose logs are kept there too."""
-    own = {'TACTILE_RUN_DIR': str(folder), 'ROS_LOG_DIR': str(folder / 'log')}
-    before = {name: os.environ.get(name) for name in own}
-    os.environ.update(own)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
 
 
 def _place(benchmark: Benchmark, arguments: argparse.Namespace) -> tuple[Path | None, str]:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
+
+import psutil
 
 from tactile_nodes.errors import TactileError
 
@@ -64,3 +69,28 @@ def asked(pipe: Connection) -> Iterator[Any]:
             yield pipe.recv()
         except EOFError:
             return
+
+
+def own_bus(folder: Path) -> AbstractContextManager[None]:
+    """A bus that nobody else hears, for this process and those that it starts, whose logs are kept there too."""
+    return environment(TACTILE_RUN_DIR=str(folder), ROS_LOG_DIR=str(folder / 'log'))
+
+
+@contextmanager
+def environment(**values: str) -> Iterator[None]:
+    """For as long as the block runs, and for processes that begin meanwhile."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+
+
+def processor_s(process: psutil.Process) -> float:
+    """Processor time that a process has taken."""
+    times = process.cpu_times()
+    return float(times.user + times.system)

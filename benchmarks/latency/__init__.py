@@ -19,8 +19,9 @@ import psutil
 
 from benchmarks.gaps import Gaps
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.report import columns, opening
+from benchmarks.harness.report import columns, opening, shown
 from benchmarks.harness.running import Run
+from benchmarks.harness.workers import processor_s
 from benchmarks.latency.pictures import recorded_camera
 from benchmarks.latency.rates import highest
 from benchmarks.page.launch import Sensing, sensing
@@ -96,19 +97,14 @@ def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str,
     with sensing(*words) as running, progress.bar(' '.join(words[:-2]), round(seconds)) as bar:
         running.watch_for(SETTLES_S)
         processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
-        before = {name: _cpu_s(each) for name, each in processes.items()}
+        before = {name: processor_s(each) for name, each in processes.items()}
         begun_s, stream = monotonic_s(), Stream()
         for second in range(1, round(seconds) + 1):
             _listen(running, max(0.0, begun_s + second - monotonic_s()), stream)
             bar.advance(1, f'{len(stream.late_ms)} forces, {stream.skipped} images without one')
         took_s = monotonic_s() - begun_s
-        cpu = {name: (_cpu_s(each) - before[name]) / took_s for name, each in processes.items()}
+        cpu = {name: (processor_s(each) - before[name]) / took_s for name, each in processes.items()}
     return _told(stream, cpu)
-
-
-def _cpu_s(process: psutil.Process) -> float:
-    times = process.cpu_times()
-    return float(times.user + times.system)
 
 
 def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
@@ -149,15 +145,11 @@ def _live_table(runs: Sequence[Mapping[str, Any]]) -> str:
 def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
     names = sorted({name for each in runs for name in each['cpu_share']})
     return columns(
-        [{**each, 'cpu': {name: _percent(each['cpu_share'].get(name)) for name in names}} for each in runs],
+        [{**each, 'cpu': {name: shown(each['cpu_share'].get(name), '{:.0%}') for name in names}} for each in runs],
         ('model', '{model}'), ('processes', '{arrangement}'),
         *((f'{stage} p50 [ms]', f'{{stages_p50_ms[{stage}]:.2f}}') for stage in STAGES),
         *((f'CPU of {name}', f'{{cpu[{name}]}}') for name in names),
     )  # fmt: skip
-
-
-def _percent(share: float | None) -> str:
-    return '–' if share is None else f'{share:.0%}'
 
 
 def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:

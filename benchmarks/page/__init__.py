@@ -18,8 +18,9 @@ import numpy as np
 import psutil
 
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.report import columns, named, spread
+from benchmarks.harness.report import columns, named, shown, spread
 from benchmarks.harness.running import Run
+from benchmarks.harness.workers import processor_s
 from benchmarks.page.launch import Sensing, sensing
 from benchmarks.page.viewers import Viewers
 from tactile_nodes.clock import monotonic_s
@@ -110,8 +111,7 @@ def _measure_one(running: Sensing, condition: Condition, seconds: float, settle_
 
 
 def _cpu_s(pids: Mapping[str, int]) -> dict[str, float]:
-    times = {name: psutil.Process(pid).cpu_times() for name, pid in pids.items() if name in PROCESSES}
-    return {PROCESSES[name]: found.user + found.system for name, found in times.items()}
+    return {PROCESSES[name]: processor_s(psutil.Process(pid)) for name, pid in pids.items() if name in PROCESSES}
 
 
 def summed_up(seen: Seen) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def told(result: Mapping[str, Any]) -> str:
         ('who watches', '{name}'), ('p50 [ms]', '{latency_ms[p50]:.2f}'),
         ('p50 of the rounds', '{p50_of_rounds_ms[low]:.2f} to {p50_of_rounds_ms[high]:.2f}'),
         ('p99 [ms]', '{latency_ms[p99]:.2f}'), ('frames', '{frames}'), ('skipped', '{skipped}'), *spent,
-        ('packets/s each', lambda each: '' if math.isnan(each['shown_hz']) else f'{each["shown_hz"]:.1f}'),
+        ('packets/s each', lambda each: shown(each['shown_hz'], '{:.1f}', '')),
         ('load', '{load[low]:.1f} to {load[high]:.1f}'),
     )  # fmt: skip
 

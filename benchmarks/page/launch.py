@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.faults.launch import Launch
-from benchmarks.harness.running import own_bus
+from benchmarks.harness.workers import own_bus
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription

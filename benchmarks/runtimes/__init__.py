@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 from benchmarks.harness.declaration import SENSING, Benchmark, Part, Result, argument, at_once
 from benchmarks.harness.report import in_turn, opening, quartiles, ranged, table
 from benchmarks.harness.running import Run
+from benchmarks.harness.workers import environment
 from benchmarks.runtimes.ends import BEGIN, Runtime
 from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.errors import ConfigurationError
@@ -86,7 +86,7 @@ def _measure_model(file: Path, effort: Effort, progress: Progress, *, torch: boo
     content, samples = onnx_bytes(loaded), real_samples(loaded, effort.frames, progress)
     shown = frames(loaded, samples)
     chosen = [name for name in BEGIN if name != 'torch' or (torch and isinstance(loaded.model.readout, NetworkReadout))]
-    with tempfile.TemporaryDirectory() as folder, _one_thread(), contextlib.ExitStack() as stack:
+    with tempfile.TemporaryDirectory() as folder, environment(**ONE_THREAD), contextlib.ExitStack() as stack:
         exported = Path(folder) / 'model.onnx'
         exported.write_bytes(content)
         workers = {name: Runtime(name, file, exported, shown) for name in chosen}
@@ -131,20 +131,6 @@ def _take_turns(workers: Mapping[str, Runtime], effort: Effort, progress: Progre
         }
         for name, worker in workers.items()
     }
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """The environment for processes whose libraries shall use one thread, which they read when they are loaded."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
 
 
 def page(result: Mapping[str, Any]) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from benchmarks.harness.report import opening, table
+from benchmarks.harness.report import opening, shown, table
 from benchmarks.stability.aims import AIMS, Point, Verdict, losers, points_of
 from benchmarks.stability.floor import least_ratio
 
@@ -131,10 +132,6 @@ def _ratio(value: float | None, of: float | None) -> float | None:
     return value / of if value is not None and of else None
 
 
-def _mn(value: float | None) -> str:
-    return '-' if value is None else f'{1e3 * value:.2g}'
-
-
 HEADS = (
     'disturbance', 'error, N', 'while ok', 'place, mm', 'missed', 'false, N', 'ok / degraded / invalid',
     'sigma (error in it)', 'said after', 'invalid after', 'left after', 'reasons',
@@ -172,21 +169,10 @@ def _losers(result: Mapping[str, Any], points: Sequence[Point]) -> list[str]:
     return parts
 
 
-def _n(value: float | None) -> str:
-    return '-' if value is None else f'{value:.4f}'
+_n, _mm, _times, _sigmas, _count, _milli = (
+    partial(shown, form=form, none='-') for form in ('{:.4f}', '{:.3f}', '{:.1f}x', '{:.1f}', '{}', '{:.2g}')
+)
 
 
-def _mm(value: float | None) -> str:
-    return '-' if value is None else f'{value:.3f}'
-
-
-def _times(value: float | None) -> str:
-    return '-' if value is None else f'{value:.1f}x'
-
-
-def _sigmas(value: float | None) -> str:
-    return '-' if value is None else f'{value:.1f}'
-
-
-def _count(value: int | None) -> str:
-    return '-' if value is None else str(value)
+def _mn(value: float | None) -> str:
+    return _milli(None if value is None else 1e3 * value)

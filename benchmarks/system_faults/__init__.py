@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
-from benchmarks.harness.running import Run, own_bus
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import own_bus
 from benchmarks.system_faults.bus import SPOILT, WATCH_S, garbage, spoil
 from benchmarks.system_faults.crowd import many_nodes, many_sensors
 from benchmarks.system_faults.files import bag_cuts, model_bytes

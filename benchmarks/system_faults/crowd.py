@@ -17,6 +17,7 @@ import numpy as np
 import psutil
 
 from benchmarks.endurance.stepped import SIDE_PX, drawn_model
+from benchmarks.harness.workers import processor_s
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import parse_arguments
@@ -177,7 +178,7 @@ def _children(tasks: Sequence[tuple[Any, tuple[Any, ...]]]) -> Iterator[list[Bas
 
 
 def _cpu_s(children: Sequence[BaseProcess]) -> float:
-    return sum(sum(psutil.Process(child.pid).cpu_times()[:2]) for child in children)
+    return sum(processor_s(psutil.Process(child.pid)) for child in children)
 
 
 def _until(clock: SystemClock, condition: Any) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from benchmarks.harness.report import machine_and_commit, table
+from benchmarks.harness.report import machine_and_commit, shown, table
 
 RECOVERS_S = 2.0
 HEAD = """# Faults of the whole system
@@ -175,12 +175,12 @@ def _files(part: Mapping[str, Any]) -> list[str]:
 
 
 def _seconds(value: float) -> str:
-    return '–' if math.isnan(value) else f'{value:.2f} s'
+    return shown(value, '{:.2f} s')
+
+
+def _mn(value: float) -> str:
+    return shown(1000 * value, '{:.0f} mN')
 
 
 def _same(same: bool | None) -> str:
     return {True: 'the same', False: 'another', None: '–'}[same]
-
-
-def _mn(value: float) -> str:
-    return '–' if math.isnan(value) else f'{1000 * value:.0f} mN'

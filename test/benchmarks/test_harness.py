@@ -19,7 +19,8 @@ from benchmarks.harness.command import command_of, parser_of
 from benchmarks.harness.declaration import Aim, Benchmark, argument, reached
 from benchmarks.harness.parts import Parts
 from benchmarks.harness.report import in_turn, opening, quartiles
-from benchmarks.harness.running import Run, own_bus, run
+from benchmarks.harness.running import Run, run
+from benchmarks.harness.workers import own_bus
 from tactile_nodes.errors import ConfigurationError
 
 
