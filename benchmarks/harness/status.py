@@ -22,6 +22,7 @@ from tactile_nodes.paths import share_directory
 HELP = 'results in docs/results: at which commit each was measured, and whether its sources have changed since'
 RESULTS = Path('docs') / 'results'
 UNKNOWN, FRESH, STALE = 'unknown', 'fresh', 'stale'
+INDEX = 'README.md'
 SHORT = 7  # digits of a commit that a page may be content with
 LINE = '{:<36}{:<20}{:>7}  {:<9}{}'
 
@@ -129,7 +130,7 @@ def _unclaimed(root: Path, benchmarks: Sequence[Benchmark]) -> Iterator[str]:
     claimed = {file for each in benchmarks for file in each.published}
     for file in sorted((root / RESULTS).rglob('*.*')):
         name = file.relative_to(root / RESULTS).as_posix()
-        if name not in claimed:
+        if name not in claimed and file.name != INDEX:
             yield f'{RESULTS / name} is of no benchmark that is known; name it among the files of one, or remove it'
 
 

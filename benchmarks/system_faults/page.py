@@ -98,7 +98,7 @@ def bus_page(part: Mapping[str, Any]) -> list[str]:
     return [
         '## Garbage on the bus',
         GARBAGE.format(**{**sent, 'died': ', '.join(sent['died']) or 'nobody', 'bugs': len(sent['bugs'])}),
-        f'Told, once a topic and node, in {len(sent["told"])} warnings, such as: {(sent["told"] or ["none"])[0]}',
+        f'Told, once a topic and node, in {len(sent["told"])} warnings, such as: `{(sent["told"] or ["none"])[0]}`',
         '## No broker',
         BROKER,
         table(heads, rows),

@@ -171,6 +171,7 @@ def test_numbers_that_cannot_be_read_are_told(repository: Repository, text: str)
 
 
 def test_a_file_of_no_benchmark_is_told(repository: Repository) -> None:
+    repository.write('docs/results/README.md', 'Which page answers which question.')
     repository.write('docs/results/deep/other.png', '')
     (problem,) = repository.problems()
     assert problem.startswith('docs/results/deep/other.png is of no benchmark that is known')
