@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from benchmarks.harness.report import machine_and_commit, shown, table
+from benchmarks.harness.report import columns, machine_and_commit, shown
 
 RECOVERS_S = 2.0
 HEAD = """# Faults of the whole system
@@ -64,83 +64,57 @@ def page(parts: Mapping[str, Any]) -> str:
 
 
 def kills_page(part: Mapping[str, Any]) -> list[str]:
-    heads = (
-        'kill -9 of', 'stream back', 'images missed', 'node back', 'worst error before', 'after', 'rest image', 'model',
-        'load',
+    shown_kills = columns(
+        part['kills'],
+        ('kill -9 of', '{process}'), ('stream back', lambda each: _seconds(each['blind_s'])),
+        ('images missed', '{missed}'), ('node back', lambda each: _seconds(each['back_s'])),
+        ('worst error before', lambda each: _mn(each['before_n'])), ('after', lambda each: _mn(each['after_n'])),
+        ('rest image', lambda each: _same(each['same_rest'])), ('model', lambda each: _same(each['same_model'])),
+        ('load', '{load:.0f}'),
     )  # fmt: skip
-    rows = [
-        [
-            each['process'], _seconds(each['blind_s']), str(each['missed']), _seconds(each['back_s']),
-            _mn(each['before_n']), _mn(each['after_n']), _same(each['same_rest']),
-            _same(each['same_model']), f'{each["load"]:.0f}',
-        ]
-        for each in part['kills']
-    ]  # fmt: skip
     found = [f'{each["process"]}: {each["found"]}.' for each in part['kills'] if each['found']]
-    return [
-        '## kill -9 of each process of live sensing',
-        KILLS,
-        table(heads, rows),
-        *found,
-    ]
+    return ['## kill -9 of each process of live sensing', KILLS, shown_kills, *found]
 
 
 def bus_page(part: Mapping[str, Any]) -> list[str]:
     sent = part['garbage']
-    heads = ('what is done to the run folder', 'forces in 4 s before', 'after', 'newcomer hears after', 'died', 'load')
-    rows = [
-        [
-            each['what'], str(each['before']), str(each['forces']), _seconds(each['newcomer_s']),
-            ', '.join(each['died']) or 'nobody', f'{each["load"]:.0f}',
-        ]
-        for each in part['spoilt']
-    ]  # fmt: skip
+    spoilt = columns(
+        part['spoilt'],
+        ('what is done to the run folder', '{what}'), ('forces in 4 s before', '{before}'), ('after', '{forces}'),
+        ('newcomer hears after', lambda each: _seconds(each['newcomer_s'])), ('died', _died), ('load', '{load:.0f}'),
+    )  # fmt: skip
     return [
         '## Garbage on the bus',
-        GARBAGE.format(**{**sent, 'died': ', '.join(sent['died']) or 'nobody', 'bugs': len(sent['bugs'])}),
+        GARBAGE.format(**{**sent, 'died': _died(sent), 'bugs': len(sent['bugs'])}),
         f'Told, once a topic and node, in {len(sent["told"])} warnings, such as: `{(sent["told"] or ["none"])[0]}`',
         '## No broker',
         BROKER,
-        table(heads, rows),
+        spoilt,
     ]
+
+
+def _died(each: Mapping[str, Any]) -> str:
+    return ', '.join(each['died']) or 'nobody'
 
 
 def crowd_page(part: Mapping[str, Any]) -> list[str]:
-    nodes, heads = (
-        part['nodes'],
-        ('images a second, each', 'answered', 'fewest', 'late, median', '99 %', 'mixed', 'load'),
-    )
-    rows = [
-        [
-            f'{each["rate_hz"]:g}',
-            f'{each["answered"]:.1%}', f'{each["least"]:.1%}', f'{each["late_ms"]["p50"]:.0f} ms',
-            f'{each["late_ms"]["p99"]:.0f} ms', str(each['mixed']), f'{each["load"]:.0f}',
-        ]
-        for each in part['sensors']
-    ]  # fmt: skip
-    return [
-        '## Crowds',
-        CROWD.format(**nodes),
-        SENSORS,
-        table(heads, rows),
-    ]
+    sensors = columns(
+        part['sensors'],
+        ('images a second, each', '{rate_hz:g}'), ('answered', '{answered:.1%}'), ('fewest', '{least:.1%}'),
+        ('late, median', '{late_ms[p50]:.0f} ms'), ('99 %', '{late_ms[p99]:.0f} ms'), ('mixed', '{mixed}'),
+        ('load', '{load:.0f}'),
+    )  # fmt: skip
+    return ['## Crowds', CROWD.format(**part['nodes']), SENSORS, sensors]
 
 
 def files_page(part: Mapping[str, Any]) -> list[str]:
-    rows = [
-        [
-            each['what'],
-            str(each['tried']),
-            ', '.join(f'{n} {what}' for what, n in each['outcomes'].items()),
-            str(len(each['wrong'])),
-        ]
-        for each in (*part['bags'], *part['models'])
-    ]
-    return [
-        '## Files cut off and altered',
-        FILES,
-        table(('file', 'tried', 'outcomes', 'wrong'), rows),
-    ]
+    files = columns(
+        [*part['bags'], *part['models']],
+        ('file', '{what}'), ('tried', '{tried}'),
+        ('outcomes', lambda each: ', '.join(f'{n} {what}' for what, n in each['outcomes'].items())),
+        ('wrong', lambda each: str(len(each['wrong']))),
+    )  # fmt: skip
+    return ['## Files cut off and altered', FILES, files]
 
 
 def _kills(part: Mapping[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness.report import opening, table
+from benchmarks.harness.report import columns, opening, table
 from benchmarks.transfer_paper.scores import (
     AS_IT_IS,
     GROUP,
@@ -21,7 +21,7 @@ from benchmarks.transfer_paper.scores import (
     WAYS,
     Score,
 )
-from benchmarks.transfer_paper.steps import EPOCHS, PRESSES, FirstSteps
+from benchmarks.transfer_paper.steps import EPOCHS, PRESSES
 
 COLOURS = {'published layer': 'C3', 'a tenth of its rate': 'C1', 'layer as it ships': 'C0', SCRATCH: 'C7'}
 READING = """\
@@ -56,7 +56,7 @@ numbers; for magnitudes in px beside angles in rad its rate is too large."""
 
 def page(result: Mapping[str, Any]) -> str:
     """The results as a page of documentation."""
-    scores, steps = _scores(result), [FirstSteps(**each) for each in result['steps']]
+    scores = _scores(result)
     gels = len({each.gel for each in scores if each.gel != OWN})
     more = f'simulated gels: those of [transfer](transfer.md), {gels} of them'
     return '\n\n'.join([
@@ -64,7 +64,7 @@ def page(result: Mapping[str, Any]) -> str:
         _table(scores), _found(scores), '![the three metrics against the number of presses](transfer_paper.png)',
         '## First steps',
         f'One gel, {PRESSES} presses to learn from, tested on the others of the grid: aRMSE after so much training.',
-        _steps(steps), WHY,
+        _steps(result['steps']), WHY,
     ])  # fmt: skip
 
 
@@ -116,25 +116,13 @@ def _cells(scores: Sequence[Score]) -> list[str]:
     return cells
 
 
-def _steps(steps: Sequence[FirstSteps]) -> str:
-    heads = [
-        '',
-        'rate',
-        'at most, px',
-        'moved, px',
-        'in spreads',
-        'before, N',
-        '1 step',
-        '1 epoch',
-        f'{EPOCHS} epochs',
-        'peaks',
-    ]
-    rows = []
-    for each in steps:
-        moved = f'{each.most_px:.3f}', f'{each.moved_px:.3f}', f'{each.moved_spreads:.2f}'
-        losses = (f'{loss:.4f}' for loss in (each.start_n, each.step_n, each.epoch_n, each.last_n))
-        rows.append([each.setting, f'{each.rate:g}', *moved, *losses, f'{each.peak_share:.2f}'])
-    return table(heads, rows)
+def _steps(steps: Sequence[Mapping[str, Any]]) -> str:
+    return columns(
+        steps,
+        ('', '{setting}'), ('rate', '{rate:g}'), ('at most, px', '{most_px:.3f}'), ('moved, px', '{moved_px:.3f}'),
+        ('in spreads', '{moved_spreads:.2f}'), ('before, N', '{start_n:.4f}'), ('1 step', '{step_n:.4f}'),
+        ('1 epoch', '{epoch_n:.4f}'), (f'{EPOCHS} epochs', '{last_n:.4f}'), ('peaks', '{peak_share:.2f}'),
+    )  # fmt: skip
 
 
 def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
