@@ -89,10 +89,10 @@ def points_of(result: Mapping[str, Any]) -> list[Point]:
     ]  # fmt: skip
 
 
-Aim = Callable[[Sequence[Point]], Verdict | None]
+Judge = Callable[[Sequence[Point]], Verdict | None]
 
 
-def _holding(*names: str) -> Aim:
+def _holding(*names: str) -> Judge:
     def judge(points: Sequence[Point]) -> Verdict | None:
         asked = [each for each in points if each.shall_hold and each.name in names]
         return _judged(asked, lambda each: each.holds, lambda each: each.ratio or 0.0, 'x')
@@ -137,7 +137,7 @@ def _judged(
     return Verdict(sum(map(held, points)), len(points), f'worst {badness(worst):.3g}{unit} ({worst.what})')
 
 
-AIMS: dict[str, Aim] = {
+AIMS: dict[str, Judge] = {
     'camera shifted up to 3 px: error within 1.5x': _holding('camera shifted'),
     'camera turned up to 1°: within 1.5x': _holding('camera turned'),
     'light ±30 %: within 1.5x': _holding('brightness'),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.harness.declaration import Aim, reached
 from benchmarks.harness.report import opening, table
 from benchmarks.transfer.scores import (
     ALONE,
@@ -96,11 +98,10 @@ def page(result: Mapping[str, Any]) -> str:
         gels=len({each.gel for each in scores}), tested=own.tested, pictures=_held(told.pictures),
         placements=PLACEMENTS,
     )  # fmt: skip
-    heads = [f'{of}, median gel (worst)' for of in COMPARED]
     return '\n\n'.join([
         *opening('Transfer to other gels', result, about), *_of_trained(trained),
         f'![error against number of presses]({told.picture})', _errors(own, scores, trained),
-        '## Against the source on its own gel', CHANCE, table(['presses', 'aim', *heads], _aims(own, scores)),
+        '## Against the source on its own gel', CHANCE, reached(_aims(own, scores), result),
         HARDER, table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
         *_against_each(own, scores, trained), *_gel_by_gel(own, scores), '## The gels',
         table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(told.gels)]),
@@ -162,12 +163,16 @@ def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score])
     return ["## Against each gel's own level", LEVELS, table(heads, rows)]
 
 
-def _aims(own: Score, scores: Sequence[Score]) -> list[list[str]]:
-    rows = []
-    for presses, chosen in _calibrated(scores).items():
-        aim = f'{AIMS[presses]:.1f}x' if presses in AIMS else ''
-        rows.append([str(presses), aim, *(_told(ratio(own, chosen, measured)) for measured in COMPARED)])
-    return rows
+def _aims(own: Score, scores: Sequence[Score]) -> list[Aim]:
+    """Times the source's own error, by presses."""
+    return [
+        Aim(f'{presses} presses', f'{AIMS[presses]:.1f}x' if presses in AIMS else '', partial(_reached, own, chosen))
+        for presses, chosen in _calibrated(scores).items()
+    ]
+
+
+def _reached(own: Score, chosen: Sequence[Score], _: Mapping[str, Any]) -> dict[str, str]:
+    return {f'{of}, median gel (worst)': _told(ratio(own, chosen, of)) for of in COMPARED}
 
 
 def _of_force(own: Score, scores: Sequence[Score]) -> list[list[str]]:
