@@ -32,7 +32,7 @@ WITHOUT_A_NUMBER = (
 
 KNOCKED_SHARE, UNMENDED_SHARE = 0.1, 0.15
 """Share of the total, and of the least force called a contact, that it may be off by after a knock, and where light has
-changed and motion is still read as if it had not. JPEG of quality 30, the worst of these, reads a seventh too little."""
+changed and motion is still read as if it had not. JPEG of quality 30 is the worst: it reads a seventh too little."""
 
 BEGINNING_SHARE = 0.1
 """Share of the force by which it is off where contact began within the exposure, as a standard deviation.

@@ -17,7 +17,8 @@ from tactile_nodes.paths import share_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_nodes'
-SOURCES = sorted(PACKAGE.rglob('*.py'))
+BENCHMARKS = ROOT / 'benchmarks'
+SOURCES = sorted([*PACKAGE.rglob('*.py'), *BENCHMARKS.rglob('*.py')])
 NODES = sorted(file for file in (PACKAGE / 'nodes').glob('*.py') if file.stem not in {'__init__', 'composed'})
 MOST_FILES = 20
 
@@ -25,7 +26,7 @@ LIVE_PATH = ['nodes.camera', 'nodes.flow_features', 'nodes.force_estimator', 'no
 
 
 def _name(file: Path) -> str:
-    return str(file.relative_to(PACKAGE))
+    return str(file.relative_to(ROOT))
 
 
 @pytest.mark.parametrize('forbidden', ['torch', 'rclpy', 'matplotlib', 'scipy', 'tactile_nodes.learning'])

@@ -66,6 +66,12 @@ def test_programs_claim_no_name_that_others_use(source: Path) -> None:
     assert [name for name in names if not name.startswith('tactile')] == []
 
 
+def test_pip_installs_the_package_alone_and_the_source_holds_its_benchmarks(source: Path) -> None:
+    (installed,) = source.parent.glob('*.egg-info/top_level.txt')
+    assert installed.read_text() == 'tactile_nodes\n'
+    assert (source / 'benchmarks' / '__init__.py').is_file()
+
+
 def test_the_index_is_told_who_where_and_what(metadata: Message) -> None:
     assert metadata['Author'] == 'tactile_nodes maintainers'
     assert {each.split(',')[0] for each in metadata.get_all('Project-URL', [])} >= {

@@ -61,10 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Try, choose, write, and say what was chosen."""
     # Before numpy is there: the live node runs with one thread of linear algebra, too.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    from tactile_nodes.benchmarks.report import table
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.tuning.profile import said_of, table_rows, write_profile
+    from tactile_nodes.learning.tuning.profile import said_of, table_of, write_profile
     from tactile_nodes.learning.tuning.search import RecordedSource, Wish, candidates, tune
     from tactile_nodes.paths import check_output
 
@@ -77,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
     tuned = tune(source, wish, progress, command, among)
-    print(table(*table_rows(tuned)))
+    print(table_of(tuned).markdown())
     presses = None
     if isinstance(source, RecordedSource):
         presses = source.presses(tuned.chosen.candidate, progress, command)

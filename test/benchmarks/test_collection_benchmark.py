@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.collection import told
+from benchmarks.collection.bag import CollectionBag
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.benchmarks.collection import told
-from tactile_nodes.benchmarks.collection.bag import CollectionBag
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, SYNC_EDGE
 from tactile_nodes.clock import SteppedClock, monotonic_s
 from tactile_nodes.collection.plan.audit import attempts_below, bags_below

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.contacts.cases import Case
+from benchmarks.contacts.page import page
+from benchmarks.contacts.scores import Score, by_family, score, summed
 from tactile_nodes import conversions
-from tactile_nodes.benchmarks.contacts.cases import Case
-from tactile_nodes.benchmarks.contacts.page import page
-from tactile_nodes.benchmarks.contacts.scores import Score, by_family, score, summed
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel

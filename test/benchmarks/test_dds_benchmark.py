@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks import dds
+from benchmarks import dds
+from benchmarks.harness.command import parser_of
+from benchmarks.harness.running import run
 
 
 @pytest.mark.timeout(180)
@@ -18,10 +19,8 @@ def test_dds_benchmark_reports_what_a_reader_gets_and_what_the_bus_notices(
 ) -> None:
     pytest.importorskip('cyclonedds', reason="Cyclone DDS is not installed: pip install 'tactile_nodes[dds]'")
     monkeypatch.setattr(dds, 'CASES', {'a reader': ('bridge', 'reader')})
-    parser = argparse.ArgumentParser()
-    dds.add_arguments(parser)
     words = ['--seconds', '0.3', '--rate', '30', '--domain', str(20 + os.getpid() % 80), '-o', str(tmp_path)]
-    assert dds.run(parser.parse_args(words)) == 0
+    assert run(dds.BENCHMARK, parser_of(dds.BENCHMARK).parse_args(words)) == 0
     assert 'force_distribution' in capsys.readouterr().out
     case = json.loads((tmp_path / 'dds.json').read_text())['cases']['a reader']
     for topic in ('image_raw', 'force_distribution'):

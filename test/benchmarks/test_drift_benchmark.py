@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import pytest
 
-from tactile_nodes.benchmarks.drift import Hours, page, undisturbed
-from tactile_nodes.benchmarks.drift.cases import BODIES, COURSES, Course, Effort, Point, follow
+from benchmarks.drift import Hours, page, undisturbed
+from benchmarks.drift.cases import BODIES, COURSES, Course, Effort, Point, follow
+from benchmarks.harness.report import surroundings
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.simulation.gel import Gel
@@ -50,7 +53,9 @@ def test_page_tells_where_each_level_begins_and_the_error_there() -> None:
         Point(0.2, 0.05, 0.03, 0.5, 'ageing', 'picture moved', 3.5),
         Point(0.3, float('nan'), 0.04, 1.0, 'invalid', 'picture moved', 3.0),
     ]
-    text = page('tactile bench drift', {COURSES[0]: points}, Hours(1.0, 7200, 0, 0.0, 0.001, 0.1))
+    told = {COURSES[0].name: list(map(asdict, points))}
+    hours = asdict(Hours(1.0, 7200, 0, 0.0, 0.001, 0.1))
+    text = page({**surroundings('tactile bench drift'), 'courses': told, 'hours': hours})
     cells = [cell.strip() for cell in next(line for line in text.splitlines() if 'knocked' in line).split('|')[1:-1]]
     assert cells == ['the camera is knocked', '0.2 px', '0.0500', '0.3 px', '-', '3 to 3.5']
     assert '0 alarms' in text

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.benchmarks import drivers
-from tactile_nodes.benchmarks.drivers.meter import Durations, Meter, Order
-from tactile_nodes.benchmarks.drivers.readers import Flicker, Traffic
+from benchmarks import drivers
+from benchmarks.drivers.meter import Durations, Meter, Order
+from benchmarks.drivers.readers import Flicker, Traffic
 from tactile_nodes.cli import bench
 from tactile_nodes.clock import SteppedClock
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import endurance
-from tactile_nodes.benchmarks.endurance.live import live
-from tactile_nodes.benchmarks.endurance.stepped import FPS, stepped
-from tactile_nodes.benchmarks.endurance.trend import Look, growth, slope_per_hour
+from benchmarks import endurance
+from benchmarks.endurance.live import live
+from benchmarks.endurance.stepped import FPS, stepped
+from benchmarks.endurance.trend import Look, growth, slope_per_hour
 from tactile_nodes.learning.progress import Progress
 
 PERIOD_S = 4

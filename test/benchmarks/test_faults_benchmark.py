@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks.collection import Collection, Session
-from tactile_nodes.benchmarks.faults import CASES, is_good, markdown
-from tactile_nodes.benchmarks.faults.audit import Ledger, Trace, ledger
+from benchmarks.collection import Collection, Session
+from benchmarks.faults import CASES, is_good, markdown
+from benchmarks.faults.audit import Ledger, Trace, ledger
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
 from tactile_nodes.emulators.world import WorldSettings
@@ -136,4 +136,4 @@ def test_run_with_a_wrong_point_is_not_good() -> None:
     assert is_good(row)
     row['ledger'] |= {'wrong': (3,)}
     assert not is_good(row)
-    assert ' all / well |' in markdown({'none': row})
+    assert ' all / well |' in markdown({'faults': {'none': row}})

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import fingers
+from benchmarks import fingers
 from tactile_nodes.errors import ConfigurationError
 
 SQUEEZE_PX = [0, 0, 1, 2, 3, 3, 2, 1, 0]

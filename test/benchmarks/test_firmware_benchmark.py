@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import firmware
-from tactile_nodes.benchmarks.firmware.faults import FAULTS
-from tactile_nodes.benchmarks.firmware.line import Heard, Line, Program, open_wire
-from tactile_nodes.benchmarks.firmware.obeys import obeys
-from tactile_nodes.benchmarks.firmware.page import complaints, page
+from benchmarks import firmware
+from benchmarks.firmware.faults import FAULTS
+from benchmarks.firmware.line import Heard, Line, Program, open_wire
+from benchmarks.firmware.obeys import obeys
+from benchmarks.firmware.page import complaints, page
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
@@ -199,10 +199,3 @@ def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
 def test_what_cannot_be_measured_is_refused_in_a_sentence(given: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=sentence):
         firmware.machines(arguments(**given))
-
-
-def test_what_a_person_has_noted_on_the_page_stays() -> None:
-    first = page(result()) + '\n\n## Notes\n\nBuilt with care.\n'
-    again = page(result(mute=outcome('it is silent', 0.6)), first)
-    assert again.endswith('## Notes\n\nBuilt with care.')
-    assert page(result(), again).count('Built with care.') == 1

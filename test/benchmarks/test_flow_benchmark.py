@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import flow
-from tactile_nodes.benchmarks.flow import cases as flow_cases
+from benchmarks.flow import cases as flow_cases
+from benchmarks.flow.errors import Errors, by_region
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.methods import DisplacementField
 
@@ -23,13 +23,13 @@ def test_motion_apart_is_largest_at_its_reach() -> None:
 
 def test_a_perfect_method_scores_no_error_and_slope_one() -> None:
     truth = np.array([[1.0, 0.0], [0.0, -2.0]])
-    summary = flow.Score(np.zeros((2, 2)), truth, np.ones(2, bool), [3.0]).summary()
+    summary = Errors([np.zeros((2, 2))], [truth], [np.ones(2, bool)], [3.0]).by_belief()
     assert (summary['rms_px'], summary['slope'], summary['far_share'], summary['cpu_ms']) == (0, 1, 0, 3)
 
 
 def test_half_the_motion_is_slope_a_half_and_what_is_not_believed_is_told_apart() -> None:
     truth = np.array([[4.0, 0.0], [0.0, 0.4]])
-    summary = flow.Score(-truth / 2, truth, np.array([False, True]), [1.0]).summary()
+    summary = Errors([-truth / 2], [truth], [np.array([False, True])], [1.0]).by_belief()
     assert summary['slope'] == pytest.approx(0.5)
     assert (summary['far_share'], summary['believed_far_share']) == (0.5, 0)
 
@@ -37,9 +37,9 @@ def test_half_the_motion_is_slope_a_half_and_what_is_not_believed_is_told_apart(
 def test_dense_fields_are_averaged_by_region_and_patches_are_taken_as_they_are() -> None:
     dense = np.zeros((80, 80, 2), np.float32)
     dense[:2, :1] = (1.0, 2.0)  # half of the first region
-    np.testing.assert_array_equal(flow.by_region(DisplacementField(dense))[0][0, 0], [0.5, 1.0])
+    np.testing.assert_array_equal(by_region(DisplacementField(dense), 40)[0][0, 0], [0.5, 1.0])
     patches = np.ones((10, 10, 2), np.float32)
-    assert flow.by_region(DisplacementField(patches))[0].shape == (10, 10, 2)
+    assert by_region(DisplacementField(patches), 40)[0].shape == (10, 10, 2)
 
 
 def test_a_folder_without_speckle_is_refused(tmp_path: Path) -> None:

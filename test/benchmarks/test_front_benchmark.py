@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import front
-from tactile_nodes.benchmarks.front.contenders import WAYS, Measuring, Way, contenders
-from tactile_nodes.benchmarks.front.flows import SmallPixels
-from tactile_nodes.benchmarks.front.frames import Plan
-from tactile_nodes.benchmarks.front.page import page
+from benchmarks import front
+from benchmarks.front.contenders import WAYS, Measuring, Way, contenders
+from benchmarks.front.flows import SmallPixels
+from benchmarks.front.frames import Plan
+from benchmarks.front.page import page
+from benchmarks.harness.report import surroundings
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.patches import moved_image
@@ -70,7 +71,7 @@ def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
     assert ours['armse_n'] < pixels['armse_n']
     assert 0 < ours['stages_cpu_ms']['flow and features'] < ours['cpu_ms']['median']
     assert 'ours, quarter size, 10x10' in result['fronts']['armse_n']
-    text = page(result)
+    text = page({**surroundings('tactile bench front'), **result})
     assert '| ours, quarter size, 10x10 |' in text
     assert '- aRMSE [N]: ' in text
     shipped = result['profiles']

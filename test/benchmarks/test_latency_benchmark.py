@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import latency
-from tactile_nodes.benchmarks.latency.rates import highest
+from benchmarks import latency
+from benchmarks.harness.command import parser_of
+from benchmarks.harness.running import Run
+from benchmarks.latency.rates import highest
 from tactile_nodes.learning.progress import Progress
 
 LIVE = {
@@ -26,13 +28,16 @@ def test_a_slow_rate_from_memory_is_held() -> None:
         assert held.next_hz is None
 
 
-def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))  # where parts of a run are kept
     monkeypatch.setattr(latency, '_live', lambda *_: LIVE)
     held: dict[str, Any] = {'held': 300, 'p99_ms': 2.5, 'cpu_ms': 0.8, 'next': 400}
     monkeypatch.setattr(latency, '_rates', lambda *_: {'mixed': held})
     monkeypatch.setattr(latency, 'recorded_camera', lambda _: ('source:=somewhere', 'config:=else'))
-    asked = argparse.Namespace(minutes=0.1, models=['fast'], compiled=True, seconds=1.0, rates=[300, 400], output=None)
-    text = latency.page(latency.measure(asked, Progress()))
-    assert '$ tactile bench latency --minutes 0.1 --models fast --compiled --seconds 1 --rates 300 400' in text
+    words = ['--minutes', '0.1', '--compiled', '--seconds', '1', '--rates', '300', '400']
+    asked = parser_of(latency.BENCHMARK).parse_args(words)
+    run = Run(latency.BENCHMARK, asked, Progress())
+    text = latency.page(run.keep(latency.measured(asked, run)))
+    assert '$ tactile bench latency --minutes 0.1 --compiled --seconds 1 --rates 300 400' in text
     assert '600 |       2 |    1 |' in text
     assert 'compiled |  mixed |       300 |     2.50 |             0.80 |               400 |' in text

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.benchmarks import page
-from tactile_nodes.benchmarks.page import Condition, Seen
+from benchmarks import page
+from benchmarks.page import Condition, Seen
 
 
 def test_sensing_is_measured_under_viewers_of_whom_one_hangs() -> None:
@@ -16,7 +16,7 @@ def test_sensing_is_measured_under_viewers_of_whom_one_hangs() -> None:
     assert 0 < result['latency_ms']['p50'] <= result['latency_ms']['p99']
     assert result['shown_hz'] > 0
     assert set(result['cpu_percent']) == set(page.PROCESSES.values())
-    assert condition.title in page.told({condition.title: result})
+    assert condition.title in page.told({'conditions': {condition.title: result}})
 
 
 def test_percentiles_are_over_all_frames_and_the_spread_is_over_rounds() -> None:

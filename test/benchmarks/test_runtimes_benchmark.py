@@ -15,9 +15,9 @@ import pytest
 pytest.importorskip('onnx')
 pytest.importorskip('onnxruntime')
 
-from tactile_nodes.benchmarks import runtimes
-from tactile_nodes.benchmarks.runtimes.ends import BEGIN
-from tactile_nodes.benchmarks.runtimes.sizes import installed_size
+from benchmarks import runtimes
+from benchmarks.runtimes.ends import BEGIN
+from benchmarks.runtimes.sizes import installed_size
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.model_file import save_model

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as draw
 
-from tactile_nodes.benchmarks.report import surroundings
-from tactile_nodes.benchmarks.stability import follow, measure, read
-from tactile_nodes.benchmarks.stability.cases import CASES, Case, named
-from tactile_nodes.benchmarks.stability.floor import bound, floor_n, least_ratio
-from tactile_nodes.benchmarks.stability.page import page, picture_of
-from tactile_nodes.benchmarks.stability.plots import draw as draw_plots
-from tactile_nodes.benchmarks.stability.scores import FORCE, OK
-from tactile_nodes.benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
+from benchmarks.harness.report import surroundings
+from benchmarks.stability import follow, measure, read
+from benchmarks.stability.cases import CASES, Case, named
+from benchmarks.stability.floor import bound, floor_n, least_ratio
+from benchmarks.stability.page import page, picture_of
+from benchmarks.stability.plots import draw as draw_plots
+from benchmarks.stability.scores import FORCE, OK
+from benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
 
@@ -42,7 +42,7 @@ def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(tmp_path: 
     text = page(result)
     assert '| lost pixels, 5 % ' in text
     assert 'dark image 100%' in text
-    draw_plots(result, tmp_path)
+    draw_plots(result, tmp_path, 'stability')
     assert {each.name for each in tmp_path.iterdir()} == {picture_of('optics'), picture_of('numbers')}
     assert all(picture_of(family) in text for family in ('optics', 'numbers'))
 

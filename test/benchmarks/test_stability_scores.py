@@ -8,9 +8,9 @@ import math
 
 import pytest
 
-from tactile_nodes.benchmarks.stability.aims import AIMS, Point, losers
-from tactile_nodes.benchmarks.stability.scores import DEGRADED, INVALID, OK, Answer, score
-from tactile_nodes.benchmarks.stability.stream import (
+from benchmarks.stability.aims import AIMS, Point, losers
+from benchmarks.stability.scores import DEGRADED, INVALID, OK, Answer, score
+from benchmarks.stability.stream import (
     AFTER,
     BEFORE,
     CAPTURE,
@@ -24,7 +24,7 @@ from tactile_nodes.benchmarks.stability.stream import (
     course,
     random_presses,
 )
-from tactile_nodes.benchmarks.stability.times import caught_once, doubled, dropped, jumped, pressed_slowly, reordered
+from benchmarks.stability.times import caught_once, doubled, dropped, jumped, pressed_slowly, reordered
 from tactile_nodes.messages import types
 from tactile_nodes.simulation.optics import Press
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks import system_faults
-from tactile_nodes.benchmarks.system_faults.files import bag_cuts, model_bytes
-from tactile_nodes.benchmarks.system_faults.kills import blindness
-from tactile_nodes.benchmarks.system_faults.page import complaints, page
-from tactile_nodes.benchmarks.system_faults.sensor import Seen
+from benchmarks import system_faults
+from benchmarks.system_faults.files import bag_cuts, model_bytes
+from benchmarks.system_faults.kills import blindness
+from benchmarks.system_faults.page import complaints, page
+from benchmarks.system_faults.sensor import Seen
 from tactile_nodes.learning.progress import Progress
 
 S = 1_000_000_000

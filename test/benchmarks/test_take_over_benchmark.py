@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.take_over import page, read, rows
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.benchmarks.take_over import page, read, rows
 from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, PRESS
 from tactile_nodes.conversions import header
 from tactile_nodes.messages import time_from_ns, types

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tactile_nodes.benchmarks.transfer import add_arguments, run
-from tactile_nodes.benchmarks.transfer.page import draw, page
-from tactile_nodes.benchmarks.transfer.scores import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, Score
+from benchmarks.harness.command import parser_of
+from benchmarks.harness.report import surroundings
+from benchmarks.harness.running import run
+from benchmarks.transfer import BENCHMARK
+from benchmarks.transfer.page import Measured, draw, page
+from benchmarks.transfer.scores import AS_IT_IS, CALIBRATED, OWN_GEL, TRAINED, Score
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
-PLAIN = {'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.5]}, 'commit': 'abc'}
+
+def told(own: Score, scores: list[Score], gels: Sequence[Gel] = (), pictures: int = 8) -> dict[str, Any]:
+    return {**surroundings('tactile bench transfer'), '_page': Measured(own, scores, gels, pictures=pictures)}
 
 
 @pytest.mark.parametrize('number', range(10))
@@ -41,7 +47,7 @@ def test_the_table_has_median_and_worst_over_the_gels() -> None:
         Score(gel, 10, CALIBRATED, force_n, 0.2, 0.05, 0.01, 0.3, 0.02, 0.88, form, 3.0)
         for gel, force_n, form in ((0, 0.02, 'whole'), (1, 0.03, 'whole'), (2, 0.07, 'hardness'))
     ]
-    text = page('tactile bench transfer', PLAIN, own, scores, [other_gel(Gel(), 0)])
+    text = page(told(own, scores, [other_gel(Gel(), 0)]))
     assert '3 simulated gels' in text
     row = next(line for line in text.splitlines() if line.startswith(f'| {CALIBRATED}'))
     assert '0.0300 (0.0700)' in row
@@ -63,7 +69,7 @@ def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
         scored(1, 25, CALIBRATED, 0.004), scored(1, 3000, TRAINED, 0.004),
         scored(2, 25, CALIBRATED, 0.006), scored(2, 3000, TRAINED, 0.003),
     ]  # fmt: skip
-    text = page('tactile bench transfer', PLAIN, own, scores)
+    text = page(told(own, scores))
     assert '3 simulated gels' in text
     rows = text.split("Against each gel's own level")[1].splitlines()
     # 3, 1 and 2 times what the same gels allow, which is 2, 4 and 3 times the source's own.
@@ -78,15 +84,15 @@ def test_a_gel_that_bears_more_force_is_told_as_a_share_of_it_too() -> None:
         replace(scored(0, 25, CALIBRATED, 0.003), pressed_n=0.625),
         replace(scored(0, 100, CALIBRATED, 0.0025), pressed_n=0.625),
     ]
-    row = page('tactile bench transfer', PLAIN, own, scores).split('Gel by gel')[1].splitlines()[8]
+    row = page(told(own, scores)).split('Gel by gel')[1].splitlines()[8]
     # 3 and 2.5 mN over 2 mN, on a gel that bears a quarter more; the aRMSE is the source's own.
-    told = [each.strip() for each in row.split('|')[1:-1]]
-    assert told == ['0', '1.25x', '1.50x (1.20x)', '1.25x (1.00x)', '1.00x (0.80x)', '1.00x (0.80x)']
+    cells = [each.strip() for each in row.split('|')[1:-1]]
+    assert cells == ['0', '1.25x', '1.50x (1.20x)', '1.25x (1.00x)', '1.00x (0.80x)', '1.00x (0.80x)']
 
 
 def test_without_models_of_their_own_gels_have_no_level_on_the_page() -> None:
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
-    text = page('tactile bench transfer', PLAIN, own, [scored(0, 25, CALIBRATED, 0.006)])
+    text = page(told(own, [scored(0, 25, CALIBRATED, 0.006)]))
     assert TRAINED not in text
     assert "Against each gel's own level" not in text
 
@@ -105,19 +111,17 @@ def test_the_figure_is_written(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.002, 0.001, 0.02, 0.003, 0.9)
     scores = [scored(0, 10, CALIBRATED, 0.02), scored(0, 3000, TRAINED, 0.01), scored(OWN_GEL, 3000, TRAINED, 0.002)]
-    draw(own, scores, tmp_path / 'transfer.png')
+    draw(told(own, scores), tmp_path, 'transfer')
     assert (tmp_path / 'transfer.png').read_bytes().startswith(b'\x89PNG')
 
 
 @pytest.mark.parametrize(('pictures', 'said'), [(1, 'one picture each'), (8, 'held for 8 pictures each')])
 def test_the_page_says_how_many_pictures_of_a_press_calibrations_get(pictures: int, said: str) -> None:
     own = scored(OWN_GEL, 0, AS_IT_IS, 0.001)
-    assert said in page('tactile bench transfer', PLAIN, own, [scored(0, 10, CALIBRATED, 0.006)], pictures=pictures)
+    assert said in page(told(own, [scored(0, 10, CALIBRATED, 0.006)], pictures=pictures))
 
 
 @pytest.mark.parametrize('words', [['--pictures', '0'], ['--gels', '0'], ['--own', '10']])
 def test_numbers_that_nothing_can_be_measured_with_are_refused(words: list[str]) -> None:
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
     with pytest.raises(ConfigurationError, match=words[0]):
-        run(parser.parse_args(words))
+        run(BENCHMARK, parser_of(BENCHMARK).parse_args(words))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,18 +15,19 @@ sys.path.append(str(Path(__file__).parents[1] / 'learning'))
 
 from tiny_training import tiny_config, tiny_presses
 
-from tactile_nodes.benchmarks import transfer_paper
-from tactile_nodes.benchmarks.transfer_paper import Presses, answers, layer_settings, measure, metrics_of
-from tactile_nodes.benchmarks.transfer_paper.page import draw, page
-from tactile_nodes.benchmarks.transfer_paper.scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
-from tactile_nodes.benchmarks.transfer_paper.steps import FirstSteps, first_steps, variants
+from benchmarks import transfer_paper
+from benchmarks.harness.report import surroundings
+from benchmarks.transfer_paper import Presses, answers, layer_settings, measure, metrics_of
+from benchmarks.transfer_paper.page import draw, page
+from benchmarks.transfer_paper.scores import AS_IT_IS, NEW, OWN, PUBLISHED, REST, WAYS, Score
+from benchmarks.transfer_paper.steps import FirstSteps, first_steps, variants
 from tactile_nodes.cli.main import main
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.fit import fit_network
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.network import CalibrationLayer, NetworkReadout
 
-PLAIN = {'machine': {'processor': 'a processor', 'cores_allowed': 2, 'load_before': [0.5]}, 'commit': 'abc'}
+PLAIN = surroundings('tactile bench transfer_paper')
 CONFIG = tiny_config({'hidden': (20,)}, epochs=8, learning_rate=0.01, rest_repeats=0)
 
 
@@ -104,28 +106,32 @@ def test_the_first_step_moves_no_unit_further_than_the_sum_of_its_inputs_allows(
     assert found['a tenth of the rate'].moved_px == pytest.approx(published.moved_px / 10, rel=0.2)
 
 
+def told(scores: list[Score], steps: list[FirstSteps]) -> dict[str, Any]:
+    return {**PLAIN, 'scores': list(map(dataclasses.asdict, scores)), 'steps': list(map(dataclasses.asdict, steps))}
+
+
 def test_page_and_figure_name_every_way_and_the_own_gel(scores: list[Score], tmp_path: Path) -> None:
     own = [dataclasses.replace(each, gel=OWN) for each in scores if each.way == AS_IT_IS]
     steps = [FirstSteps('as published', 1e-4, 0.5, 0.4, 3.9, 0.04, 0.09, 0.08, 0.08, 0.02)]
-    text = page('tactile bench transfer_paper', PLAIN, [*own, *scores], steps)
+    text = page(told([*own, *scores], steps))
     rows = [line.split('|')[1].strip() for line in text.splitlines() if line.startswith('|')]
     assert {'own gel', *WAYS, 'as published'} <= set(rows)
     published = next(line for line in text.splitlines() if line.startswith(f'| {PUBLISHED}'))
     score = next(each for each in scores if (each.way, each.tested) == (PUBLISHED, NEW))
     assert f'{score.armse_n:.4f}' in published
     assert 'With 60 presses `layer as it ships` on the rest of the 800: aRMSE' in text
-    draw([*own, *scores], tmp_path / 'figure.png')
+    draw(told([*own, *scores], steps), tmp_path, 'figure')
     assert (tmp_path / 'figure.png').stat().st_size > 10_000
 
 
 def test_the_worst_gel_stands_beside_the_median(scores: list[Score]) -> None:
     own = [dataclasses.replace(each, gel=OWN) for each in scores if each.way == AS_IT_IS]
     worse = [dataclasses.replace(each, gel=1, armse_n=0.5) for each in scores]
-    text = page('command', PLAIN, [*own, *scores, *worse], [])
+    text = page(told([*own, *scores, *worse], []))
     assert text.count('(0.5000)') == 2 * len(WAYS)
 
 
 @pytest.mark.parametrize('words', [['--gels', '0'], ['--presses', '10'], ['--presses', '750']])
 def test_what_cannot_be_measured_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['bench', 'transfer_paper', *words]) == 1
-    assert '--presses from 20 to 700' in capsys.readouterr().err
+    assert f'{words[0]} must be at ' in capsys.readouterr().err

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks.transfer import _planned, _tested, measure
-from tactile_nodes.benchmarks.transfer.scores import (
+from benchmarks.transfer import _planned, _tested, measure
+from benchmarks.transfer.scores import (
     ALONE,
     AS_IT_IS,
     CALIBRATED,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.benchmarks import untouched
-from tactile_nodes.benchmarks.untouched.page import page
+from benchmarks import untouched
+from benchmarks.untouched.page import page
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.picture.stillness import StillnessOptions
 

@@ -6,21 +6,28 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.cli import bench
+from tactile_nodes.errors import ConfigurationError
 
 SLOW = """
-import argparse, sys, time, types
+import argparse, dataclasses, sys, time
 from tactile_nodes.cli import bench
 
-def run(arguments):
+sys.path.insert(0, str(bench.checkout()))
+from benchmarks.catalogue import BENCHMARKS
+
+def measure(arguments, run):
     try:
         print('begun', flush=True)
         time.sleep(60)
     finally:
         print('cleaned up', flush=True)
 
-slow = types.ModuleType('tactile_nodes.benchmarks.slow')
-slow.run = run
-sys.modules['tactile_nodes.benchmarks.slow'] = slow
+BENCHMARKS['slow'] = dataclasses.replace(BENCHMARKS['flow'], measure=measure, arguments=())
 bench.run(argparse.Namespace(benchmark='slow'))
 """
 
@@ -50,3 +57,9 @@ def test_benchmarks_run_with_one_thread_of_linear_algebra() -> None:
     free = {name: value for name, value in os.environ.items() if not name.endswith('_NUM_THREADS')}
     told = subprocess.run([sys.executable, '-c', THREADS], env=free, stdout=subprocess.PIPE, text=True, check=True)
     assert told.stdout == '1\n'
+
+
+def test_a_package_that_lies_beside_no_benchmarks_says_where_they_run(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match='benchmarks run from a checkout of the source') as refused:
+        bench.checkout(tmp_path / 'site-packages' / 'tactile_nodes')
+    assert 'pip install --editable .' in str(refused.value)

@@ -18,7 +18,7 @@ from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import TrainingData
-from tactile_nodes.learning.tuning.profile import said_of, table_rows
+from tactile_nodes.learning.tuning.profile import said_of, table_of
 from tactile_nodes.learning.tuning.search import Candidate, SimulatedSource, Wish, candidates, chosen_place, tune
 from tactile_nodes.learning.tuning.times import cpu_times_ms
 from tactile_nodes.sensing.metrics import pareto_front
@@ -131,9 +131,9 @@ def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: 
     said = said_of(tuned, 'armse_n')
     assert said.startswith('dear: armse_n 0.')
     assert 'The next smaller one, cheap,' in said
-    heads, rows = table_rows(tuned)
-    assert [(row[0], row[-1]) for row in rows] == [('cheap', 'front'), ('dear', 'chosen')]
-    assert len(heads) == len(rows[0])
+    table = table_of(tuned)
+    assert [(row[0], row[-1]) for row in table.rows] == [('cheap', 'front'), ('dear', 'chosen')]
+    assert len(table.heads) == len(table.rows[0])
 
 
 def test_times_need_an_image_of_a_press() -> None:

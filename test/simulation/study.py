@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from tactile_nodes.benchmarks.collection import CNC, SAFE_Z_MM, named
+from benchmarks.collection import CNC, SAFE_Z_MM, named
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import find_surface
 from tactile_nodes.collection.run.rehearsal import Rehearsal

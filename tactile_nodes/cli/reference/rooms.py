@@ -8,8 +8,8 @@ from pathlib import Path
 from tactile_nodes.cli.reference.pages import code, table
 
 PACKAGE = Path(__file__).parents[2]
-ONE_EACH = 'benchmarks', 'cli'
-"""Their folders are single benchmarks and verbs, which have pages of their own."""
+ONE_EACH = ('cli',)
+"""Its folders are single verbs, which have a page of their own."""
 
 
 def rooms() -> str:

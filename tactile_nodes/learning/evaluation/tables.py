@@ -42,12 +42,25 @@ class Table:
 
     def __str__(self) -> str:
         """Columns in line: the first to the left, the others to the right."""
+        lines = ['  '.join(cells).rstrip() for cells in self._padded()]
+        return '\n'.join([*([self.title] if self.title else []), *lines])
+
+    def markdown(self) -> str:
+        """The same as Markdown, without its title.
+
+        >>> print(Table('', ('a', 'bcd'), (('xy', '1'),)).markdown())
+        | a  | bcd |
+        | -- | --: |
+        | xy |   1 |
+        """
+        heads, *rows = self._padded()
+        rule = ['-' * len(heads[0]), *('-' * (len(head) - 1) + ':' for head in heads[1:])]
+        return '\n'.join(f'| {" | ".join(cells)} |' for cells in (heads, rule, *rows))
+
+    def _padded(self) -> list[list[str]]:
         lines = [self.heads, *self.rows]
         widths = [max(len(line[column]) for line in lines) for column in range(len(self.heads))]
-        aligned = (
-            '  '.join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip() for line in lines
-        )
-        return '\n'.join([*([self.title] if self.title else []), *aligned])
+        return [[line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])] for line in lines]
 
 
 def report(evaluations: Sequence[Evaluation]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import yaml
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.file import save_dataset
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.evaluation.tables import Table
 from tactile_nodes.learning.tuning.search import METRICS, Tried, Tuned
 from tactile_nodes.model_file import save_model
 
@@ -41,15 +41,15 @@ def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPr
     return files
 
 
-def table_rows(tuned: Tuned) -> tuple[Sequence[str], list[list[str]]]:
-    """Heads, and a row for each candidate, cheapest first; the front and the chosen one are marked."""
+def table_of(tuned: Tuned) -> Table:
+    """A row for each candidate, cheapest first; the front and the chosen one are marked."""
     on_front = {id(each) for each in tuned.front}
     rows = []
     for each in sorted(tuned.tried, key=lambda one: one.ms):
         mark = 'chosen' if each is tuned.chosen else 'front' if id(each) in on_front else ''
         scores = asdict(each.scores)
-        rows.append([each.candidate.name, f'{each.ms:.2f}', *(f'{scores[name]:.4f}' for name in METRICS), mark])
-    return ('flow, regions, components', 'CPU ms', *METRICS, ''), rows
+        rows.append((each.candidate.name, f'{each.ms:.2f}', *(f'{scores[name]:.4f}' for name in METRICS), mark))
+    return Table('', ('flow, regions, components', 'CPU ms', *METRICS, ''), tuple(rows))
 
 
 def said_of(tuned: Tuned, metric: str) -> str:

@@ -38,8 +38,8 @@ NEAR = 2
 """Patches to either side of one that its shear takes along."""
 
 BRIGHTNESS = -2.0
-"""Power of the distance from the pupil with which the weight of markers falls, as the area of their pictures does. Seven
-simulated gels are read 1 % off with it, with the fourth power 6 %."""
+"""Power of the distance from the pupil with which the weight of markers falls, as the area of their pictures does.
+Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 
 DISPLACEMENT_MM = 1e-3
 

@@ -1,0 +1,170 @@
+"""Any contact: rigid bodies of ten families pressed and dragged on the simulated gel, read by whole chains.
+
+Contacts are solved at finite strain (some ten seconds each, kept in the cache). Chains are those of the live launch.
+Models `field` are calibrated with 100, 10 and no presses on the very gel that is touched; `paper`, `fast` and
+`portable` are read as they ship, on the gel that they were trained on. The best one is read once more with its inner
+loops compiled, for its CPU time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.contacts.page import BEST, PRESSES, page
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.speed_accuracy import draw_contacts as draw
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from benchmarks.contacts.cases import Case
+    from benchmarks.contacts.frames import Condition
+    from benchmarks.contacts.scores import Score
+    from tactile_nodes.learning.progress import Progress
+    from tactile_nodes.simulation.gel import Gel
+
+SEED, PER_FAMILY = 303, 8
+PROFILES = 'paper', 'fast', 'portable'
+
+
+def measure(arguments: argparse.Namespace, run: Run) -> Result:
+    """All models on the same pictures, then the field in disturbed ones."""
+    from benchmarks.contacts.cases import broad_cases, cases
+    from benchmarks.contacts.frames import CONDITIONS
+    from benchmarks.contacts.scores import by_family, summed
+    from tactile_nodes.simulation.gel import Gel
+
+    gel, progress = Gel(seed=arguments.gel_seed), run.progress
+    chosen = cases(gel, arguments.seed, arguments.each, progress)
+    with tempfile.TemporaryDirectory() as folder:
+        models = _models(arguments, gel, Path(folder), progress)
+
+        def undisturbed() -> Result:
+            scores, dis_ms = _read(models, gel, chosen, CONDITIONS[0], progress)
+            scores |= _read_compiled(models[BEST], gel, chosen, progress)
+            told = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
+            return {'dis_ms': dis_ms, 'models': told}
+
+        def broad() -> Result:
+            found, _ = _read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
+            return {name: [_told(each) for each in told] for name, told in found.items()}
+
+        def disturbed(condition: Condition) -> dict[str, float]:
+            scores, _ = _read({BEST: models[BEST]}, gel, chosen, condition, progress)
+            return summed(*scores.values())
+
+        return {
+            'seed': arguments.seed,
+            'each': arguments.each,
+            **run.part('undisturbed', undisturbed),
+            'broad': run.part('broad', broad),
+            'disturbed': {
+                each.name: run.part(f'disturbed, {each.name}', partial(disturbed, each))
+                for each in (() if arguments.no_disturbances else CONDITIONS)
+            },
+        }
+
+
+def _told(score: Score) -> dict[str, Any]:
+    """Of a broad contact: what was told of its force, and whether the interval holds it."""
+    return {
+        'contact': score.family, 'true_n': score.true_n, 'told_n': score.true_n + score.total_n,
+        'misplaced': score.misplaced, 'held': score.total_held, 'ok': score.ok,
+    }  # fmt: skip
+
+
+def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Progress) -> dict[str, str]:
+    """The models by the names that they have on the page."""
+    from benchmarks.contacts.models import calibrated
+    from tactile_nodes.model_file import find_model, load_model
+
+    source = load_model(find_model(arguments.source))
+    own = {
+        f'field, {presses or "no"} presses': str(calibrated(source, gel, presses, folder, progress))
+        for presses in PRESSES
+    }
+    return {**(dict(zip(PROFILES, PROFILES, strict=True)) if arguments.gel_seed == 1 else {}), **own}
+
+
+def _read_compiled(model: str, gel: Gel, chosen: Sequence[Case], progress: Progress) -> dict[str, list[Score]]:
+    """What the best model tells with its inner loops compiled, where numba is installed."""
+    from benchmarks.contacts.frames import CONDITIONS
+    from tactile_nodes.sensing.compiling import can_compile, use_compiled
+
+    if not can_compile():
+        return {}
+    use_compiled(tell=progress.say)
+    try:
+        return _read({f'{BEST}, compiled': model}, gel, chosen, CONDITIONS[0], progress)[0]
+    finally:
+        use_compiled(False)
+
+
+def _read(
+    models: dict[str, str], gel: Gel, chosen: Sequence[Case], condition: Condition, progress: Progress
+) -> tuple[dict[str, list[Score]], float]:
+    """What each chain tells of each contact, and the CPU time of OpenCV's DIS between them (ms, median)."""
+    import numpy as np
+
+    from benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
+    from benchmarks.contacts.scores import score
+    from benchmarks.stability.chain import Chain
+    from tactile_nodes.sensing.flow.choice import make_flow
+
+    chains = {name: Chain(model) for name, model in models.items()}
+    found: dict[str, list[Score]] = {name: [] for name in models}
+    dis, dis_ms, first = make_flow('dis', {'preset': 'medium'}), [], True
+    with progress.bar(f'reading contacts, {condition.name}', len(chosen) * (FREE_FRAMES + HELD_FRAMES)) as bar:
+        for frame in frames(gel, chosen, condition, 1000):
+            if first:
+                dis.set_reference(frame.picture)
+                first = False
+            for name, chain in chains.items():
+                begun = time.process_time()
+                force = chain.read(frame.stamp_ns, frame.picture)
+                spent_ms = 1e3 * (time.process_time() - begun)
+                if frame.judged is not None:
+                    nominal = chain.nominal_n(float(force.total))
+                    found[name].append(score(frame.judged, force, chain.field(force), gel, spent_ms, nominal))
+            if frame.judged is not None:
+                begun = time.process_time()
+                dis.displacement(frame.picture)
+                dis_ms.append(1e3 * (time.process_time() - begun))
+            bar.advance()
+    return found, float(np.median(dis_ms))
+
+
+BENCHMARK = Benchmark(
+    name='contacts',
+    about=__doc__,
+    sources=(
+        'benchmarks/contacts/**',
+        'benchmarks/stability/chain.py',
+        'tactile_nodes/learning/**',
+        *SENSING,
+        *SIMULATED,
+    ),
+    page=page,
+    measure=measure,
+    draw=draw,
+    seed=SEED,
+    files=('contacts.json', 'contacts.md', 'speed_accuracy.png'),
+    arguments=(
+        argument(
+            '--each', type=int, default=PER_FAMILY, metavar='N', help=f'contacts of each family (default: {PER_FAMILY})'
+        ),
+        argument('--source', default='field', metavar='MODEL', help='the model to calibrate from'),
+        argument('--gel-seed', type=int, default=1, help='the markers of the gel (default: 1, of the profiles)'),
+        argument('--no-disturbances', action='store_true', help='undisturbed pictures alone'),
+    ),
+    example="""\
+examples:
+  tactile bench contacts -o docs/results
+  tactile bench contacts --each 2 --no-disturbances    # a few contacts, to see that it runs""",
+)

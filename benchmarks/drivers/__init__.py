@@ -1,0 +1,166 @@
+"""How late and how completely each hardware driver hands over what its device sends, at its highest rate.
+
+Every device is emulated in a process of its own, behind its own wire protocol, and knows when it made what; its driver
+runs in another process as a program uses it. Latency runs from the device's making or sending to the driver's handing
+over, in the reader's hands; of a CNC, from the question to the answer. What was lost, reordered or doubled is counted
+from the device's own numbers, not from what the driver says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from ctypes import c_int64
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.drivers import devices, readers
+from benchmarks.drivers.meter import Meter
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.report import columns, machine_and_commit, named_versions
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import SPAWN, Worker
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.errors import TactileError
+
+MARGIN_S = 60.0  # for starting, homing and ending
+
+Device = Callable[[Path, np.ndarray], AbstractContextManager[devices.Address]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One driver and the device that it is measured on; a device of None lives in the reader's process."""
+
+    title: str
+    device: Device | None
+    reader: readers.Reader
+
+
+CASES = {
+    'net_ft': Case('Net F/T, 7000 records/s', devices.net_ft, readers.net_ft),
+    'bota': Case('Bota, 1004 frames/s', devices.bota, readers.bota),
+    'text': Case('lines of text, 500/s', devices.text, readers.text),
+    'camera_60': Case('MJPEG 640x480, 60/s', devices.camera_60, readers.camera),
+    'camera_flood': Case('MJPEG 640x480, as fast as it goes', devices.camera_flood, readers.camera),
+    'grbl': Case('Grbl, 3 reports and a jog in turn', devices.grbl, readers.grbl),
+    'marlin': Case('Marlin, 3 reports and a jog in turn', devices.marlin, readers.marlin),
+    'sync': Case('sync input, 50 edges/s', None, readers.sync),
+}
+
+
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """All that were asked for, so many at once; what is measured is kept before the next begin."""
+    found: dict[str, Any] = {}
+    for first in range(0, len(run.cases), arguments.together):
+        found |= measure(run.cases[first : first + arguments.together], arguments.seconds)
+        run.keep({'drivers': found})
+    return {'drivers': found}
+
+
+def measure(names: Sequence[str], seconds: float) -> dict[str, Any]:
+    """The named drivers, all at once, for so many seconds."""
+    found: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as running:
+        trials = [running.enter_context(contextlib.closing(_Trial(name, seconds, Path(folder)))) for name in names]
+        for trial in trials:
+            found[trial.name] = {
+                'title': CASES[trial.name].title,
+                'beside': [name for name in names if name != trial.name],
+                **trial.result(seconds),
+                'load': [round(load, 2) for load in os.getloadavg()],
+            }
+    return found
+
+
+class _Trial:
+    """The two processes of one case, running."""
+
+    def __init__(self, name: str, seconds: float, folder: Path) -> None:
+        self.name = name
+        own = folder / name
+        own.mkdir()
+        stamps = SPAWN.RawArray(c_int64, 1 + devices.PICTURES)
+        self._device = Worker(_serve, name, own, stamps)
+        self._reader = Worker(_read, name, stamps, seconds)
+        self._reader.send(self._device.answer(MARGIN_S))
+
+    def result(self, seconds: float) -> dict[str, Any]:
+        """What the reader has measured, or why it could not."""
+        try:
+            found: dict[str, Any] = self._reader.answer(seconds + MARGIN_S)
+        except TactileError as error:
+            return {'failed': str(error)}
+        return found
+
+    def close(self) -> None:
+        """End both."""
+        self._reader.close()
+        self._device.close()
+
+
+def _serve(pipe: Connection, name: str, folder: Path, stamps: Any) -> None:
+    """The process of a device: it lives until its pipe is closed."""
+    device = CASES[name].device
+    if device is None:
+        pipe.send({})
+        return
+    with device(folder, np.frombuffer(stamps, np.int64)) as address:
+        pipe.send(address)
+        pipe.poll(None)
+
+
+def _read(pipe: Connection, name: str, stamps: Any, seconds: float) -> None:
+    """The process of a driver."""
+    address = {**pipe.recv(), 'seconds': seconds + MARGIN_S}
+    meter = Meter(SystemClock(), seconds)
+    try:
+        CASES[name].reader(address, np.frombuffer(stamps, np.int64), meter)
+        pipe.send(meter.result())
+    except TactileError as error:
+        pipe.send(error)
+
+
+def text(result: Mapping[str, Any]) -> str:
+    """The result as a person reads it."""
+    found, head = result['drivers'].values(), f'{machine_and_commit(result)}; {named_versions(result)}'
+    failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in found if 'failed' in entry]
+    measured = columns(
+        [entry for entry in found if 'failed' not in entry],
+        ('driver', '{title}'), ('received', '{received}'), ('/s', '{per_s:.0f}'), ('lost', '{lost}'),
+        ('reordered', '{reordered}'), ('doubled', '{doubled}'), ('latency p50', '{latency_ms[p50]:.2f}'),
+        ('p99', '{latency_ms[p99]:.2f}'), ('worst [ms]', '{latency_ms[worst]:.2f}'),
+        ('stamp off by p99', _stamp('p99')), ('worst [ms]', _stamp('worst')), ('one core', '{cpu_share:.0%}'),
+        ('memory [MB]', '{memory_mb[begin]:.1f} → {memory_mb[half]:.1f} → {memory_mb[end]:.1f}'),
+        ('load', '{load[1]:.1f}'), ('beside', lambda entry: ', '.join(entry['beside'])),
+    )  # fmt: skip
+    return '\n'.join([head, '', measured, *failed])
+
+
+def _stamp(of: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda entry: f'{entry["stamp_error_ms"][of]:.2f}' if entry['stamp_error_ms'] else '–'
+
+
+BENCHMARK = Benchmark(
+    name='drivers',
+    about=__doc__,
+    sources=('benchmarks/drivers/**', 'tactile_nodes/drivers/**', 'tactile_nodes/emulators/**'),
+    page=text,
+    measure=measured,
+    cases=tuple(CASES),
+    failed=lambda result: any('failed' in entry for entry in result['drivers'].values()),
+    files=('drivers.json', 'drivers_again.json', 'drivers.md'),
+    by_hand=True,
+    arguments=(
+        argument('--seconds', type=float, default=10.0, help='how long to measure each (default: 10)'),
+        argument('--together', type=int, default=1, metavar='N', help='measure so many at once (default: 1)'),
+    ),
+)

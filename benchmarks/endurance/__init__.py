@@ -1,0 +1,145 @@
+"""Does anything grow, queue up or end over hours of sensing?
+
+Two parts. `stepped`: hours at 60 frames a second through the nodes of live sensing on the bus inside one process,
+under a clock that is moved by hand, so that eight hours take half an hour of a processor. `live`: a whole ``tactile
+launch live`` in real time, with all its processes. Memory, open files, threads, queues and counters are looked at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+
+from benchmarks.endurance.live import live
+from benchmarks.endurance.stepped import stepped
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import columns, machine_and_commit, named
+from benchmarks.harness.running import Run
+
+PARTS = ('stepped', 'live')
+MOST_MB_PER_HOUR = 2.0
+"""A process that grows faster than this is called leaking; sensing for a week may then cost 336 MiB."""
+LEAST_MB = 1.0
+"""What a process may grow by in all before it is looked at for that."""
+
+
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """One part."""
+    cv2.setNumThreads(1)
+    if arguments.only == ['stepped']:
+        return stepped(arguments.hours, run.progress)
+    return live(arguments.seconds, arguments.every, run.progress)
+
+
+def complaints(name: str, part: Mapping[str, Any]) -> list[str]:
+    """What is wrong with a part, in words."""
+    processes = {'the nodes': part} if name == 'stepped' else part['processes']
+    found = [text for who, held in processes.items() for text in _leaks(who, held)]
+    if name == 'stepped':
+        if part['forces'] != part['images']:
+            found.append(f'{part["images"] - part["forces"]} of {part["images"]} images were not answered')
+        if part['drift_n'] > 0:
+            found.append(f'an answer to the same picture changed by {part["drift_n"]:.3g} N')
+        found += part['problems']
+    elif not part['frames']['received']:
+        found.append('no force came')
+    return found
+
+
+def page(parts: Mapping[str, Mapping[str, Any]]) -> str:
+    """The page with the tables of all parts there are."""
+    texts = ['# Endurance', str(__doc__).partition('\n')[2].strip()]
+    if 'stepped' in parts:
+        texts += _stepped_page(parts['stepped'])
+    if 'live' in parts:
+        texts += _live_page(parts['live'])
+    return '\n\n'.join(texts)
+
+
+def _stepped_page(part: Mapping[str, Any]) -> list[str]:
+    counts, status = part['subscriptions'], part['status']
+    return [
+        f'## {part["hours"]:g} hours of a stepped clock',
+        f'```console\n$ {part["command"]}\n```',
+        f'{part["images"]} images of {part["side_px"]}x{part["side_px"]} pixels, at rest but for a press of a second '
+        f'each minute, through flow features, force estimator and drift monitor: {part["forces"]} forces '
+        f'({", ".join(f"{count} {name}" for name, count in status.items())}). Dropped on the way: {counts["dropped"]}, '
+        f'malformed: {counts["malformed"]}; longest queue when looked at: {part["longest_queue"]}, work: '
+        f'{part["longest_work"]}. Objects of Python after a fifth of the time: {part["objects"]["first"]}, at the end: '
+        f'{part["objects"]["last"]}. By how much the answer to the same picture changed: {part["drift_n"]:.3g} N.',
+        _held({'all nodes, one process': part}),
+        _verdict('stepped', part),
+        f'{machine_and_commit(part)}.',
+    ]
+
+
+def _live_page(part: Mapping[str, Any]) -> list[str]:
+    frames = part['frames']
+    late_ms = frames['late_ms'] or [math.nan]
+    total = frames['received'] + frames['skipped']
+    return [
+        f'## {part["seconds"] / 60:g} minutes of real time',
+        f'```console\n$ {part["command"]}\n```',
+        f'{frames["received"]} forces ({", ".join(f"{count} {name}" for name, count in frames["status"].items())}); of '
+        f'{total} images {frames["skipped"]} ({frames["skipped"] / total:.2%}) have no force, the longest time between '
+        f'two that have one is {frames["longest_ms"]:.0f} ms. Image to force, 99th percentile of {part["every_s"]:g} '
+        f's: {min(late_ms):.0f} to {max(late_ms):.0f} ms. The machine had other work meanwhile: '
+        f'{part["load"]["low"]:.1f} to {part["load"]["high"]:.1f} processes wanted its processors.',
+        _held(part['processes']),
+        _verdict('live', part),
+        f'{machine_and_commit(part)}.',
+    ]
+
+
+def _verdict(name: str, part: Mapping[str, Any]) -> str:
+    if wrong := complaints(name, part):
+        return f'Wrong: {"; ".join(wrong)}.'
+    return (
+        f'Nothing leaks, by these limits: less than {MOST_MB_PER_HOUR:g} MiB an hour steadily (the median of ten parts '
+        'of the time), no file and no thread more at the end than after a fifth.'
+    )
+
+
+def _held(processes: Mapping[str, Mapping[str, Any]]) -> str:
+    return columns(
+        named(processes),
+        ('process', '{name}'), ('MiB first', '{memory_mb[first]:.1f}'), ('last', '{memory_mb[last]:.1f}'),
+        ('most', '{memory_mb[most]:.1f}'), ('MiB/h', '{mb_per_hour:+.2f}'), ('steadily', '{steady_mb_per_hour:+.2f}'),
+        ('files first', '{files[first]}'), ('last', '{files[last]}'), ('threads first', '{threads[first]}'),
+        ('last', '{threads[last]}'), ('core', '{cpu_share:.1%}'),
+    )  # fmt: skip
+
+
+def _leaks(who: str, held: Mapping[str, Any]) -> list[str]:
+    found = []
+    memory = held['memory_mb']
+    if held['steady_mb_per_hour'] > MOST_MB_PER_HOUR and memory['last'] - memory['first'] > LEAST_MB:
+        found.append(f'{who}: {held["steady_mb_per_hour"]:.1f} MiB more each hour')
+    more = (kind for kind in ('files', 'threads') if held[kind]['last'] > held[kind]['first'])
+    return [*found, *(f'{who}: {held[kind]["last"]} {kind} at the end, after {held[kind]["first"]}' for kind in more)]
+
+
+def failed(result: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Whether something leaked or did not answer."""
+    return any(complaints(name, part) for name, part in result.items())
+
+
+BENCHMARK = Benchmark(
+    name='endurance',
+    about=__doc__,
+    sources=('benchmarks/endurance/**', *LIVE),
+    page=page,
+    measure=measured,
+    cases=PARTS,
+    in_parts=True,
+    failed=failed,
+    arguments=(
+        argument('--hours', above=0, type=float, default=8.0, help='of the stepped clock (default: %(default)s)'),
+        argument('--seconds', above=0, type=float, default=3600.0, help='of real time (default: %(default)s)'),
+        argument('--every', above=0, type=float, default=10.0, help='seconds from look to look (default: %(default)s)'),
+    ),
+)

@@ -1,0 +1,175 @@
+"""Faults in mid-press, of the line, of the board, and of the force sensor."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.firmware.line import Line
+from tactile_nodes.emulators.force_torque.liars import Values, frozen, zeros
+
+THRESHOLD = 0x8001_0000
+LATE_S, FALTER = 1.5, 0.8
+NOISE_COUNTS = (5000.0, 100.0)
+BANNERS = {'grbl': b"Grbl 1.1h ['$' for help]\r\n", 'marlin': b'start\n'}
+ZERO = {'grbl': rb'[MW]Pos:[-\d.,]+', 'marlin': rb'\bX:\S+ Y:\S+ Z:\S+(?= E)'}
+AT_ZERO = {'grbl': b'MPos:0.000,0.000,0.000', 'marlin': b'X:0.00 Y:0.00 Z:0.00'}
+BANNER = re.compile(rb'(?i)^(grbl|grblhal) \d|^start\s*$')
+BOTH = ('grbl', 'marlin')
+Lying = Callable[[Values], Values]
+
+
+def _nothing(_: Line) -> None:
+    """The line and the board are well."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What goes wrong, once, 0.3 mm deep.
+
+    Attributes:
+        title: what it is, for a table.
+        begin: does it to line or board.
+        lie: what the sensor tells from then on, made of its last six true counts (Net F/T) or values (Bota).
+        every: what is left of its samples: one of so many, by the depth below that at which it began, in mm.
+        late_s: so old they become.
+        status: bits in each record.
+        sensor: which one it has to be.
+        harmless: whether the press is to go on to its end.
+        damages_a_line: to the firmware; where lines have a checksum it is said again, and the press goes on.
+        bounded: the press may go on, as nothing goes further than it was sent.
+        kinds: which firmware it concerns.
+    """
+
+    title: str
+    begin: Callable[[Line], None] = _nothing
+    lie: Lying | None = None
+    every: Callable[[float], int] = lambda _: 1
+    late_s: float = 0.0
+    status: int = 0
+    sensor: str = 'net_ft'
+    harmless: bool = False
+    damages_a_line: bool = False
+    bounded: bool = False
+    kinds: tuple[str, ...] = BOTH
+
+
+def digit(letter: bytes, change: Callable[[float], float]) -> Callable[[Line], None]:
+    """In the next line of motion the number behind a letter is another; the checksum, if there is one, is not."""
+
+    def begin(line: Line) -> None:
+        done: list[bytes] = []
+
+        def lie(way: str, data: bytes) -> bytes:
+            found = re.search(rb'(?<=' + letter + rb')-?\d+\.\d+', data) if way == '>' and b'G' in data else None
+            if found is None or done:
+                return data
+            done.append(found[0])
+            places = len(found[0].partition(b'.')[2])
+            new = f'{change(float(found[0])):.{places}f}'.encode('ascii')
+            return data[: found.start()] + new + data[found.end() :]
+
+        line.faults.lie = lie
+
+    return begin
+
+
+def _reports(old: bytes, new: Callable[[re.Match[bytes]], bytes], times: int) -> Callable[[Line], None]:
+    """In so many of the next reports."""
+
+    def begin(line: Line) -> None:
+        done: list[bytes] = []
+
+        def lie(way: str, data: bytes) -> bytes:
+            if way == '>' or len(done) >= times or re.search(old, data) is None:
+                return data
+            done.append(data)
+            return re.sub(old, new, data, count=1)
+
+        line.faults.lie = lie
+
+    return begin
+
+
+def _one_report(line: Line) -> None:
+    axes = rb'(?<=MPos:)-?\d' if line.kind == 'grbl' else rb'(?<=\bX:)\d(?=.* E:)'
+    _reports(axes, lambda found: found[0] + b'7', 1)(line)
+
+
+def _at_zero(line: Line) -> None:
+    _reports(ZERO[line.kind], lambda _: AT_ZERO[line.kind], 10**9)(line)
+
+
+def _restart(line: Line) -> None:
+    line.restart()
+
+
+def _restart_unheard(line: Line) -> None:
+    line.faults.lie = lambda way, data: b'' if way == '<' and BANNER.search(data) else data
+    line.restart()
+
+
+def _banner(line: Line) -> None:
+    line.say(BANNERS[line.kind])
+
+
+def _reset(line: Line) -> None:
+    line.wire.write(b'\x18')
+
+
+def _mute(line: Line) -> None:
+    line.faults.mute = True
+
+
+def _cut(line: Line) -> None:
+    line.cut = True
+
+
+def _halt(line: Line) -> None:
+    line.wire.halt()
+
+
+def no_number(last: Values) -> Values:
+    """The last axis is none; the others stay as they were, which alone would be found later."""
+    return (*last[:-1], math.nan)
+
+
+def noisy() -> Lying:
+    """The force of 0.3 mm for ever, with the noise of a sound sensor: nothing of it repeats, is late, or no number."""
+    noise = random.Random(1)  # noqa: S311  (noise, not secrets)
+    return lambda last: tuple(value + noise.gauss(0.0, NOISE_COUNTS[axis >= 3]) for axis, value in enumerate(last))
+
+
+def _halved(deeper_mm: float) -> int:
+    return 1 << max(0, min(8, math.ceil(deeper_mm / 0.1)))
+
+
+FAULTS = {
+    'none': Fault('nothing', harmless=True),
+    'deeper_1': Fault('Z of one jog 1 mm deeper (one digit)', digit(b'Z', lambda z: z - 1.0), damages_a_line=True),
+    'deeper_9': Fault('Z of one jog 9 mm deeper (one digit)', digit(b'Z', lambda z: z - 9.0), damages_a_line=True),
+    'sideways': Fault('X of one jog 1 mm aside (one digit)', digit(b'X', lambda x: x - 1.0), damages_a_line=True),
+    'faster': Fault(
+        'F60 of one jog becomes F960 (one digit more)', digit(b'F', lambda feed: feed + 900.0), bounded=True
+    ),
+    'report': Fault('one report damaged on its way', _one_report, harmless=True),
+    'restart': Fault('the board restarts (power lost for a moment)', _restart),
+    'unheard': Fault('the board restarts, its banner is lost', _restart_unheard),
+    'banner': Fault('a banner in mid-press, though it goes on', _banner),
+    'reset': Fault('somebody else resets it (0x18)', _reset, kinds=('grbl',)),
+    'zero': Fault('every report says 0, 0, 0', _at_zero),
+    'mute': Fault('nothing that it says arrives', _mute),
+    'cut': Fault('nothing arrives, either way', _cut),
+    'halt': Fault('its processor stands still', _halt),
+    'frozen': Fault('the force sensor repeats one value', lie=frozen),
+    'zeros': Fault('the force sensor tells zeros', lie=zeros),
+    'old_force': Fault('the force of 0.3 mm for ever, with noise', lie=noisy()),
+    'one_axis': Fault('Fz repeats, the other axes do not', lie=lambda last: last, sensor='net_ft z'),
+    'late': Fault('samples become 1.5 s old', late_s=LATE_S),
+    'slower': Fault('half as many samples from 0.1 mm to 0.1 mm', every=_halved),
+    'threshold': Fault('the box latches its own threshold', status=THRESHOLD),
+    'no_number': Fault('one axis of the force sensor is no number (Bota)', lie=no_number, sensor='bota'),
+}

@@ -1,0 +1,306 @@
+"""One press on a firmware, with a fault in it: as a rig does, on a gel and a sensor that follow the firmware's word."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from benchmarks.firmware.faults import FALTER, Fault
+from benchmarks.firmware.line import Heard, Line, Wire, open_wire
+from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
+from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.hands import Hands, TrippedError
+from tactile_nodes.collection.press.rising import rising
+from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.press.up import bring_up
+from tactile_nodes.collection.safety import MACHINE
+from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
+from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.wrench import Tare, tare_of
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
+from tactile_nodes.drivers.force_torque.net_ft_config import read_config
+from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, UdpProxy, Values
+from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
+from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
+from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
+from tactile_nodes.emulators.serial_ports import PtyPort
+from tactile_nodes.emulators.world import NOTHING, WorldSettings, Wrench
+from tactile_nodes.errors import TactileError
+
+COMMANDED_MM, BEGINS_MM, ABOVE_MM = 2.0, 0.3, 0.2
+PRESS_MM_MIN, TRAVEL_MM_MIN = 60.0, 1200.0
+SLOPE = 0.577  # of the loading line of the paper's gel, (N^2/3)/mm
+NOISE = (0.005, 0.0001)
+PORT = 'firmware'  # its name in the folder of a trial
+SETTLE_S, ASKED_S = 1.0, 3.0
+LIMITS = LimitSettings(force_silence_ms=300.0)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A firmware, and where it presses.
+
+    Attributes:
+        name: what to call it.
+        source: command, port or socket.
+        settings: of its driver; `source` is set here.
+        gel_mm: centre of the gel's surface in its coordinates.
+        box: host and ports of a Net F/T box that stands still; '': one is emulated.
+    """
+
+    name: str
+    source: str
+    settings: CncSettings
+    gel_mm: Place
+    box: str = ''
+
+    @property
+    def kind(self) -> str:
+        """What it speaks."""
+        return self.settings.kind
+
+
+@dataclass
+class Outcome:
+    """What a press came to.
+
+    Attributes:
+        said: what stopped it; '': nothing did.
+        kind: of the trip; 'driver': the driver raised it.
+        reached_mm: greatest depth, by the firmware's own word.
+        noticed_s: from the fault to what stopped it.
+        rest_s: from the fault to the last place that was heard to be another one.
+        up: what came of the way up.
+        up_mm: height above the gel in the end.
+    """
+
+    said: str = ''
+    kind: str = ''
+    reached_mm: float = 0.0
+    noticed_s: float | None = None
+    rest_s: float | None = None
+    up: str = ''
+    up_mm: float | None = None
+
+
+@dataclass
+class Bench:
+    """A firmware behind a line, a sensor that feels the gel where the firmware says that it is."""
+
+    machine: Machine
+    fault: Fault
+    clock: Clock
+    folder: Path
+    begun_ns: int = 0
+    descending: bool = False
+    begun_mm: float = 0.0
+    line: Line = field(init=False)
+    heard: Heard = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.heard = Heard(self.machine.gel_mm[2], self._look)
+
+    @contextlib.contextmanager
+    def plugged(self) -> Iterator[CncSettings]:
+        """The firmware at a port."""
+        settings = self.machine.settings
+        wire: Wire = open_wire(self.machine.source, settings.baud, self.clock)
+        try:
+            self.line = Line(wire, self.machine.kind, self.heard, self.clock)
+            with PtyPort(self.line, self.clock, self._path) as port:
+                yield replace(settings, source=str(port.path))
+        finally:
+            self.line.wire.close()
+
+    @property
+    def _path(self) -> Path:
+        return self.folder / PORT
+
+    def named(self, text: str) -> str:
+        """A sentence with the firmware's name instead of its port's."""
+        return text.replace(str(self._path), 'it')
+
+    def begun(self) -> bool:
+        """Whether the fault is there."""
+        return self.begun_ns > 0
+
+    def wrench_at(self, time_ns: int) -> Wrench:
+        """What the gel gives, as `WrenchSource.wrench_at`: 0.44 N at 1 mm."""
+        force = Loading(0.0, SLOPE, HERTZ).force_n(self.heard.depth_at(time_ns))
+        return (0.0, 0.0, force, 0.0, 0.0, 0.0) if force else NOTHING
+
+    def _look(self, now_ns: int) -> None:
+        if self.descending and not self.begun_ns and self.heard.depth_mm >= BEGINS_MM:
+            self.begun_ns, self.begun_mm = now_ns, self.heard.depth_mm
+            self.fault.begin(self.line)
+
+
+def press(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> Outcome:
+    """Home, go above the gel and down; at 0.3 mm the fault; and up again.
+
+    Raises:
+        TactileError, TrippedError: it did not come as far as the press.
+    """
+    bench = Bench(machine, fault, clock, folder)
+    with bench.plugged() as cnc, _sensor(bench) as sensor:
+        station = _station(cnc, sensor, clock)
+        try:
+            outcome, tare = _pressed(bench, station)
+            _away(bench, station, tare, outcome)
+        finally:
+            station.close()
+        _asked(bench, outcome)
+    return replace(outcome, said=bench.named(outcome.said), up=bench.named(outcome.up))
+
+
+def approach(cnc: Cnc, machine: Machine) -> None:
+    """Home, then up, aside, and down to just above the gel. Raises as `Cnc`."""
+    x, y, z = machine.gel_mm
+    cnc.home()
+    for way in ({'z': machine.settings.safe_z_mm}, {'x': x, 'y': y}, {'z': z + ABOVE_MM}):
+        cnc.move(**way, feed=TRAVEL_MM_MIN)
+        cnc.wait_idle()
+
+
+def _station(cnc: CncSettings, sensor: ForceTorqueSettings, clock: Clock) -> Station:
+    def nobody(_: object) -> None:
+        """Is told."""
+
+    settings = CollectionSettings(limits=LIMITS)
+    return Station(settings, cnc, sensor, WorldSettings(), clock, nobody, nobody, nobody)
+
+
+def _pressed(bench: Bench, station: Station) -> tuple[Outcome, Tare]:
+    hands, outcome = station.hands, Outcome()
+    approach(station.cnc, bench.machine)
+    hands.safety.watch(bench.clock.now_ns(), camera=False)
+    tare = hands.run(_tared())
+    bench.heard.begin()
+    bench.descending = True
+    try:
+        hands.run(_down(bench, tare))
+    except TrippedError as tripped:
+        outcome.said, outcome.kind = tripped.trip.reason, tripped.trip.kind
+        outcome.noticed_s = _since(bench, tripped.trip.stamp_ns)
+        station.guard.stopped.wait(10.0)
+    except TactileError as error:
+        outcome.said, outcome.kind = str(error), 'driver'
+        outcome.noticed_s = _since(bench, bench.clock.now_ns())
+    bench.clock.sleep_until(bench.clock.now_ns() + round(SETTLE_S * NS_PER_S))
+    outcome.rest_s = _since(bench, bench.heard.moved_ns)
+    return outcome, tare
+
+
+def _away(bench: Bench, station: Station, tare: Tare, outcome: Outcome) -> None:
+    bench.descending = False
+    doubted = outcome.kind in {MACHINE, 'driver'}
+    try:
+        bring_up(_reset(station.hands, bench.clock), tare, CollectionSettings(), doubted)
+        outcome.up = 'up'
+    except (TactileError, TrippedError) as error:
+        outcome.up = str(error)
+
+
+def _reset(hands: Hands, clock: Clock) -> Hands:
+    """Somebody has dealt with the reason; what is still wrong is found again."""
+    hands.safety.watching = False
+    hands.safety.reset(clock.now_ns())
+    return hands
+
+
+def _asked(bench: Bench, outcome: Outcome) -> None:
+    """Ask the firmware itself, past all faults, where it is in the end."""
+    bench.line.cut = True
+    bench.clock.sleep_until(bench.clock.now_ns() + round(ASKED_S * NS_PER_S))
+    outcome.reached_mm = round(bench.heard.deepest_mm, 3)
+    outcome.up_mm = round(-bench.heard.depth_mm, 3)
+
+
+def _since(bench: Bench, time_ns: int) -> float | None:
+    return round((time_ns - bench.begun_ns) / NS_PER_S, 2) if bench.begun_ns and time_ns > bench.begun_ns else None
+
+
+def _tared() -> Procedure[Tare]:
+    tare = tare_of((yield Look(0.3)).samples)
+    yield SetTare(tare)
+    return tare
+
+
+def _down(bench: Bench, tare: Tare) -> Procedure[None]:
+    surface_mm = bench.machine.gel_mm[2]
+    gel = Surface(surface_mm, softest=Loading(surface_mm, SLOPE, HERTZ))
+    expect = rising(gel, tare, CollectionSettings(), 0.0, 0.0)
+    yield Go(z=surface_mm - COMMANDED_MM, feed_mm_min=PRESS_MM_MIN, expect=expect)
+
+
+# The sensor.
+
+
+@contextlib.contextmanager
+def _sensor(bench: Bench) -> Iterator[ForceTorqueSettings]:
+    with _bota(bench) if bench.fault.sensor == 'bota' else _net_ft(bench) as settings:
+        yield settings
+
+
+@contextlib.contextmanager
+def _bota(bench: Bench) -> Iterator[ForceTorqueSettings]:
+    lie = Lie(bench.begun, bench.fault.lie or (lambda last: last))
+    with PtySensor(BotaLiar(BotaSensor(bench), lie), bench.clock, bench.folder / 'bota') as device:
+        yield ForceTorqueSettings(f'bota:{device.path}', rate_hz=200.0)
+
+
+class _Idle:
+    """A sensor that stands on the bench."""
+
+    def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
+        return NOTHING
+
+
+@contextlib.contextmanager
+def _net_ft(bench: Bench) -> Iterator[ForceTorqueSettings]:
+    """A box, real or emulated, to whose records the gel's force is added on their way, and then the lie."""
+    if bench.machine.box:
+        host, rdt, http = bench.machine.box.split(':')
+        with _proxied(bench, host, int(rdt), int(http)) as settings:
+            yield settings
+        return
+    box = NetFtBox(_Idle(), NetFtConfig(divider=14), noise=NOISE)
+    with NetFtServer(box, bench.clock) as server, _proxied(bench, '127.0.0.1', server.rdt_port, server.http_port) as it:
+        yield it
+
+
+@contextlib.contextmanager
+def _proxied(bench: Bench, host: str, rdt: int, http: int) -> Iterator[ForceTorqueSettings]:
+    units = read_config(host, http).units_per_count
+    with UdpProxy(
+        rdt,
+        Changed(_told(bench, units)),
+        status=lambda: bench.fault.status if bench.begun() else 0,
+        delay_s=lambda: _delay_s(bench),
+        every=lambda: bench.fault.every(bench.heard.depth_mm - bench.begun_mm) if bench.begun() else 1,
+        now_s=monotonic_s,
+    ) as proxy:
+        yield ForceTorqueSettings(f'netft://{host}', net_ft=NetFtSettings(rdt_port=proxy.port, http_port=http))
+
+
+def _told(bench: Bench, units: tuple[float, ...]) -> Callable[[Values], Values]:
+    lie = Lie(bench.begun, bench.fault.lie) if bench.fault.lie else None
+
+    def of(counts: Values) -> Values:
+        wrench = bench.wrench_at(bench.clock.now_ns())
+        true = tuple(count + value / unit for count, value, unit in zip(counts, wrench, units, strict=True))
+        told = lie.of(true) if lie else true
+        return (*true[:2], told[2], *true[3:]) if bench.fault.sensor == 'net_ft z' else told
+
+    return of
+
+
+def _delay_s(bench: Bench) -> float:
+    """Grows slowly enough that no sample is missed for long: they only become older."""
+    since_s = (bench.clock.now_ns() - bench.begun_ns) / NS_PER_S if bench.begun() else 0.0
+    return min(bench.fault.late_s, FALTER * since_s)

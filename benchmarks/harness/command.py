@@ -1,0 +1,90 @@
+"""The command line of a benchmark: its parser, and the command that a page shows."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness.declaration import Benchmark
+from tactile_nodes.errors import ConfigurationError
+
+NOT_TOLD = 'help', 'redraw'
+
+
+def parser_of(benchmark: Benchmark) -> argparse.ArgumentParser:
+    """A parser of its own; `fill` gives the same arguments to a subcommand."""
+    parser = argparse.ArgumentParser(prog=f'tactile bench {benchmark.name}')
+    fill(parser, benchmark)
+    return parser
+
+
+def fill(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
+    """Add a benchmark's own arguments, then those that many have."""
+    for each in benchmark.arguments:
+        parser.add_argument(*each.names, **each.options)
+    if benchmark.cases:
+        parser.add_argument(
+            '--only', nargs='+', action='extend', choices=benchmark.cases, metavar='NAME',
+            help=f'of {", ".join(benchmark.cases)} (default: all)',
+        )  # fmt: skip
+    if benchmark.seed is not None:
+        parser.add_argument('--seed', type=int, default=benchmark.seed, help='of all chance (default: %(default)s)')
+    if benchmark.quick:
+        parser.add_argument(
+            '--quick', action='store_true', help='little of it, to see that it runs; too little to quote'
+        )
+    _add_files(parser, benchmark)
+    parser.epilog = benchmark.example or f'example: tactile bench {benchmark.name}'
+
+
+def _add_files(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
+    if not benchmark.keeps:
+        return
+    ends = ['.json', *([] if benchmark.by_hand else ['.md']), *(['.png'] if benchmark.draw else [])]
+    default = f' (default: {benchmark.output})' if benchmark.output else ''
+    parser.add_argument(
+        '-o', '--output', type=Path, default=benchmark.output, metavar='FOLDER',
+        help=f'write {benchmark.name}{", ".join(ends)} there, or name the JSON file{default}',
+    )  # fmt: skip
+    if not (benchmark.by_hand or benchmark.more_than_json):
+        parser.add_argument(
+            '--redraw', type=Path, metavar='FILE.json', help='measure nothing: write page and charts of a kept result'
+        )
+
+
+def check(benchmark: Benchmark, given: argparse.Namespace) -> None:
+    """Refuse numbers that nothing can be measured with.
+
+    Raises:
+        ConfigurationError: there is one.
+    """
+    for each in benchmark.arguments:
+        name = each.names[-1]
+        value = getattr(given, name.lstrip('-').replace('-', '_'))
+        for number in value if isinstance(value, list) else [value]:
+            if each.least is not None and number is not None and not number >= each.least:
+                raise ConfigurationError(f'{name} must be at least {each.least:g}, got {number:g}')
+            if each.above is not None and number is not None and not number > each.above:
+                raise ConfigurationError(f'{name} must be above {each.above:g}, got {number:g}')
+
+
+def command_of(parser: argparse.ArgumentParser, arguments: argparse.Namespace, words: str) -> str:
+    """The command with all that is not as by default; of files outside this folder it has the name alone."""
+    told = [words]
+    for action in parser._actions:
+        value = getattr(arguments, action.dest, action.default)
+        if action.dest in NOT_TOLD or value == action.default or value in (None, []):
+            continue
+        if action.option_strings:
+            told.append(max(action.option_strings, key=len) if action.dest != 'output' else '-o')
+        if action.nargs != 0:
+            told += [shlex.quote(_word(each)) for each in (value if isinstance(value, (list, tuple)) else [value])]
+    return ' '.join(told)
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, float):
+        return f'{value:g}'
+    return value.name if isinstance(value, Path) and value.is_absolute() else str(value)

@@ -1,0 +1,45 @@
+"""What git knows of the source: which commit it is, and what has changed since another one."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def git(root: Path, *words: str) -> str | None:
+    """What git says; None where there is no git, no repository, or no such thing."""
+    try:
+        told = subprocess.run(['git', '-C', str(root), *words], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return told.stdout.strip()
+
+
+def describe(root: Path) -> str | None:
+    """'79b3fa3e3c5d', or '79b3fa3e3c5d-dirty' with changes that are in no commit."""
+    return git(root, 'describe', '--always', '--dirty', '--abbrev=12', '--exclude', '*')
+
+
+def state(root: Path) -> str | None:
+    """The commit and all that was changed since, as one text."""
+    changes, commit = git(root, 'diff', 'HEAD'), describe(root)
+    return None if changes is None else f'{commit} {hashlib.sha256(changes.encode()).hexdigest()}'
+
+
+def limits(root: Path) -> str:
+    """What of the history is missing, in a sentence; '' where all is there."""
+    if git(root, 'rev-parse', 'HEAD') is None:
+        return f'no history: {root} is no git repository, or git is not installed, so nothing is said of changes'
+    if git(root, 'rev-parse', '--is-shallow-repository') == 'true':
+        return 'this clone is shallow, so older commits are unknown; get them with: git fetch --unshallow'
+    return ''
+
+
+def commits_since(root: Path, commit: str, sources: Sequence[str]) -> int | None:
+    """How many commits have changed some paths; None where the commit is not in the history."""
+    if git(root, 'cat-file', '-e', f'{commit}^{{commit}}') is None:
+        return None
+    told = git(root, 'rev-list', '--count', f'{commit}..HEAD', '--', *(f':(glob){source}' for source in sources))
+    return None if told is None else int(told)

@@ -1,0 +1,165 @@
+"""A benchmark run: from the words of its command line to numbers, page and charts in a folder."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness.command import check, command_of, parser_of
+from benchmarks.harness.declaration import Benchmark, Result
+from benchmarks.harness.parts import Parts
+from benchmarks.harness.report import surroundings
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress, TerminalProgress
+
+NOTES = '## Notes'
+
+
+class Run:
+    """What measuring asks of the harness.
+
+    Attributes:
+        command: as a page shows it.
+        cases: those chosen by ``--only``.
+        progress: bars and lines for the person who waits.
+        folder: where the result goes; None: it is printed only.
+    """
+
+    def __init__(self, benchmark: Benchmark, arguments: argparse.Namespace, progress: Progress | None = None) -> None:
+        self.benchmark, self.progress = benchmark, progress or TerminalProgress()
+        self.command = command_of(parser_of(benchmark), arguments, f'tactile bench {benchmark.name}')
+        chosen = benchmark.cases and getattr(arguments, 'only', None)
+        self.cases: tuple[str, ...] = tuple(chosen or benchmark.cases)
+        self.folder, self.name = _place(benchmark, arguments)
+        self.about = {} if benchmark.in_parts else surroundings(self.command)
+        told = {key: value for key, value in vars(arguments).items() if key != 'output'}
+        self._parts = Parts.of(benchmark.name, told)
+
+    def part(self, name: str, make: Callable[[], Any]) -> Any:
+        """A part of a long run, as JSON holds it: measured now, or before the run was killed."""
+        before = self._parts.found
+        found = self._parts.get(name, make)
+        if self._parts.found > before:
+            self.progress.say(f'{name}: as it was measured before the run was ended')
+        return found
+
+    def earlier(self) -> Result:
+        """The result that stands where this one goes.
+
+        Raises:
+            ConfigurationError: it cannot be read.
+        """
+        return {} if self.folder is None else read(self.folder / f'{self.name}.json', missing={})
+
+    def keep(self, measured: Mapping[str, Any]) -> Result:
+        """The whole result; written, if it goes anywhere. What is measured in steps keeps each."""
+        result = {**self.about, **measured}
+        if self.folder is not None:
+            write(self.benchmark, result, self.folder, self.name)
+        return result
+
+    def end(self) -> None:
+        """All is measured and kept."""
+        self._parts.forget()
+
+
+def run(benchmark: Benchmark, arguments: argparse.Namespace) -> int:
+    """Measure, print, and keep, or draw again what was kept; 1 if the benchmark says that something is wrong."""
+    if getattr(arguments, 'redraw', None):
+        result = redraw(benchmark, arguments.redraw)
+    else:
+        check(benchmark, arguments)
+        running = Run(benchmark, arguments)
+        result = _measured(benchmark, arguments, running)
+        running.end()
+    print(benchmark.page(result))
+    return int(benchmark.failed(result))
+
+
+def _measured(benchmark: Benchmark, arguments: argparse.Namespace, running: Run) -> Result:
+    if not benchmark.in_parts:
+        return running.keep(benchmark.measure(arguments, running))
+    result = running.earlier()
+    for case in running.cases:
+        chosen = argparse.Namespace(**{**vars(arguments), 'only': [case]})
+        about = surroundings(command_of(parser_of(benchmark), chosen, f'tactile bench {benchmark.name}'))
+        result[case] = {**about, **benchmark.measure(chosen, running)}
+        running.keep(result)
+    return result
+
+
+def redraw(benchmark: Benchmark, file: Path) -> Result:
+    """Write page and charts of a kept result beside it; nothing is measured.
+
+    Raises:
+        ConfigurationError: there is none, or it is none of this benchmark.
+    """
+    result = read(file)
+    try:
+        write(benchmark, result, file.parent, file.stem)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigurationError(
+            f'{file} is no result of {benchmark.name}, or one of an older form ({error})'
+        ) from error
+    return result
+
+
+def read(file: Path, missing: Result | None = None) -> Result:
+    """A kept result; `missing` where there is none.
+
+    Raises:
+        ConfigurationError: it cannot be read, or is no result.
+    """
+    try:
+        found = json.loads(file.read_text(encoding='utf-8'))
+    except FileNotFoundError as error:
+        if missing is not None:
+            return missing
+        raise ConfigurationError(f'there is no result {file}; measure it first, with -o {file.parent}') from error
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f'cannot read the result {file} ({error}); take it away') from error
+    if not isinstance(found, dict):
+        raise ConfigurationError(f'{file} is no result of a benchmark')
+    return found
+
+
+def write(benchmark: Benchmark, result: Result, folder: Path, name: str) -> None:
+    """NAME.json, the page NAME.md unless a person writes it, and charts, into a folder that is made if need be.
+
+    Notes that a person has added to the end of the page stay.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+    """
+    plain = {key: value for key, value in result.items() if not key.startswith('_')}
+    files = {f'{name}.json': json.dumps(plain, indent=1)}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not benchmark.by_hand:
+            page = folder / f'{name}.md'
+            _, notes = parted(page.read_text(encoding='utf-8')) if page.is_file() else ('', '')
+            files[page.name] = '\n\n'.join(filter(None, [benchmark.page(result), notes]))
+        for file, text in files.items():
+            (folder / file).write_text(f'{text}\n', encoding='utf-8')
+    except OSError as error:
+        raise ConfigurationError(f'cannot write to {folder} ({error.strerror}); choose another with -o') from error
+    if benchmark.draw:
+        benchmark.draw(result, folder, name)
+
+
+def parted(page: str) -> tuple[str, str]:
+    """What a benchmark has written of a page, and the notes that a person has added to its end."""
+    written, mark, notes = page.partition(NOTES)
+    return written.rstrip(), (mark + notes).rstrip()
+
+
+def _place(benchmark: Benchmark, arguments: argparse.Namespace) -> tuple[Path | None, str]:
+    """The folder and the name of a result: ``-o`` names a folder, or the JSON file itself."""
+    output = getattr(arguments, 'output', None)
+    name = benchmark.name_of(arguments) if benchmark.name_of else benchmark.name
+    if output is not None and output.suffix == '.json':
+        return output.parent, output.stem
+    return output, name

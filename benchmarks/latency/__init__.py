@@ -1,0 +1,186 @@
+"""Live sensing as a subscriber in another process sees it, and the highest rate that is answered without a drop.
+
+From capture stamp to force, minutes long, at 60 frames a second; then frames from memory, on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import psutil
+
+from benchmarks.gaps import Gaps
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import columns, opening, shown
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import processor_s
+from benchmarks.latency.pictures import recorded_camera
+from benchmarks.latency.rates import highest
+from benchmarks.page.launch import Sensing, sensing
+from tactile_nodes.clock import monotonic_s
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.progress import Progress
+
+STAGES = ('acquire', 'flow', 'features', 'predict', 'transport')
+SETTLES_S = 3.0
+"""The first frames wait for everything that a process does once."""
+ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
+    'motion and force in one process': (),
+    'a process each': ('separate:=true',),
+}
+ABOUT = """\
+Two parts, of simulated frames. First `tactile launch live` as people start it, its page included, for {minutes:g}
+minutes each way; the times are between the stamp of an image's capture and the arrival of its force in this, another
+process. *skipped* images were overtaken by newer ones and never answered, *lost* forces were published and did not
+arrive. The camera reads its pictures from files in turn, four presses and rests; rendering them would cost more than
+sensing. Second the highest of {tried_hz} frames a second at which every image is answered for {seconds:g} s: images
+lie in memory, their publisher, flow features, force estimator and a subscriber share one process and one core; a
+rate is held if one of three tries loses nothing. *in contact*: a press in every frame, so that each is measured;
+*mixed*: nothing touches in half of them. *CPU a frame* is that of the publisher, both nodes and the subscriber; what is
+left of a frame's time is what a pause may take. Processor time of the nodes is of all cores; other work on the machine
+makes everything slower."""
+
+
+@dataclass
+class Stream(Gaps):
+    """Forces that came: from capture to arrival (ms), by stage, and what did not come."""
+
+    late_ms: list[float] = field(default_factory=list)
+    stages_ms: list[tuple[float, ...]] = field(default_factory=list)
+
+
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """All numbers of the page.
+
+    Raises:
+        ConfigurationError: sensing does not come up.
+    """
+    extra = ('compiled:=true',) if arguments.compiled else ()
+    with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
+        camera = recorded_camera(Path(folder)) if arguments.minutes else ()
+        runs = [
+            {'model': model, 'arrangement': name, **run.part(f'{model}, {name}', partial(
+                _live, 60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), run.progress
+            ))}
+            for model in arguments.models for name, words in ARRANGEMENTS.items() if camera
+        ]  # fmt: skip
+    rates = [
+        {'model': model, 'compiled': compiled, 'frames': kind, **held}
+        for model in arguments.models
+        for compiled in ((False, True) if arguments.compiled else (False,))
+        for kind, held in run.part(
+            f'rates {model} {compiled}', partial(_rates, model, compiled, arguments, run)
+        ).items()
+    ]
+    return {'minutes': arguments.minutes, 'seconds': arguments.seconds, 'tried': sorted(arguments.rates),
+            'live': runs, 'rates': rates}  # fmt: skip
+
+
+def _rates(model: str, compiled: bool, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
+    found = highest(model, compiled, sorted(arguments.rates), arguments.seconds, run.progress)
+    return {
+        kind: {'held': held.rate_hz, 'p99_ms': held.p99_ms, 'cpu_ms': held.cpu_ms, 'next': held.next_hz}
+        for kind, held in found.items()
+    }
+
+
+def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
+    with sensing(*words) as running, progress.bar(' '.join(words[:-2]), round(seconds)) as bar:
+        running.watch_for(SETTLES_S)
+        processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
+        before = {name: processor_s(each) for name, each in processes.items()}
+        begun_s, stream = monotonic_s(), Stream()
+        for second in range(1, round(seconds) + 1):
+            _listen(running, max(0.0, begun_s + second - monotonic_s()), stream)
+            bar.advance(1, f'{len(stream.late_ms)} forces, {stream.skipped} images without one')
+        took_s = monotonic_s() - begun_s
+        cpu = {name: (processor_s(each) - before[name]) / took_s for name, each in processes.items()}
+    return _told(stream, cpu)
+
+
+def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
+    for received in running.forces(seconds, fresh=not stream.begun):
+        stream.late_ms.append((received.received_ns - stream.take(received)) / 1e6)
+        stream.stages_ms.append(tuple(1e3 * getattr(received.message.stages, stage) for stage in STAGES))
+
+
+def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
+    late = np.array(stream.late_ms or [math.nan])
+    stages = np.nanmedian(np.array(stream.stages_ms or [(math.nan,) * len(STAGES)]), axis=0)
+    return {
+        'forces': len(stream.late_ms), 'skipped': stream.skipped, 'lost': stream.lost,
+        'p50_ms': float(np.percentile(late, 50)), 'p99_ms': float(np.percentile(late, 99)),
+        'worst_ms': float(late.max()), 'longest_ms': stream.longest_ms,
+        'stages_p50_ms': dict(zip(STAGES, stages.tolist(), strict=True)), 'cpu_share': dict(cpu),
+    }  # fmt: skip
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page in Markdown."""
+    about = ABOUT.format(**result, tried_hz=', '.join(map(str, result['tried'])))
+    parts = opening('From capture to force, live', result, about)
+    if result['live']:
+        parts += ['## Sixty frames a second', _live_table(result['live']), _stage_table(result['live'])]
+    return '\n\n'.join([*parts, '## The highest rate', _rate_table(result['rates'])])
+
+
+def _live_table(runs: Sequence[Mapping[str, Any]]) -> str:
+    return columns(
+        runs,
+        ('model', '{model}'), ('processes', '{arrangement}'), ('forces', '{forces}'), ('skipped', '{skipped}'),
+        ('lost', '{lost}'), ('p50 [ms]', '{p50_ms:.2f}'), ('p99 [ms]', '{p99_ms:.2f}'),
+        ('worst [ms]', '{worst_ms:.2f}'), ('longest gap [ms]', '{longest_ms:.2f}'),
+    )  # fmt: skip
+
+
+def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
+    names = sorted({name for each in runs for name in each['cpu_share']})
+    return columns(
+        [{**each, 'cpu': {name: shown(each['cpu_share'].get(name), '{:.0%}') for name in names}} for each in runs],
+        ('model', '{model}'), ('processes', '{arrangement}'),
+        *((f'{stage} p50 [ms]', f'{{stages_p50_ms[{stage}]:.2f}}') for stage in STAGES),
+        *((f'CPU of {name}', f'{{cpu[{name}]}}') for name in names),
+    )  # fmt: skip
+
+
+def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:
+    return columns(
+        [{**each, 'loops': 'compiled' if each['compiled'] else 'numpy', 'next': each['next'] or '–'} for each in rates],
+        ('model', '{model}'), ('loops', '{loops}'), ('frames', '{frames}'), ('held [Hz]', '{held}'),
+        ('p99 [ms]', '{p99_ms:.2f}'), ('CPU a frame [ms]', '{cpu_ms:.2f}'), ('no longer at [Hz]', '{next}'),
+    )  # fmt: skip
+
+
+BENCHMARK = Benchmark(
+    name='latency',
+    about=__doc__,
+    sources=('benchmarks/latency/**', 'benchmarks/page/launch.py', 'benchmarks/gaps.py', *LIVE),
+    page=page,
+    measure=measured,
+    arguments=(
+        argument('--minutes', least=0, type=float, default=10.0, metavar='N', help='how long each way (default: 10)'),
+        argument('--models', nargs='+', default=['fast'], metavar='NAME', help='models (default: fast)'),
+        argument('--compiled', action='store_true', help='with compiled loops, and rates with and without'),
+        argument(
+            '--seconds', above=0, type=float, default=5.0, metavar='N', help='how long a rate is held (default: 5)'
+        ),
+        argument(
+            '--rates',
+            above=0,
+            nargs='+',
+            type=int,
+            default=[100, 200, 300, 400, 500, 600, 800, 1000],
+            metavar='HZ',
+            help='to try',
+        ),
+    ),
+)

@@ -1,0 +1,81 @@
+"""A real ``tactile launch live`` with its page, on a bus of its own, and somebody who listens to its forces."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.faults.launch import Launch
+from benchmarks.harness.workers import own_bus
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.clock import NS_PER_S, Clock, SystemClock, monotonic_s
+from tactile_nodes.errors import ConfigurationError
+
+PATIENCE_S, STOP_WITHIN_S = 60.0, 15.0
+LOOK_NS = NS_PER_S // 10
+_SERVED = re.compile(r'the live view is at (http://\S+)')
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """A running sensor: its processes by name, the address of its page, and its forces."""
+
+    url: str
+    pids: dict[str, int]
+    _forces: Subscription
+
+    def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
+        """Those that come in the next `seconds`; with `fresh` without those that wait already."""
+        end_s = monotonic_s() + seconds
+        while fresh and self._forces.take() is not None:
+            pass
+        while (left_s := end_s - monotonic_s()) > 0:
+            if (received := self._forces.get(left_s)) is not None:
+                yield received
+
+    def watch_for(self, seconds: float) -> None:
+        """Let time pass.
+
+        Raises:
+            ConfigurationError: not one force came.
+        """
+        if not sum(1 for _ in self.forces(seconds)):
+            raise ConfigurationError('the launch senses nothing; see what it says: tactile launch live')
+
+
+@contextmanager
+def sensing(*words: str) -> Iterator[Sensing]:
+    """Start it, with launch arguments (`model:=accurate`), and end it with all its processes.
+
+    Raises:
+        ConfigurationError: it did not come up.
+    """
+    with tempfile.TemporaryDirectory(prefix='tp') as folder, own_bus(Path(folder)):
+        clock, chosen = SystemClock(), ('page_port:=0', *words, '--noninteractive')
+        launch, bus = Launch(chosen, Path(folder) / 'said.txt', clock, 'live'), ZmqBus()
+        try:
+            topic = topics.FORCE_DISTRIBUTION
+            forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
+            if forces.get(PATIENCE_S) is None:
+                raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.said}')
+            yield Sensing(_served(launch, clock), launch.pids, forces)
+        finally:
+            bus.close()
+            launch.interrupt(STOP_WITHIN_S)
+
+
+def _served(launch: Launch, clock: Clock) -> str:
+    """The address of the page, which may come up later than the first force."""
+    end_s = monotonic_s() + PATIENCE_S
+    while (found := _SERVED.search(launch.said)) is None and monotonic_s() < end_s:
+        clock.sleep_until(clock.now_ns() + LOOK_NS)
+    if found is None:
+        raise ConfigurationError(f'the launch serves no page; it says: {launch.said}')
+    return found[1]

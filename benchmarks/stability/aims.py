@@ -1,0 +1,173 @@
+"""What the failure bench is judged by: when does a stream hold, and when does it at least say that it does not?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+WITHIN, TWICE, FALSE_N, SAID_WITHIN, LEFT_WITHIN = 1.5, 2.0, 0.020, 3, 10
+HELD_SHARE = 0.9
+"""A stream that shall hold gives a force that may be used in so many of the frames held at least."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One profile's score under one level of a disturbance, and that of the undisturbed stream."""
+
+    profile: str
+    family: str
+    name: str
+    unit: str
+    level: float
+    shall_hold: bool
+    score: Mapping[str, Any]
+    undisturbed: Mapping[str, Any]
+
+    @property
+    def what(self) -> str:
+        """'camera shifted, 0.3 px'."""
+        return ', '.join(
+            each for each in (self.name, f'{self.level:g} {self.unit}'.strip() if self.unit else '') if each
+        )
+
+    @property
+    def ratio(self) -> float | None:
+        """The error over the undisturbed one."""
+        return _ratio(self.score['rmse_n'], self.undisturbed['rmse_n'])
+
+    @property
+    def ratio_ok(self) -> float | None:
+        """That of the frames that say ok."""
+        return _ratio(self.score['rmse_ok_n'], self.undisturbed['rmse_n'])
+
+    @property
+    def sigma_ratio(self) -> float | None:
+        return _ratio(self.score['sigma_n'], self.undisturbed['sigma_n'])
+
+    @property
+    def holds(self) -> bool:
+        """Whether errors stay within 1.5 times the undisturbed ones, in nearly all frames."""
+        ratio = self.ratio
+        return ratio is not None and ratio <= WITHIN and self.score['held_invalid'] <= 1 - HELD_SHARE
+
+    @property
+    def silently_wrong(self) -> bool:
+        """Whether errors are more than twice the undisturbed ones while the status says ok."""
+        return self.ratio_ok is not None and self.ratio_ok > TWICE
+
+    @property
+    def falsely_touched(self) -> bool:
+        """Whether a contact above 20 mN was told with status ok while nothing touched."""
+        told: float = self.score['false_ok_n']
+        return told > FALSE_N
+
+
+def _ratio(value: float | None, of: float | None) -> float | None:
+    return value / of if value is not None and of else None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """At how many of the points judged an aim is held, and what is worst."""
+
+    held: int
+    judged: int
+    worst: str = ''
+
+
+def points_of(result: Mapping[str, Any]) -> list[Point]:
+    """Every score of a result."""
+    return [
+        Point(
+            profile, case['family'], case['name'], case['unit'], point['level'], point['level'] in case['held_at'],
+            score, result['undisturbed'][profile],
+        )
+        for case in result['cases']
+        for point in case['points']
+        for profile, score in point['scores'].items()
+    ]  # fmt: skip
+
+
+Judge = Callable[[Sequence[Point]], Verdict | None]
+
+
+def _holding(*names: str) -> Judge:
+    def judge(points: Sequence[Point]) -> Verdict | None:
+        asked = [each for each in points if each.shall_hold and each.name in names]
+        return _judged(asked, lambda each: each.holds, lambda each: each.ratio or 0.0, 'x')
+
+    return judge
+
+
+def _silent(points: Sequence[Point]) -> Verdict | None:
+    asked = [each for each in points if each.ratio_ok is not None]
+    return _judged(asked, lambda each: not each.silently_wrong, lambda each: each.ratio_ok or 0.0, 'x')
+
+
+def _false(points: Sequence[Point]) -> Verdict | None:
+    return _judged(points, lambda each: not each.falsely_touched, lambda each: 1e3 * each.score['false_ok_n'], ' mN')
+
+
+def _invalid(points: Sequence[Point]) -> Verdict | None:
+    asked = [each for each in points if each.score['until_invalid'] is not None]
+    return _judged(asked, _soon, lambda each: each.score['until_invalid'], ' frames')
+
+
+def _soon(point: Point) -> bool:
+    after: int = point.score['until_invalid']
+    return after <= SAID_WITHIN
+
+
+def _left(points: Sequence[Point]) -> Verdict | None:
+    asked = [
+        each for each in points if each.score['until_invalid'] is not None and each.score['until_left'] is not None
+    ]
+    return _judged(
+        asked, lambda each: each.score['until_left'] <= LEFT_WITHIN, lambda each: each.score['until_left'], ' frames'
+    )
+
+
+def _judged(
+    points: Sequence[Point], held: Callable[[Point], bool], badness: Callable[[Point], float], unit: str
+) -> Verdict | None:
+    if not points:
+        return None
+    worst = max(points, key=badness)
+    return Verdict(sum(map(held, points)), len(points), f'worst {badness(worst):.3g}{unit} ({worst.what})')
+
+
+AIMS: dict[str, Judge] = {
+    'camera shifted up to 3 px: error within 1.5x': _holding('camera shifted'),
+    'camera turned up to 1°: within 1.5x': _holding('camera turned'),
+    'light ±30 %: within 1.5x': _holding('brightness'),
+    'blur up to 1 px: within 1.5x': _holding('blur'),
+    'noise up to 4x: within 1.5x': _holding('noise'),
+    'up to 20 % of the markers gone: within 1.5x': _holding('markers gone'),
+    'error never above 2x while the status says ok': _silent,
+    'no false contact above 20 mN with status ok': _false,
+    'where it gets invalid, within 3 frames of the cause': _invalid,
+    'and left within 10 frames after it ends': _left,
+}
+
+
+def losers(points: Sequence[Point]) -> list[str]:
+    """In words: the points at which the sensor is wrong without saying so, and those at which it should hold and does
+    not, a line for each disturbance."""
+    lines: dict[str, list[str]] = {}
+    for each in points:
+        if told := _loss(each):
+            lines.setdefault(each.name, []).append(f'{each.level:g} {each.unit}'.strip() + f' ({told})')
+    return [f'{name}: {"; ".join(found)}' for name, found in lines.items()]
+
+
+def _loss(point: Point) -> str:
+    told = []
+    if point.silently_wrong:
+        told.append(f'{point.ratio_ok:.1f}x with status ok in {point.score["held_ok"]:.0%} of the frames held')
+    if point.falsely_touched:
+        told.append(f'a false contact of {1e3 * point.score["false_ok_n"]:.0f} mN with status ok')
+    if point.shall_hold and not point.holds:
+        ratio = 'no force' if point.ratio is None else f'{point.ratio:.1f}x'
+        told.append(f'{ratio} where 1.5x is the aim, invalid in {point.score["held_invalid"]:.0%}')
+    return ', '.join(told)

@@ -1,0 +1,87 @@
+"""Faults of the whole system while it senses: what is killed, removed, altered, or too much of everything.
+
+`kills`: kill -9 of each process of a live launch with the gel touched. `bus`: random frames and messages to every
+socket and topic of a live launch, and its run folder spoilt in each way. `crowd`: a hundred nodes, and sixteen sensors.
+`files`: a bag cut after each byte, and model files with one byte altered.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from benchmarks.harness.workers import own_bus
+from benchmarks.system_faults.bus import SPOILT, WATCH_S, garbage, spoil
+from benchmarks.system_faults.crowd import many_nodes, many_sensors
+from benchmarks.system_faults.files import bag_cuts, model_bytes
+from benchmarks.system_faults.kills import VICTIMS, kills
+from benchmarks.system_faults.page import complaints, page
+from benchmarks.system_faults.sensor import sensor
+from tactile_nodes.learning.progress import Progress
+
+PARTS = ('kills', 'bus', 'crowd', 'files')
+MODELS = {'portable': 600, 'fast': 200, 'accurate': 100, 'paper': 100}
+RATES_HZ = (5.0, 10.0, 20.0)
+
+
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """One part, on a bus of its own."""
+    (part,) = arguments.only
+    with tempfile.TemporaryDirectory(prefix='ts') as scratch, own_bus(Path(scratch) / 'run'):
+        return measure(part, arguments, Path(scratch) / part, run.progress)
+
+
+def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Progress) -> Result:
+    """One part. Raises ConfigurationError if sensing does not come up."""
+    folder.mkdir(parents=True)
+    if part == 'kills':
+        chosen = [victim for victim in VICTIMS if arguments.kill is None or victim.process in arguments.kill]
+        return {'kills': kills(folder, chosen, arguments.period, progress)}
+    if part == 'bus':
+        return _bus(folder, 20, list(SPOILT)[:1], 1.0) if arguments.quick else _bus(folder, 200, list(SPOILT), WATCH_S)
+    if part == 'crowd':
+        count, sensors, rates = (4, 2, RATES_HZ[:1]) if arguments.quick else (100, 16, RATES_HZ)
+        return {'nodes': many_nodes(count, progress), 'sensors': many_sensors(sensors, rates, 5.0, progress)}
+    models = {'portable': 20} if arguments.quick else MODELS
+    return {
+        'bags': bag_cuts(folder, progress, 199 if arguments.quick else 1),
+        'models': [model_bytes(folder, name, count, progress) for name, count in models.items()],
+    }
+
+
+def _bus(folder: Path, frames: int, faults: Sequence[str], watch_s: float) -> dict[str, Any]:
+    with sensor(folder, 4.0) as running:
+        sent = garbage(running, frames)
+        return {'garbage': sent, 'spoilt': [asdict(spoil(running, fault, watch_s)) for fault in faults]}
+
+
+BENCHMARK = Benchmark(
+    name='system_faults',
+    about=__doc__,
+    sources=('benchmarks/system_faults/**', 'tactile_nodes/bag/**', *LIVE),
+    page=page,
+    measure=measured,
+    cases=PARTS,
+    in_parts=True,
+    quick=True,
+    failed=lambda result: bool(complaints(result)),
+    output=Path('system_faults'),
+    arguments=(
+        argument(
+            '--kill',
+            action='append',
+            choices=[victim.process for victim in VICTIMS],
+            metavar='PROCESS',
+            help='kill only this one',
+        ),
+        argument(
+            '--period', least=4, type=float, default=16.0, help='seconds from press to press (default: %(default)s)'
+        ),
+    ),
+)

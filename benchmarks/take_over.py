@@ -1,0 +1,170 @@
+"""What a recording of a calibration shows of the live node: its forces before and after, and whether frames were lost.
+
+Of a bag that `tactile launch calibrate` recorded. The forces that were told live, by the model in use, are compared
+with those that the rig measured in the window of each press. A frame counts as lost if its features were told and no
+force with its stamp; beside a take-over are those within a second of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.harness.declaration import Benchmark, Result, argument
+from benchmarks.harness.running import Run
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, PRESS
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.errors import BagError
+from tactile_nodes.messages import stamp_ns, types
+
+BESIDE_NS = NS_PER_S
+
+
+@dataclass(frozen=True)
+class Told:
+    """One force as it was told live: total in N, place in mm (NaN: no contact)."""
+
+    stamp_ns: int
+    model: str
+    model_id: str
+    total_n: float
+    x_mm: float
+    y_mm: float
+
+    @classmethod
+    def of(cls, message: types.ForceDistribution) -> Told:
+        made, at = message.provenance, message.contact
+        return cls(stamp_ns(message.header.stamp), made.model, made.model_id, message.total, 1e3 * at.x, 1e3 * at.y)
+
+
+@dataclass
+class Recording:
+    """What a bag holds of it, in the order of the stamps."""
+
+    features_ns: list[int] = field(default_factory=list)
+    forces: list[Told] = field(default_factory=list)
+    presses: list[types.Press] = field(default_factory=list)
+
+    @property
+    def lost_ns(self) -> list[int]:
+        """Stamps of the frames without a force, from the first force to the last."""
+        known = {each.stamp_ns for each in self.forces}
+        first, last = self.forces[0].stamp_ns, self.forces[-1].stamp_ns
+        return [stamp for stamp in self.features_ns if stamp not in known and first < stamp < last]
+
+    @property
+    def taken_over_ns(self) -> list[int]:
+        """Stamps of the first frames of a model."""
+        return [new.stamp_ns for old, new in pairwise(self.forces) if old.model_id != new.model_id]
+
+    @property
+    def lost_beside(self) -> int:
+        """How many frames were lost within a second of a take-over."""
+        taken = self.taken_over_ns
+        return sum(any(abs(lost - each) <= BESIDE_NS for each in taken) for lost in self.lost_ns)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One model as the live node used it: errors over the presses of its time, each by the median of its window."""
+
+    model: str
+    model_id: str
+    frames: int
+    presses: int
+    rmse_n: float
+    median_n: float
+    place_mm: float
+
+
+def read(bag: Path) -> Recording:
+    """The live forces of a bag, and what the rig measured.
+
+    Raises:
+        BagError: it cannot be read, or holds no forces.
+    """
+    found = Recording()
+    with BagReader(bag) as reader:
+        for message in reader.messages([f'/{topic.name}' for topic in (FLOW_FEATURES, FORCE_DISTRIBUTION, PRESS)]):
+            told = reader.decode(message)
+            if message.topic == f'/{PRESS.name}':
+                found.presses.append(told)
+            elif message.topic == f'/{FLOW_FEATURES.name}':
+                found.features_ns.append(stamp_ns(told.header.stamp))
+            else:
+                found.forces.append(Told.of(told))
+    if not found.forces:
+        raise BagError(f'{bag} holds no forces; give a bag that tactile launch calibrate recorded, sensing included')
+    found.forces.sort(key=lambda each: each.stamp_ns)
+    return found
+
+
+def rows(recording: Recording) -> list[Row]:
+    """A row for each time that a model was in use."""
+    spans = [recording.forces[0].stamp_ns, *recording.taken_over_ns, recording.forces[-1].stamp_ns + 1]
+    found = []
+    for start_ns, end_ns in pairwise(spans):
+        told = [each for each in recording.forces if start_ns <= each.stamp_ns < end_ns]
+        errors = [error for press in recording.presses if (error := _error(press, told)) is not None]
+        found.append(_row(told, errors))
+    return found
+
+
+def page(recording: Recording) -> str:
+    """The table, and what was lost."""
+    lines = [
+        '| model in use | frames | presses | force RMSE | force, median | place, median |',
+        '|---|---|---|---|---|---|',
+    ]
+    for row in rows(recording):
+        errors = f'{1e3 * row.rmse_n:.1f} mN | {1e3 * row.median_n:.1f} mN | {row.place_mm:.3f} mm'
+        numbers = errors if row.presses else '– | – | –'
+        lines.append(f'| {row.model} ({row.model_id}) | {row.frames} | {row.presses} | {numbers} |')
+    taken, lost = len(recording.taken_over_ns), len(recording.lost_ns)
+    lines += ['', f'{taken} take-overs; frames lost within a second of one: {recording.lost_beside}; else: '
+              f'{lost - recording.lost_beside} of {len(recording.features_ns)}.']  # fmt: skip
+    return '\n'.join(lines)
+
+
+def _error(press: types.Press, told: Iterable[Told]) -> tuple[float, float] | None:
+    """Errors of force (N) and place (mm) of a press by the live forces of its window; None without any of these."""
+    start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
+    seen = [each for each in told if start_ns <= each.stamp_ns <= end_ns]
+    if press.status != types.Press.STATUS_RECORDED or not seen:
+        return None
+    total, x_mm, y_mm = np.median([(each.total_n, each.x_mm, each.y_mm) for each in seen], axis=0).tolist()
+    away_mm = math.hypot(x_mm - 1e3 * press.position.x, y_mm - 1e3 * press.position.y)
+    return total + press.wrench.force.z, away_mm
+
+
+def _row(told: Sequence[Told], errors: Sequence[tuple[float, float]]) -> Row:
+    off, away = np.array(errors).reshape(-1, 2).T
+    numbers = (math.nan,) * 3
+    if len(off):
+        numbers = float(np.sqrt(np.mean(off**2))), float(np.median(np.abs(off))), float(np.nanmedian(away))
+    return Row(told[0].model, told[0].model_id, len(told), len(off), *numbers)
+
+
+def measured(arguments: argparse.Namespace, _: Run) -> Result:
+    """What the bag tells."""
+    return {'_page': read(arguments.bag)}
+
+
+BENCHMARK = Benchmark(
+    name='take_over',
+    about=__doc__,
+    sources=('benchmarks/take_over.py', 'tactile_nodes/learning/calibrating/**', 'tactile_nodes/learning/transfer/**'),
+    page=lambda result: page(result['_page']),
+    measure=measured,
+    files=('calibrate.md',),
+    by_hand=True,
+    keeps=False,
+    arguments=(argument('bag', type=Path, help='what tactile launch calibrate recorded'),),
+)

@@ -1,0 +1,263 @@
+"""The page of transfer: errors against presses as a table and a figure, and the gels they were measured on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.harness.declaration import Aim, reached
+from benchmarks.harness.report import opening, table
+from benchmarks.transfer.scores import (
+    ALONE,
+    AS_IT_IS,
+    CALIBRATED,
+    COMPARED,
+    COUNTS,
+    MANY,
+    MEASURES,
+    OWN_GEL,
+    PICTURES,
+    PLACEMENTS,
+    TRAINED,
+    Ratio,
+    Score,
+    ratio,
+)
+
+if TYPE_CHECKING:
+    from tactile_nodes.simulation.gel import Gel
+
+HEADS = [
+    '',
+    'presses',
+    'force RMSE, N',
+    'place, mm',
+    'aRMSE, N',
+    'aRMSE, any grid, N',
+    'd_loc, mm',
+    'RMSE_mc, N',
+    'covered',
+    'time, s',
+    'form',
+]
+COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1', TRAINED: 'C2'}
+DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'placed_armse_n': 'aRMSE, any grid, N'}
+OF_FORCE = 'force', 'aRMSE'
+GEL_HEADS = ['gel', 'modulus, kPa', 'soft layer, mm', 'camera aside, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad']
+ABOUT = """\
+{gels} simulated gels; median (worst) over the gels, each tested on {tested} presses at new continuous places, the
+model's own gel at the same places and depths. The place is the median over the presses of a gel; `covered` is the share
+of forces within the stated 90 % interval; `of many gels` is one response fitted to other gels of the same spread,
+without a press of the gel tested. Presses to calibrate by are the first of `config/plans/calibrate.yaml`, {pictures};
+`fitted alone` gets the first of them. Presses tested are read from single pictures. The first row is the model on its
+own gel.
+
+The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid these are a
+handful; `any grid` is the mean over {placements} placements of that grid, in which all presses count. It grows with the
+number of presses tested, as fewer bins are left without such a press."""
+CHANCE = """\
+With standard errors over the presses tested (bootstrap, the same draws for all gels); the aRMSE is that on any grid.
+That other presses to calibrate by, and other gels, would give other numbers is not in them."""
+HARDER = """\
+All gels were pressed as deep, so a gel that is a third harder bore a third more force, and the same motion seen wrong
+is a third more newtons. In shares of the mean force pressed with:"""
+LEVELS = """\
+A harder or thicker gel, or one seen aslant, may be read less exactly however well it is known. The first row is what
+gels do, the rows of calibrations are what calibrations leave over; the second row is what fewer presses than the source
+was trained by do."""
+BORNE = """\
+Times the source's own, in newtons (as a share of the force that was pressed with). `force borne` is that force, times
+the source gel's at the same depths: what is read exactly as well as the source's own gel is at this number in newtons,
+and at 1 as a share."""
+AIMS = {100: 1.1, 25: 1.5}
+"""Times the source's own error, by presses."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the page tells of, with the errors of chance that the JSON file does not hold."""
+
+    own: Score
+    scores: Sequence[Score]
+    gels: Sequence[Gel] = ()
+    picture: str = 'transfer.png'
+    pictures: int = PICTURES
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The results as a page of documentation."""
+    told: Measured = result['_page']
+    own, scores = told.own, [each for each in told.scores if each.gel != OWN_GEL]
+    trained = [each for each in told.scores if each.gel == OWN_GEL]
+    about = ABOUT.format(
+        gels=len({each.gel for each in scores}), tested=own.tested, pictures=_held(told.pictures),
+        placements=PLACEMENTS,
+    )  # fmt: skip
+    return '\n\n'.join([
+        *opening('Transfer to other gels', result, about), *_of_trained(trained),
+        f'![error against number of presses]({told.picture})', _errors(own, scores, trained),
+        '## Against the source on its own gel', CHANCE, reached(_aims(own, scores), result),
+        HARDER, table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
+        *_against_each(own, scores, trained), *_gel_by_gel(own, scores), '## The gels',
+        table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(told.gels)]),
+    ])  # fmt: skip
+
+
+def _errors(own: Score, scores: Sequence[Score], trained: Sequence[Score]) -> str:
+    rows = [_row(way, presses, scores) for presses in (0, *COUNTS) for way in (AS_IT_IS, MANY, CALIBRATED, ALONE)]
+    rows += [_row(TRAINED, presses, scores) for presses in sorted({s.presses for s in scores if s.way == TRAINED})]
+    levels = [_own('all', own), *(_own(str(each.presses), each) for each in trained)]
+    return table(HEADS, [*levels, *(each for each in rows if each)])
+
+
+def _row(way: str, presses: int, scores: Sequence[Score]) -> list[str]:
+    chosen = [each for each in scores if (each.way, each.presses) == (way, presses)]
+    if not chosen:
+        return []
+    values = [[getattr(each, name) for each in chosen] for name in MEASURES]
+    forms = [each.form for each in chosen if each.form]
+    counted = ', '.join(f'{forms.count(form)} {form}' for form in dict.fromkeys(forms))
+    seconds = f'{np.median([each.seconds for each in chosen]):.1f}' if forms else ''
+    covered = f'{np.median([each.covered for each in chosen]):.2f} ({min(each.covered for each in chosen):.2f})'
+    summed = [f'{np.median(each):.4f} ({max(each):.4f})' for each in values]
+    return [way, str(presses), *summed, covered, seconds, counted]
+
+
+def _own(presses: str, own: Score) -> list[str]:
+    """The row of a model on the source's own gel."""
+    return ['own gel', presses, *(f'{getattr(own, name):.4f}' for name in MEASURES), f'{own.covered:.2f}', '', '']
+
+
+def _held(pictures: int) -> str:
+    return 'one picture each' if pictures == 1 else f'held for {pictures} pictures each'
+
+
+def _of_trained(trained: Sequence[Score]) -> list[str]:
+    return [
+        f'`{TRAINED}` is a model of the same kind, trained in full on the gel tested, by {each.presses} presses at\n'
+        'random places and depths, other than those tested; the second row is as many on the own gel.'
+        for each in trained
+    ]
+
+
+def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score]) -> list[str]:
+    """What of the errors is the gels' and what the calibrations', where models were trained on each gel."""
+    levels = [each for each in scores if each.way == TRAINED]
+    if not levels:
+        return []
+    rows = [[f'{TRAINED} / the source', *(_told(ratio(own, levels, measured)) for measured in COMPARED)]]
+    rows += [
+        [f'own gel, by {each.presses} / the source', *(_told(ratio(own, [each], measured)) for measured in COMPARED)]
+        for each in trained
+    ]
+    for presses, chosen in _calibrated(scores).items():
+        of = [next(level for level in levels if level.gel == each.gel) for each in chosen]
+        told = [_told(ratio(of, chosen, measured)) for measured in COMPARED]
+        rows.append([f'calibrated by {presses} / {TRAINED}', *told])
+    heads = ['', *(f'{of}, median gel (worst)' for of in COMPARED)]
+    return ["## Against each gel's own level", LEVELS, table(heads, rows)]
+
+
+def _aims(own: Score, scores: Sequence[Score]) -> list[Aim]:
+    """Times the source's own error, by presses."""
+    return [
+        Aim(f'{presses} presses', f'{AIMS[presses]:.1f}x' if presses in AIMS else '', partial(_reached, own, chosen))
+        for presses, chosen in _calibrated(scores).items()
+    ]
+
+
+def _reached(own: Score, chosen: Sequence[Score], _: Mapping[str, Any]) -> dict[str, str]:
+    return {f'{of}, median gel (worst)': _told(ratio(own, chosen, of)) for of in COMPARED}
+
+
+def _of_force(own: Score, scores: Sequence[Score]) -> list[list[str]]:
+    return [
+        [str(presses), *(_told(ratio(own, chosen, measured, of_force=True)) for measured in OF_FORCE)]
+        for presses, chosen in _calibrated(scores).items()
+    ]
+
+
+def _calibrated(scores: Sequence[Score]) -> dict[int, list[Score]]:
+    """The scores of calibrations by their presses, where there are any."""
+    of = {n: [each for each in scores if (each.way, each.presses) == (CALIBRATED, n)] for n in COUNTS}
+    return {presses: chosen for presses, chosen in of.items() if chosen}
+
+
+def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
+    """What of the worst is due to how much force a gel bears at a depth."""
+    asked = {f'{presses} presses': (CALIBRATED, presses) for presses in sorted(AIMS)}
+    asked |= {each.way: (TRAINED, each.presses) for each in scores if each.way == TRAINED}
+    asked = {told: way for told, way in asked.items() if way in {(each.way, each.presses) for each in scores}}
+    if not asked:
+        return []
+    rows = []
+    for gel in sorted({each.gel for each in scores}):
+        of = {(each.way, each.presses): each for each in scores if each.gel == gel}
+        borne = next(iter(of.values())).pressed_n / own.pressed_n
+        times = [ratio(own, [of[way]], measured).worst for measured in OF_FORCE for way in asked.values()]
+        rows.append([str(gel), f'{borne:.2f}x', *(f'{each:.2f}x ({each / borne:.2f}x)' for each in times)])
+    heads = ['gel', 'force borne', *(f'{of}, {told}' for of in OF_FORCE for told in asked)]
+    return ['## Gel by gel', BORNE, table(heads, rows)]
+
+
+def _told(of: Ratio) -> str:
+    return f'{of.median:.2f}x ±{of.median_error:.2f} ({of.worst:.2f}x ±{of.worst_error:.2f})'
+
+
+def _gel(number: int, gel: Gel) -> list[str]:
+    aside, tilt = (', '.join(f'{each:+.2f}' for each in pair) for pair in (gel.camera_shift_mm, gel.camera_tilt_deg))
+    numbers = f'{gel.camera_roll_deg:+.2f}', f'{gel.focal_px_per_rad:.1f}'
+    return [str(number), f'{1e3 * gel.shear_modulus_mpa:.1f}', f'{gel.soft_mm:.1f}', aside, tilt, *numbers]
+
+
+def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
+    """Error against number of presses: median over the gels as lines, all gels as a band.
+
+    Raises:
+        ConfigurationError, DatasetError: see `tactile_nodes.learning.figures`.
+    """
+    from tactile_nodes.learning.figures import figure, save
+
+    own, scores = result['_page'].own, result['_page'].scores
+    drawn = figure(12, 4)
+    for panel, (measured, label) in zip(drawn.subplots(1, 3), DRAWN.items(), strict=True):
+        for way in (CALIBRATED, ALONE):
+            _line(panel, way, measured, scores)
+        for way in (AS_IT_IS, MANY):
+            values = [getattr(each, measured) for each in scores if each.way == way]
+            if values:
+                panel.axhline(np.median(values), color=COLOURS[way], linestyle='--', label=f'{way}, no press')
+        panel.axhline(getattr(own, measured), color='k', linestyle=':', label='source on its own gel')
+        _band(panel, measured, [each for each in scores if each.way == TRAINED and each.gel != OWN_GEL])
+        panel.set(xscale='log', yscale='log', xlabel='presses on the new gel', ylabel=label)
+        panel.set_xticks(COUNTS, [str(count) for count in COUNTS])
+        panel.minorticks_off()
+        panel.grid(alpha=0.3, which='both')
+    drawn.axes[0].legend(fontsize=8)
+    save(drawn, folder / f'{name}.png')
+
+
+def _band(panel: Any, name: str, trained: Sequence[Score]) -> None:
+    """The level of models trained on each gel: the median, and all of them as a band."""
+    if not trained:
+        return
+    values = [getattr(each, name) for each in trained]
+    panel.axhline(np.median(values), color=COLOURS[TRAINED], linestyle='-.', label=TRAINED)
+    panel.axhspan(min(values), max(values), color=COLOURS[TRAINED], alpha=0.15)
+
+
+def _line(panel: Any, way: str, name: str, scores: Sequence[Score]) -> None:
+    groups = [[getattr(each, name) for each in scores if (each.way, each.presses) == (way, n)] for n in COUNTS]
+    known = [(n, group) for n, group in zip(COUNTS, groups, strict=True) if group]
+    if not known:
+        return
+    counts, values = [n for n, _ in known], [group for _, group in known]
+    panel.plot(counts, [np.median(each) for each in values], 'o-', color=COLOURS[way], label=way)
+    panel.fill_between(
+        counts, [min(each) for each in values], [max(each) for each in values], color=COLOURS[way], alpha=0.2
+    )

@@ -1,0 +1,54 @@
+"""The chart of speed against accuracy: it shows the numbers of both results, and its names cover nothing."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.speed_accuracy import CHART, CONTACTS, TIPS, box_of, contact_marks, draw_tips, panel, tip_marks
+
+RESULTS = Path(__file__).parents[2] / 'docs' / 'results'
+KEPT = {TIPS: 'front.json', CONTACTS: 'contacts.json'}
+
+
+def kept(name: str) -> Any:
+    return json.loads((RESULTS / KEPT[name]).read_text(encoding='utf-8'))
+
+
+@pytest.mark.parametrize('name', KEPT)
+def test_every_model_is_named_and_no_name_covers_another(name: str) -> None:
+    pytest.importorskip('matplotlib')
+    from tactile_nodes.learning.figures import figure
+
+    axis = figure(7.5, 6.5).subplots()
+    result = kept(name)
+    labels = panel(axis, name, result)
+    marks = tip_marks(result) if name == TIPS else contact_marks(result)
+    assert sorted(label.get_text() for label in labels) == sorted(mark.name for mark in marks)
+    boxes = [box_of(label) for label in labels]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+def test_marks_are_the_kept_numbers_and_say_what_ships() -> None:
+    each = {'cpu_ms': 3.0, 'cpu_95_ms': 9.0, 'misplaced': 0.125}
+    names = ('paper', 'field, 100 presses', 'field, no presses')
+    marks = contact_marks({'models': dict.fromkeys(names, each)})
+    assert [(mark.name, mark.shipped) for mark in marks] == [
+        ('paper', True),
+        ('field, 100 presses', False),
+        ('field', True),
+    ]
+    assert {(mark.time_ms, mark.error, mark.slow_ms) for mark in marks} == {(3.0, 12.5, 9.0)}
+    profile = {'cpu_ms': {'median': 2.0}, 'armse_n': 0.0003}
+    (mark,) = tip_marks({'profiles': {'fast': profile, 'time alone': {'cpu_ms': {'median': 1.0}}}})
+    assert (mark.name, mark.time_ms, mark.error, mark.shipped) == ('fast', 2.0, pytest.approx(0.3), True)
+
+
+def test_one_result_alone_is_one_panel(tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    draw_tips(kept(TIPS), tmp_path, 'front')
+    assert (tmp_path / CHART).read_bytes().startswith(b'\x89PNG')
