@@ -111,8 +111,8 @@ def contact_marks(result: Mapping[str, Any]) -> list[Mark]:
     """All chains, in percent; those that ship are read as they are, the others were calibrated on the very gel."""
     return [
         Mark(
-            name.replace('field, no presses', 'field'), each['cpu_ms'], 100 * each['misplaced'],
-            'presses' not in name or 'no presses' in name, each['cpu_95_ms'],
+            name, each['cpu_ms'], 100 * each['misplaced'],
+            'presses' not in name, each['cpu_95_ms'],
         )
         for name, each in result['models'].items()
     ]  # fmt: skip
@@ -213,7 +213,7 @@ def _legend(axis: Any, marks: Sequence[Mark]) -> None:
     else:
         kinds = {
             'model as it ships': ('*', 13, 'black'),
-            'calibrated on this gel': ('o', 8, 'black'),
+            'calibrated on this gel, or described': ('o', 8, 'black'),
             'the same, compiled': ('o', 8, 'white'),
         }
         axis.plot([], [], 'k-', linewidth=1, label='to the 95th percentile of its frames')
