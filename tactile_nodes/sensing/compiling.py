@@ -23,8 +23,8 @@ PARTS = ('response', 'patches', 'stillness', 'pictures', 'axisymmetric', 'field'
 
 NOTICE = 'compiling the inner loops, once on this machine: about half a minute; tactile compile does it ahead'
 NEXT_TIME = (
-    'the inner loops are not compiled yet: this run computes by numpy, and takes several times as long for a frame; '
-    'they are compiled in the background, for the next start'
+    'the inner loops are not compiled yet, so this run computes by numpy, in several times the time; they are compiled '
+    'beside it for the next start. To replay what is recorded now to the last digit: compiled:=false'
 )
 
 
