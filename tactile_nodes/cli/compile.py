@@ -41,7 +41,7 @@ def _in_background(parts: tuple[str, ...]) -> str:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             return 'another process compiles the inner loops'
-        os.nice(19)
+        os.setpriority(os.PRIO_PROCESS, 0, 19)
         return compile_all(parts, most=1)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import subprocess
 import sys
 import threading
@@ -28,7 +29,7 @@ NEXT_TIME = (
 )
 
 
-class _NotCompiledError(ConfigurationError):
+class _NotCompiledError(Exception):
     """Somebody would have to wait for numba."""
 
 
@@ -122,8 +123,9 @@ def _refuse(_: str) -> None:
 
 
 def _compile_in_background() -> None:
-    """In a process of its own that outlives this one; the thread only waits for it, so that none is left behind."""
+    """In a process of its own, which a launch that ends lets finish; the thread waits for it, so that no zombie stays."""
     command = [sys.executable, '-m', 'tactile_nodes', 'compile', '--background']
+    environment = {name: value for name, value in os.environ.items() if name != 'TACTILE_LAUNCH'}
     nowhere = dict.fromkeys(('stdin', 'stdout', 'stderr'), subprocess.DEVNULL)
-    options = {**nowhere, 'cwd': '/', 'start_new_session': True, 'check': False}
+    options = {**nowhere, 'env': environment, 'cwd': '/', 'start_new_session': True, 'check': False}
     threading.Thread(target=subprocess.run, args=(command,), kwargs=options, daemon=True).start()
