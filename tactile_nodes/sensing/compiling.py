@@ -123,7 +123,7 @@ def _refuse(_: str) -> None:
 
 
 def _compile_in_background() -> None:
-    """In a process of its own, which a launch that ends lets finish; the thread waits for it, so that no zombie stays."""
+    """In a process of its own, which a launch that ends lets finish; the thread waits for it: no zombie stays."""
     command = [sys.executable, '-m', 'tactile_nodes', 'compile', '--background']
     environment = {name: value for name, value in os.environ.items() if name != 'TACTILE_LAUNCH'}
     nowhere = dict.fromkeys(('stdin', 'stdout', 'stderr'), subprocess.DEVNULL)
