@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import fcntl
+import hashlib
 import multiprocessing
 import os
 
@@ -36,7 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _in_background(parts: tuple[str, ...]) -> str:
-    with (cache_directory() / 'compiling.lock').open('w') as lock:
+    installation = hashlib.sha256(__file__.encode()).hexdigest()[:8]
+    with (cache_directory() / f'compiling-{installation}.lock').open('w') as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -126,6 +126,13 @@ def _compile_in_background() -> None:
     """In a process of its own, which a launch that ends lets finish; the thread waits for it: no zombie stays."""
     command = [sys.executable, '-m', 'tactile_nodes', 'compile', '--background']
     environment = {name: value for name, value in os.environ.items() if name != 'TACTILE_LAUNCH'}
-    nowhere = dict.fromkeys(('stdin', 'stdout', 'stderr'), subprocess.DEVNULL)
-    options = {**nowhere, 'env': environment, 'cwd': '/', 'start_new_session': True, 'check': False}
-    threading.Thread(target=subprocess.run, args=(command,), kwargs=options, daemon=True).start()
+    process = subprocess.Popen(
+        command,
+        env=environment,
+        cwd='/',
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    threading.Thread(target=process.wait, daemon=True).start()
