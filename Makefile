@@ -47,7 +47,7 @@ $(BIN)/python:
 # Without torch: nothing in the live path needs it. Python compiles what is imported; of numba and scipy that is little,
 # and the first force comes seconds earlier than if pip compiled all of it.
 $(VENV)/.live: setup.py constraints.txt | $(BIN)/python
-	@echo 'Installing what live sensing needs (about 700 MB on disk, no torch) …'
+	@echo 'Installing what live sensing needs (about 650 MB on disk, no torch) …'
 	@$(PIP) --no-compile --constraint constraints.txt --editable .
 	@touch $@
 
@@ -56,7 +56,7 @@ $(VENV)/.live: setup.py constraints.txt | $(BIN)/python
 $(VENV)/.dev: setup.py constraints.txt $(VENV)/.live
 	@echo 'Installing what training and the tests need …'
 	@nice $(BIN)/tactile compile >/dev/null & \
-	$(PIP) --constraint constraints.txt torch && $(PIP) --constraint constraints.txt --editable '.[train,dev]' && wait $$!
+	$(PIP) --constraint constraints.txt torch && $(PIP) --constraint constraints.txt --editable '.[train,dev]' && wait
 	@touch $@
 
 $(VENV)/.docs: setup.py constraints.txt $(VENV)/.live
