@@ -122,6 +122,17 @@ def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float]
 
 
 @needs_numba
+def test_one_who_computes_compiled_changes_no_bit_of_one_who_does_not(speckle: np.ndarray):
+    image = moved(speckle, 0.4, -0.3)
+    flows = both(lambda compiled: InverseCompositionalFlow(compiled=compiled))
+    for flow in flows:
+        flow.set_reference(speckle)
+    first, compiled, second = (flow.displacement(image).displacement_px for flow in (*flows, flows[0]))
+    np.testing.assert_array_equal(second, first)
+    assert (compiled != first).any()
+
+
+@needs_numba
 def test_the_same_motion_is_seen_beside_a_rest_image_whose_noise_is_allowed_for(speckle: np.ndarray):
     moving, noise = moved(speckle, 0.4, -0.3), np.random.default_rng(0).normal(0, 3, speckle.shape)
 
