@@ -116,6 +116,7 @@ setup(
         'argcomplete>=3.5,<4',
         'jaxtyping>=0.3,<0.4',
         'mcap>=1.5,<2',
+        'numba>=0.61,<0.69',
         'numpy>=1.26,<3',
         'opencv-contrib-python-headless>=4.10,<6',
         'psutil>=6,<8',
@@ -131,7 +132,7 @@ setup(
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
-        'compiled': ['numba>=0.61,<0.69'],
+        'compiled': [],  # what it brought comes with all installs now
         'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
         'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.7,<10', 'mkdocstrings[python]>=1,<2'],
@@ -142,7 +143,6 @@ setup(
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
             'mypy>=2.4,<3',
-            'numba>=0.61,<0.69',
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',
             'playwright>=1.50,<2',

@@ -85,16 +85,16 @@ class Reads:
     estimator: ForceEstimator
 
     @classmethod
-    def of_model(cls, loaded: LoadedModel) -> Reads:
-        """By a model as it was loaded.
+    def of_model(cls, loaded: LoadedModel, compiled: bool) -> Reads:
+        """By a model as it was loaded, by compiled loops or numpy.
 
         Raises:
             ModelError: its numbers are such that nothing can be read by them.
         """
-        estimator, layout = ForceEstimator(loaded.model), loaded.model.layout
+        estimator, layout = ForceEstimator(loaded.model, compiled=compiled), loaded.model.layout
         still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
         try:
-            if isinstance(readout := loaded.model.readout, FieldReadout):
+            if isinstance(readout := estimator.model.readout, FieldReadout):
                 readout.prepare()
             estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
         except (ValueError, ArithmeticError, LookupError) as error:
@@ -158,7 +158,7 @@ class Ready:
         return bool(features.finer) or self.finer is None
 
     @classmethod
-    def read(cls, name: str) -> Ready:
+    def read(cls, name: str, compiled: bool = False) -> Ready:
         """From a file, or one that ships. Raises ModelError."""
         file = find_model(name)
         loaded = load_model(file)
@@ -167,19 +167,22 @@ class Ready:
             model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
             calibration_id=loaded.model_id if calibrated else '',
         )  # fmt: skip
-        finer = None if loaded.finer is None else Reads.of_model(loaded.finer)
-        return cls(name, file, loaded, Reads.of_model(loaded), provenance, finer)
+        finer = None if loaded.finer is None else Reads.of_model(loaded.finer, compiled)
+        return cls(name, file, loaded, Reads.of_model(loaded, compiled), provenance, finer)
 
 
 class Estimating:
     """Answers features with forces by the model in use. `prepared` and `previous` may be called from any thread.
 
+    Every model that it uses computes by `compiled` loops, or by numpy.
+
     Raises:
         ModelError: there is no such model.
     """
 
-    def __init__(self, name: str) -> None:
-        self.now = Ready.read(name)
+    def __init__(self, name: str, *, compiled: bool = False) -> None:
+        self._compiled = compiled
+        self.now = Ready.read(name, compiled)
         self._earlier: deque[Ready] = deque(maxlen=MOST_EARLIER)
         self._back: Ready | None = None
         self._last: types.FlowFeatures | None = None
@@ -195,7 +198,7 @@ class Estimating:
         Raises:
             ModelError: there is no such model, or it needs other features than come in.
         """
-        ready, last = Ready.read(name), self._last
+        ready, last = Ready.read(name, self._compiled), self._last
         known = self.now.inputs if last is None or last.finer else Inputs.of_message(last)
         if ready.inputs != known:
             raise ModelError(

@@ -6,7 +6,6 @@ Who feeds it, a node, a test or a bench, gets what the node publishes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,7 +27,6 @@ from tactile_nodes.methods import (
 )
 from tactile_nodes.params import parameter
 from tactile_nodes.rest_images import RestImages
-from tactile_nodes.sensing.compiling import use_compiled
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
 from tactile_nodes.sensing.flow.overlay import overlay
@@ -49,9 +47,6 @@ class FollowingParams(MethodParams):
     reference_frames: int = parameter(10, 'frames averaged into a captured rest image', minimum=1)
     marked_share: float = parameter(
         0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
-    )
-    compiled: bool = parameter(
-        False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True
     )
     stillness: StillnessParams = field(default_factory=StillnessParams)
     registration: RegistrationParams = field(default_factory=RegistrationParams)
@@ -79,16 +74,12 @@ class Told:
 class Following:
     """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
 
-    `tell` gets one line when it takes long to begin.
-
-    Raises:
-        ConfigurationError: compiled loops are asked for, and numba is not installed.
+    It computes by `compiled` loops, or by numpy.
     """
 
-    def __init__(self, params: FollowingParams, tell: Callable[[str], None] | None = None) -> None:
-        if params.compiled:
-            use_compiled(tell=tell)
-        methods = make_methods(params)
+    def __init__(self, params: FollowingParams, *, compiled: bool = False) -> None:
+        self._compiled = compiled
+        methods = make_methods(params, compiled=compiled)
         flow, encoding = methods.own.flow, methods.own.encoding
         self._encoding, self._method = encoding, Told(flow)
         self._tracker = FeatureTracker(
@@ -100,6 +91,7 @@ class Following:
             registration=make_registration(params.registration),
             texture=methods.own.texture if params.renew else None,
             finer=methods.finer,
+            compiled=compiled,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
         self._rest_images = RestImages(self._tracker, flow.name, renewal)
@@ -162,7 +154,7 @@ class Following:
         start_ns = perf_ns()
         self._rest_images.take_coming(head)
         image = self._rest_images.mended(image)
-        faults = picture_faults(image)
+        faults = picture_faults(image, compiled=self._compiled)
         dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
         stale = self._freshness.stale(stamp_ns(head.stamp), _age_s(acquire_s, waited_s)) * FORCE.REASON_STALE
         if missing := dark | self._missing(image, head, faults.level):

@@ -103,8 +103,8 @@ def make_registration(params: RegistrationParams) -> Registration | None:
     return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
 
-def make_methods(params: MethodParams) -> Methods:
-    """What parameters ask for.
+def make_methods(params: MethodParams, *, compiled: bool = False) -> Methods:
+    """What parameters ask for, `compiled` loops included.
 
     Raises:
         ConfigurationError: no such method or option.
@@ -112,17 +112,20 @@ def make_methods(params: MethodParams) -> Methods:
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        return Methods(_measuring(loaded), None if loaded.finer is None else _measuring(loaded.finer))
+        finer = None if loaded.finer is None else _measuring(loaded.finer, compiled)
+        return Methods(_measuring(loaded, compiled), finer)
     regions = {'rows': params.rows, 'cols': params.cols}
     options = asdict(params.dis)
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
-    return Methods(Measuring(make_flow(params.method, options), make_encoding(params.encoding, regions)))
+    flow = make_flow(params.method, options, compiled=compiled)
+    return Methods(Measuring(flow, make_encoding(params.encoding, regions), compiled=compiled))
 
 
-def _measuring(loaded: LoadedModel) -> Measuring:
+def _measuring(loaded: LoadedModel, compiled: bool) -> Measuring:
     """As a model was trained."""
-    return Measuring(make_flow(*loaded.flow), make_encoding(*loaded.encoding), loaded.texture)
+    flow = make_flow(*loaded.flow, compiled=compiled)
+    return Measuring(flow, make_encoding(*loaded.encoding), loaded.texture, compiled)
 
 
 def told(flow: FlowMethod) -> str:

@@ -207,7 +207,7 @@ class RestImages:
         """What there is to say of the picture as a picture, beside the rest image and beside the one captured."""
         if self._now is None or self._captured is None:
             return 0
-        sharp = sharpness(image)
+        sharp = sharpness(image, compiled=self._tracker.compiled)
         beside = self._now.near(level, sharp)
         self._changed, self._blurred = beside.light or beside.blurred, beside.blurred
         told = beside | self._captured.far(level, sharp)

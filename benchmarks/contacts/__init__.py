@@ -95,19 +95,21 @@ def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Pro
 def _read_compiled(model: str, gel: Gel, chosen: Sequence[Case], progress: Progress) -> dict[str, list[Score]]:
     """What the best model tells with its inner loops compiled, where numba is installed."""
     from benchmarks.contacts.frames import CONDITIONS
-    from tactile_nodes.sensing.compiling import can_compile, use_compiled
+    from tactile_nodes.sensing.compiling import can_compile
 
     if not can_compile():
         return {}
-    use_compiled(tell=progress.say)
-    try:
-        return _read({f'{BEST}, compiled': model}, gel, chosen, CONDITIONS[0], progress)[0]
-    finally:
-        use_compiled(False)
+    return _read({f'{BEST}, compiled': model}, gel, chosen, CONDITIONS[0], progress, compiled=True)[0]
 
 
 def _read(
-    models: dict[str, str], gel: Gel, chosen: Sequence[Case], condition: Condition, progress: Progress
+    models: dict[str, str],
+    gel: Gel,
+    chosen: Sequence[Case],
+    condition: Condition,
+    progress: Progress,
+    *,
+    compiled: bool = False,
 ) -> tuple[dict[str, list[Score]], float]:
     """What each chain tells of each contact, and the CPU time of OpenCV's DIS between them (ms, median)."""
     import numpy as np
@@ -117,7 +119,7 @@ def _read(
     from benchmarks.stability.chain import Chain
     from tactile_nodes.sensing.flow.choice import make_flow
 
-    chains = {name: Chain(model) for name, model in models.items()}
+    chains = {name: Chain(model, compiled=compiled) for name, model in models.items()}
     found: dict[str, list[Score]] = {name: [] for name in models}
     dis, dis_ms, first = make_flow('dis', {'preset': 'medium'}), [], True
     with progress.bar(f'reading contacts, {condition.name}', len(chosen) * (FREE_FRAMES + HELD_FRAMES)) as bar:

@@ -21,7 +21,7 @@ from benchmarks.harness.report import in_turn, quartiles
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.scores import Validation
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.compiling import can_compile, use_compiled
+from tactile_nodes.sensing.compiling import can_compile
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -53,21 +53,19 @@ class Profile:
 
     def __post_init__(self) -> None:
         self.encoding = make_encoding(*self.loaded.encoding)
-        self.estimator = ForceEstimator(self.loaded.model)
+        self.estimator = ForceEstimator(self.loaded.model, compiled=self.compiled)
 
     def use_reference(self, rest: np.ndarray) -> None:
         """Everything that can be known before a frame comes, where it is not known yet."""
         if rest is self.rest:
             return
         self.rest = rest
-        use_compiled(self.compiled)
         self.flow.set_reference(rest)
         self.encoding.set_reference(rest)
         self.estimator.predict(self.encoding.encode(self.flow.displacement(rest)))
 
     def take(self, image: np.ndarray) -> None:
         """Answer one frame."""
-        use_compiled(self.compiled)
         stamps = [time.process_time_ns()]
         displacement = self.flow.displacement(image)
         stamps.append(time.process_time_ns())
@@ -87,7 +85,7 @@ def profiles(compiled: bool) -> list[Profile]:
         loaded = load_model(find_model(name))
         made.append(Profile(name, loaded, make_flow(*loaded.flow)))
         if name != 'paper' and compiled:
-            made.append(Profile(f'{name}, compiled', loaded, make_flow(*loaded.flow), compiled=True))
+            made.append(Profile(f'{name}, compiled', loaded, make_flow(*loaded.flow, compiled=True), compiled=True))
     paper = made[0].loaded
     return [*made, Profile(MEDIUM, paper, make_flow('dis', {'preset': 'medium', 'finest_scale': 1}))]
 
@@ -107,7 +105,6 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
             for frame in turn:
                 _take_floors(others, frame.image, frame.rest)
             bar.advance()
-    use_compiled(False)
     known = np.array([frame.press for turn in turns for frame in turn], np.float32)
     return {
         'profiles': {each.name: _told(each, known) for each in taking_part},

@@ -64,7 +64,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     Raises:
         ConfigurationError: sensing does not come up.
     """
-    extra = ('compiled:=true',) if arguments.compiled else ()
+    extra = (f'compiled:={str(arguments.compiled).lower()}',)
     with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
         camera = recorded_camera(Path(folder)) if arguments.minutes else ()
         runs = [

@@ -68,20 +68,21 @@ class Watching:
 
 
 @cache
-def _fresh(model: str) -> tuple[Estimating, Watching]:
+def _fresh(model: str, compiled: bool) -> tuple[Estimating, Watching]:
     """Both before their first frame: reading a model and rendering its gel takes as long as many frames."""
-    estimating = Estimating(model)
+    estimating = Estimating(model, compiled=compiled)
     return estimating, Watching(model, estimating.now.provenance)
 
 
 class Chain:
     """One profile, from its first picture on."""
 
-    def __init__(self, model: str, *, average_noise: bool = True) -> None:
+    def __init__(self, model: str, *, average_noise: bool = True, compiled: bool = False) -> None:
         self._average_noise = average_noise
-        self._following = Following(FollowingParams(model=model, reference_frames=REST_FRAMES))
+        params = FollowingParams(model=model, reference_frames=REST_FRAMES)
+        self._following = Following(params, compiled=compiled)
         self._following.begin_capture()
-        self._estimating, self._watching = copy.deepcopy(_fresh(model))
+        self._estimating, self._watching = copy.deepcopy(_fresh(model, compiled))
 
     def read(
         self, stamp_ns: int, image: np.ndarray, age_s: float = 0.0, values: Values | None = None

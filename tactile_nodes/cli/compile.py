@@ -3,42 +3,57 @@
 from __future__ import annotations
 
 import argparse
+import fcntl
+import hashlib
 import multiprocessing
 import os
 
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.learning.progress import TerminalProgress
+from tactile_nodes.paths import cache_directory
 from tactile_nodes.sensing.compiling import PARTS, compile_part
 
-DESCRIPTION = 'Compile the inner loops for compiled:=true now, so that the first start of a sensor need not'
+DESCRIPTION = 'Compile the inner loops now, so that the first start of a sensor computes by them'
 EPILOG = """\
 numba keeps what it compiled beside the source, or in the user's cache folder where that cannot be written. An update of
-the package compiles anew. Needs: pip install 'tactile_nodes[compiled]'
+the package compiles anew. Nodes that start before it has ended compute by numpy, and have it done in the background.
 
 examples:
   tactile compile
-  tactile compile && tactile launch live compiled:=true
+  tactile compile && tactile launch live
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """There are none."""
+    parser.add_argument(
+        '--background', action='store_true', help='on one core, at low priority, and not while another one does so'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compile what is not compiled yet, on all cores."""
-    del arguments
-    print(compile_all(PARTS))
+    """Compile what is not compiled yet."""
+    print(_in_background(PARTS) if arguments.background else compile_all(PARTS))
     return 0
 
 
-def compile_all(parts: tuple[str, ...]) -> str:
-    """Load each part in a process of its own, and say what that took.
+def _in_background(parts: tuple[str, ...]) -> str:
+    installation = hashlib.sha256(__file__.encode()).hexdigest()[:8]
+    with (cache_directory() / f'compiling-{installation}.lock').open('w') as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return 'another process compiles the inner loops'
+        os.setpriority(os.PRIO_PROCESS, 0, 19)
+        return compile_all(parts, most=1)
+
+
+def compile_all(parts: tuple[str, ...], *, most: int | None = None) -> str:
+    """Load each part in a process of its own, as many at once as there are cores, or `most`; say what that took.
 
     Raises:
-        ConfigurationError: numba is not installed.
+        ConfigurationError: numba cannot compile them.
     """
-    begun_s, processes = monotonic_s(), min(len(parts), os.cpu_count() or 1)
+    begun_s, processes = monotonic_s(), min(len(parts), most or os.cpu_count() or 1)
     anew = 0
     with (
         TerminalProgress().bar('compiling the inner loops', len(parts)) as bar,
@@ -48,7 +63,5 @@ def compile_all(parts: tuple[str, ...]) -> str:
             anew += compiled
             bar.advance()
     if not anew:
-        return 'all inner loops were compiled before; compiled:=true starts at once'
-    return (
-        f'compiled {anew} of {len(parts)} parts in {monotonic_s() - begun_s:.0f} s; compiled:=true starts at once now'
-    )
+        return 'all inner loops were compiled before'
+    return f'compiled {anew} of {len(parts)} parts in {monotonic_s() - begun_s:.0f} s'

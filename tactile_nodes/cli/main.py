@@ -35,7 +35,7 @@ VERBS = {
     'model': 'take a trained model elsewhere: export it as ONNX',
     'bench': 'measure this machine with the benchmarks that the documentation quotes',
     'keys': 'make and show the keys by which machines know each other',
-    'compile': 'compile the inner loops ahead of the first compiled:=true',
+    'compile': 'compile the inner loops ahead of the first start of a sensor',
     'doctor': 'say what this machine lacks, and what to do about it',
     'reference': 'renew the parts of the documentation that are made from the code',
     'completion': 'print what a shell needs to complete this command',

@@ -27,6 +27,7 @@ from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
 from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import decode, encode, stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.compiling import choose
 from tactile_nodes.sensing.geometry import middle_square
 
 _KEPT = 'rest_image'
@@ -39,6 +40,7 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     reference: str = parameter(
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )
+    compiled: bool = parameter(True, 'compute by loops that numba compiles, as force_estimator does', read_only=True)
     crop: int = parameter(
         0,
         'side of the square cut from the middle of each picture [px]; 0: 440 of pictures that are not square',
@@ -62,7 +64,8 @@ class FlowFeaturesNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
-        self._following = Following(self.params, self.log.info)
+        compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
+        self._following = Following(self.params, compiled=compiled)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0
         self._came = ''

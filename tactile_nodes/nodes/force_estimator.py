@@ -24,7 +24,7 @@ from tactile_nodes.estimating import Estimating, Ready
 from tactile_nodes.force_status import calibration_reasons
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.compiling import use_compiled
+from tactile_nodes.sensing.compiling import choose
 
 _PREVIOUS = ''
 
@@ -42,7 +42,9 @@ class ForceEstimatorParams(NodeParams):
         True, 'average the force of a contact that does not change, for up to 0.4 s, in altered pictures'
     )
     compiled: bool = parameter(
-        False, "run inner loops compiled by numba (pip install 'tactile_nodes[compiled]')", read_only=True
+        True,
+        'compute by loops that numba compiles; who asks for it waits for that, others take numpy until the next start',
+        read_only=True,
     )
 
 
@@ -55,9 +57,8 @@ class ForceEstimatorNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         self._asked: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
-        if self.params.compiled:
-            use_compiled(tell=self.log.info)
-        self._estimating = Estimating(self.params.model)
+        compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
+        self._estimating = Estimating(self.params.model, compiled=compiled)
         self._misfit = ''
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)

@@ -9,6 +9,7 @@ be changed on the way. The node ends when it has played everything.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from tactile_nodes.bag.content import BagMessage
@@ -28,7 +29,7 @@ from tactile_nodes.messages import encode, time_from_ns, types
 from tactile_nodes.params import parameter
 
 MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
-_MEET_AT_MOST_S = 2.1
+_MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
 _REST_S = 0.5  # in which others finish what follows from the last message, before a launch ends with this node
 _QUIET_S = 1.0  # of a topic that follows from the bag: so long nothing comes when all of it was dealt with
 _HEALTH_PERIOD_S = 0.5
@@ -43,6 +44,7 @@ class PlayerParams(NodeParams):
     rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001)
     loop: bool = parameter(False, 'begin again at the end', read_only=True)
     start_offset: float = parameter(0.0, 'seconds into the bag to begin at', minimum=0.0, read_only=True)
+    wait_for: str = parameter('', 'node that has to listen before playing, for half a minute at most', read_only=True)
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
     clock_hz: float = parameter(
         0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0, read_only=True
@@ -162,7 +164,9 @@ class PlayerNode(Node):
     def _play(self) -> None:
         try:
             self.playback.announce(self.params.start_offset)  # a rest image shall be there before the first picture
-            self._meet()
+            self._wait_until(self._is_heard, _LISTENS_AT_MOST_S)
+            self.playback.wait(MEET_S)
+            self._wait_until(self._has_met_all, _MEET_AT_MOST_S)
             self.playback.wait(self.params.delay)
             self.playback.run(self.params.start_offset, self.params.loop)
             self._let_others_finish()
@@ -178,15 +182,21 @@ class PlayerNode(Node):
         while self._answers is not None and self._answers.take() is not None:
             self.playback.wait(_QUIET_S)
 
-    def _meet(self) -> None:
-        """Let those connect who are there already, so that they hear the first message."""
-        self.playback.wait(MEET_S)
-        for _ in range(round(_MEET_AT_MOST_S / MEET_S)):
-            if self._has_met_all():
+    def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> None:
+        for _ in range(round(at_most_s / MEET_S)):
+            if holds():
                 return
             self.playback.wait(MEET_S)
 
+    def _is_heard(self) -> bool:
+        """Whether the node listens to anything played that is waited for, if one is."""
+        node = f'{self.names.namespace.rstrip("/")}/{self.params.wait_for}'
+        played = {publisher.topic for publisher in self._publishers.values()}
+        ends = (end for peer in self.bus.graph().participants for end in peer.subscriptions)
+        return not self.params.wait_for or any(end.node == node and end.name in played for end in ends)
+
     def _has_met_all(self) -> bool:
+        """Whether those are connected who are there already, so that they hear the first message."""
         # A process counts once, however many of its nodes listen.
         peers = self.bus.graph().participants
         wanted = [what for peer in peers for what in {(end.name, end.type_name) for end in peer.subscriptions}]

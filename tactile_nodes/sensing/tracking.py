@@ -42,6 +42,7 @@ class FeatureTracker:
         registration: takes the motion of the whole picture out; None leaves it in.
         texture: how far each spot of the gel goes, where that is known.
         finer: how motion is measured beside rest images that are prepared for it.
+        compiled: whether compiled loops do what `flow` is asked for, and all that is done beside it for each frame.
     """
 
     def __init__(
@@ -55,7 +56,9 @@ class FeatureTracker:
         registration: Registration | None = None,
         texture: TextureGains | None = None,
         finer: Measuring | None = None,
+        compiled: bool = False,
     ) -> None:
+        self.compiled = compiled
         self.reference: np.ndarray | None = None
         self.reference_id = ''
         self.straight: np.ndarray | None = None
@@ -66,7 +69,7 @@ class FeatureTracker:
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
         self._first: PreparedRest | None = None
-        self._own, self._finer = Measuring(flow, encoding, texture), finer
+        self._own, self._finer = Measuring(flow, encoding, texture, compiled), finer
         self._first_finer: tuple[PreparedRest, FlowMethod] | None = None
         self._other: OtherTexture | None = None
         self._known: KnownTexture | None = None
@@ -156,14 +159,14 @@ class FeatureTracker:
         encoding.set_reference(image)
         still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
         require_rest_image(image, encoding.encode(still).confidence, self._marked_share)
-        check = None if self._check is None else StillnessCheck(self._check.options)
+        check = None if self._check is None else StillnessCheck(self._check.options, compiled=self.compiled)
         if check is not None:
             check.set_reference(image)
         flow = kind.flow_beside(image)
         if noise is not None and isinstance(flow, InverseCompositionalFlow):
             flow.allow_for_noise(noise)
         own = flow.displacement(image)
-        registering = None if self.registration is None else Registered(image, own)
+        registering = None if self.registration is None else Registered(image, own, compiled=self.compiled)
         known = self._known_beside(kind, flow, image) if renewed else None
         return PreparedRest(image, flow, encoding, check, own, registering, known, kind is self._finer)
 

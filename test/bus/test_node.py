@@ -296,3 +296,8 @@ def test_parameter_that_does_not_fit_keeps_a_node_from_starting(bus: InProcessBu
     with pytest.raises(ConfigurationError, match="'gain' must be from 0"):
         Plain(bus, parse_arguments(['--ros-args', '-p', 'gain:=11.0']))
     assert isinstance(Plain(bus, NodeArguments()).params, Params)
+
+
+@pytest.mark.parametrize(('words', 'given'), [(['--ros-args', '-p', 'gain:=1.0'], 1.0), ([], None)])
+def test_a_node_knows_which_parameters_were_given(bus: InProcessBus, words: list[str], given: float | None) -> None:
+    assert Plain(bus, parse_arguments(words)).given('gain') == given

@@ -27,3 +27,18 @@ def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict
     [(command, value)] = told
     assert 'camera' in ' '.join(command)
     assert value == contact
+
+
+@pytest.mark.parametrize(
+    ('given', 'handed'), [('auto', []), ('true', ['compiled:=True']), ('false', ['compiled:=False'])]
+)
+@pytest.mark.parametrize(('name', 'needed'), [('live', {}), ('replay', {'bag': 'run1'})])
+def test_nodes_are_told_of_compiled_loops_only_where_somebody_chose(
+    interpret, name: str, needed: dict[str, str], given: str, handed: list[str]
+):
+    """What is handed on is a wish, and without numba an error; what nobody chose gives way to numpy."""
+    arguments = [{'name': key, 'value': value} for key, value in {'compiled': given, **needed}.items()]
+    included = {'file': str(paths.share_directory() / 'launch' / f'{name}.launch.yaml'), 'arg': arguments}
+    commands = interpret(yaml.safe_dump([{'include': included}])).commands
+    [sensing] = [words for words in commands if 'flow_features' in words]
+    assert [word for word in sensing if word.startswith('compiled:=')] == handed

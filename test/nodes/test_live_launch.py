@@ -116,13 +116,13 @@ def test_model_file_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -
         assert 'Traceback' not in output
 
 
-def test_a_replay_takes_the_model_that_live_sensing_takes() -> None:
+def test_a_replay_computes_as_live_sensing_does() -> None:
     defaults = set()
     for name in ('live', 'replay'):
         document = yaml.safe_load((paths.share_directory() / 'launch' / f'{name}.launch.yaml').read_text())
         arguments = {each['arg']['name']: each['arg'] for each in document['launch'] if 'arg' in each}
-        defaults.add(arguments['model']['default'])
-    assert defaults == {'field'}
+        defaults.add((arguments['model']['default'], arguments['compiled']['default']))
+    assert defaults == {('field', 'auto')}
 
 
 def replayed(bag: Path, rate: float, made: Path) -> BagReader:

@@ -125,6 +125,31 @@ def test_a_player_waits_until_what_follows_from_the_bag_has_come(bus: InProcessB
     assert clock.left == 0
 
 
+class LateListener(JumpingClock):
+    """A node that takes five seconds to start."""
+
+    def __init__(self, bus: InProcessBus) -> None:
+        super().__init__(2 * START_NS)
+        self._bus, self._from_ns = bus, self.now_ns() + 5_000_000_000
+        self.chatter: Subscription | None = None
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        super().sleep_until(deadline_ns)
+        if self.chatter is None and self.now_ns() >= self._from_ns:
+            self.chatter = self._bus.subscribe('/chatter', STRING, Qos('queue', 100), '/flow_features')
+
+
+def test_a_player_waits_for_the_node_that_has_to_listen(bus: InProcessBus, bag: Path) -> None:
+    values = {'bag': str(bag), 'wait_for': 'flow_features'}
+    located = {name: Located(value, 'test') for name, value in values.items()}
+    clock = LateListener(bus)
+    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    node.spin()
+    node.close()
+    assert clock.chatter is not None
+    assert taken(clock.chatter) == NUMBERS
+
+
 def test_an_answer_of_no_known_topic_is_refused(play) -> None:
     with pytest.raises(ConfigurationError, match='answer: /chatter is no topic'):
         play(answer='/chatter')

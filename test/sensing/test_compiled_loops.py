@@ -6,7 +6,9 @@ import ast
 import dataclasses
 import importlib.util
 import itertools
-from collections.abc import Callable, Iterator
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,12 +17,14 @@ import numpy as np
 import pytest
 from responding import COMPONENTS, components, features, readout
 
-from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.compiling import NOTICE, PARTS, compiled_loops, told_of_compiling, use_compiled
+from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.sensing.compiling import NOTICE, PARTS, choose, told_of_compiling
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.explain.field.cone import least_squares
+from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.explain.reading import Reading
+from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import DisplacementField
@@ -34,18 +38,9 @@ needs_numba = pytest.mark.skipif(importlib.util.find_spec('numba') is None, reas
 T = TypeVar('T')
 
 
-@pytest.fixture(autouse=True)
-def numpy_again() -> Iterator[None]:
-    yield
-    use_compiled(False)
-
-
-def both(answer: Callable[[], T]) -> tuple[T, T]:
+def both(answer: Callable[[bool], T]) -> tuple[T, T]:
     """By numpy, and compiled."""
-    use_compiled(False)
-    plain = answer()
-    use_compiled()
-    return plain, answer()
+    return answer(False), answer(True)
 
 
 def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
@@ -68,7 +63,7 @@ def test_the_same_forces_are_read(contacts: list[tuple[float, float, float]], lo
     sure.reshape(-1)[np.random.default_rng(3).permutation(36)[:lost]] = 0.2
     noise = np.random.default_rng(1).normal(size=COMPONENTS).astype(np.float32)
     seen = features(reader, components(reader.response, *contacts) + noise)
-    plain, compiled = both(lambda: reader.read(seen, sure))
+    plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
     np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-5)
     np.testing.assert_allclose(told(compiled), told(plain), rtol=1e-3, atol=1e-5)
 
@@ -84,7 +79,8 @@ def test_the_same_is_said_of_drags(
     reader = dataclasses.replace(readout(growth=3.0), most_shift_gain=limit)
     noise = np.random.default_rng(1).normal(size=COMPONENTS).astype(np.float32)
     seen = features(reader, components(reader.response, *contacts) + noise) + np.array(shift, np.float32)
-    plain, compiled = both(lambda: reader.read(seen, np.ones((6, 6), np.float32)))
+    sure = np.ones((6, 6), np.float32)
+    plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
     np.testing.assert_allclose(told(compiled), told(plain), rtol=1e-3, atol=1e-5)
 
 
@@ -102,7 +98,7 @@ def test_nothing_is_read_from_what_is_no_number_or_too_little(value: float, lost
     sure.reshape(-1)[:lost] = 0.0
     seen = features(reader, components(reader.response, (2.0, 1.0, 0.4)))
     seen[5, 5, 0] = value
-    plain, compiled = both(lambda: reader.read(seen, sure))
+    plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
     assert np.isnan(told(compiled)).all()
     np.testing.assert_array_equal(told(compiled), told(plain))
 
@@ -111,11 +107,11 @@ def test_nothing_is_read_from_what_is_no_number_or_too_little(value: float, lost
 @pytest.mark.parametrize('shift', [(0.02, -0.01), (1.5, -0.8), (-6.3, 4.4)])
 @pytest.mark.parametrize('options', [{}, {'rows': 20, 'cols': 20, 'finest_scale': 1}])
 def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float], options: dict[str, object]):
-    flow = make_flow('inverse_compositional', options)
-    flow.set_reference(speckle)
     image = moved(speckle, *shift)
 
-    def seen() -> DisplacementField:
+    def seen(compiled: bool) -> DisplacementField:
+        flow = make_flow('inverse_compositional', options, compiled=compiled)
+        flow.set_reference(speckle)
         return flow.displacement(image)
 
     plain, compiled = both(seen)
@@ -126,33 +122,49 @@ def test_the_same_motion_is_seen(speckle: np.ndarray, shift: tuple[float, float]
 
 
 @needs_numba
+def test_one_who_computes_compiled_changes_no_bit_of_one_who_does_not(speckle: np.ndarray):
+    image = moved(speckle, 0.4, -0.3)
+    flows = both(lambda compiled: InverseCompositionalFlow(compiled=compiled))
+    for flow in flows:
+        flow.set_reference(speckle)
+    first, compiled, second = (flow.displacement(image).displacement_px for flow in (*flows, flows[0]))
+    np.testing.assert_array_equal(second, first)
+    assert (compiled != first).any()
+
+
+@needs_numba
 def test_the_same_motion_is_seen_beside_a_rest_image_whose_noise_is_allowed_for(speckle: np.ndarray):
-    flow, moving = InverseCompositionalFlow(), moved(speckle, 0.4, -0.3)
-    flow.set_reference(speckle)
-    beside = flow.displacement(moving).displacement_px.mean(axis=(0, 1))
-    flow.allow_for_noise(np.random.default_rng(0).normal(0, 3, speckle.shape).astype(np.float32))
-    plain, compiled = both(lambda: flow.displacement(moving).displacement_px)
-    assert abs(plain.mean(axis=(0, 1)) / beside - 1).max() > 0.01
+    moving, noise = moved(speckle, 0.4, -0.3), np.random.default_rng(0).normal(0, 3, speckle.shape)
+
+    def seen(compiled: bool) -> tuple[np.ndarray, np.ndarray]:
+        flow = InverseCompositionalFlow(compiled=compiled)
+        flow.set_reference(speckle)
+        beside = flow.displacement(moving).displacement_px
+        flow.allow_for_noise(noise.astype(np.float32))
+        return flow.displacement(moving).displacement_px, beside
+
+    (plain, beside), (compiled, _) = both(seen)
+    assert abs(plain.mean(axis=(0, 1)) / beside.mean(axis=(0, 1)) - 1).max() > 0.01
     np.testing.assert_allclose(compiled, plain, atol=2e-3)
 
 
 @needs_numba
 @pytest.mark.parametrize('about_none', [True, False])
 def test_the_same_common_motion_is_found(about_none: bool):
-    fit = MotionFit((440, 400), 10, 10)
+    fits = [MotionFit((440, 400), 10, 10, compiled=compiled) for compiled in (False, True)]
     random = np.random.default_rng(6)
     true = np.array([0.8, -0.3, 0.05, 0.02, 0.01, -0.02, 0.03, 0.01])
-    motion = fit.carried(true) + random.normal(scale=0.01, size=(100, 2))
+    motion = fits[0].carried(true) + random.normal(scale=0.01, size=(100, 2))
     motion[20:45] += random.normal(scale=1.0, size=(25, 2))  # pressed
     weight = (np.arange(100) % 9 > 0).astype(float)
-    plain, compiled = both(lambda: fit.common(motion, weight, rounds=3, about_none=about_none))
+    plain, compiled = (fit.common(motion, weight, rounds=3, about_none=about_none) for fit in fits)
     np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
 
 
 @needs_numba
 @pytest.mark.parametrize('shape', [(0, 440), (440, 0)])
 def test_a_picture_without_pixels_is_dark(shape: tuple[int, int]):
-    for said in both(lambda: picture_faults(np.zeros(shape, np.uint8))):
+    for said in both(lambda compiled: picture_faults(np.zeros(shape, np.uint8), compiled=compiled)):
         assert said == PictureFaults(0.0, True, False)
 
 
@@ -161,21 +173,22 @@ def test_a_picture_without_pixels_is_dark(shape: tuple[int, int]):
 @pytest.mark.parametrize('light', [1.0, 3.0, 0.01])
 def test_the_same_is_said_of_a_picture(speckle: np.ndarray, shape: tuple[int, int], light: float):
     picture = np.clip(light * np.resize(speckle, shape).astype(float), 0, 255).astype(np.uint8)
-    plain, compiled = both(lambda: picture_faults(picture))
+    plain, compiled = both(lambda compiled: picture_faults(picture, compiled=compiled))
     assert compiled == plain
-    plain_sharpness, compiled_sharpness = both(lambda: sharpness(picture))
+    plain_sharpness, compiled_sharpness = both(lambda compiled: sharpness(picture, compiled=compiled))
     assert compiled_sharpness == pytest.approx(plain_sharpness, rel=1e-12)
 
 
 @needs_numba
 def test_the_same_pictures_are_still(speckle: np.ndarray):
-    check = StillnessCheck(StillnessOptions(full_every=1000))
-    check.set_reference(speckle)
+    checks = both(lambda compiled: StillnessCheck(StillnessOptions(full_every=1000), compiled=compiled))
+    for check in checks:
+        check.set_reference(speckle)
     noise = np.random.default_rng(8).normal(size=speckle.shape)
     told = set()
     for grey, shift in itertools.product((0.0, 1.0, 2.0), (0.0, 0.02, 0.3)):
         picture = np.clip(np.rint(moved(speckle, shift, 0.0) + grey * noise), 0, 255).astype(np.uint8)
-        plain, compiled = both(lambda picture=picture: check(picture))
+        plain, compiled = (check(picture) for check in checks)
         assert compiled == plain
         told.add(plain)
     assert told == {True, False}
@@ -183,12 +196,13 @@ def test_the_same_pictures_are_still(speckle: np.ndarray):
 
 @needs_numba
 def test_the_same_is_seen_at_rest_and_under_a_touch(speckle: np.ndarray):
-    check = StillnessCheck()
-    check.set_reference(speckle)
+    checks = both(lambda compiled: StillnessCheck(compiled=compiled))
+    for check in checks:
+        check.set_reference(speckle)
     noise = np.random.default_rng(9).normal(size=speckle.shape)
     for light, shift in itertools.product((1.0, 0.9), (0.0, 0.05, 1.0)):
         picture = np.clip(np.rint(light * moved(speckle, shift, 0.0) + noise), 0, 255).astype(np.uint8)
-        plain, compiled = both(lambda picture=picture: check.look(picture))
+        plain, compiled = (check.look(picture) for check in checks)
         np.testing.assert_allclose(dataclasses.astuple(compiled), dataclasses.astuple(plain), rtol=1e-3)
 
 
@@ -203,7 +217,9 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
         Streak(-0.4, 0.1),
     )  # fmt: skip
     contacts = np.array([(0.0, 0.0, 0.0), (3.0, -11.0, 0.7), (*gel.places[4], 1.4), (-9.0, 2.0, 1.5)])
-    plain, compiled = both(lambda: gel.motion_slopes_and_columns(contacts))
+    plain, compiled = both(
+        lambda compiled: dataclasses.replace(gel, compiled=compiled).motion_slopes_and_columns(contacts)
+    )
     for one, other in zip(plain, compiled, strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
 
@@ -243,7 +259,7 @@ def test_the_same_is_not_known_of_regions():
         profiles, 2, 1.2, random.uniform(-14, 14, (50, 2)), couplings, unsure=random.normal(size=(50, 2, 7, 3))
     )
     _, slopes, columns = gel.motion_slopes_and_columns(np.array([(0.0, 0.0, 0.3), (3.0, -11.0, 0.7)]))
-    plain, compiled = both(lambda: gel.variance(slopes, columns))
+    plain, compiled = both(lambda compiled: dataclasses.replace(gel, compiled=compiled).variance(slopes, columns))
     np.testing.assert_allclose(compiled, plain, rtol=1e-9)
 
 
@@ -253,13 +269,59 @@ def test_the_same_forces_explain_what_is_known_of_a_field(dtype: type):
     random = np.random.default_rng(2)
     columns = random.normal(size=(80, 36)).astype(dtype)
     wanted = np.concatenate([random.uniform(0, 1, 12), random.normal(0, 0.4, 24)]).astype(dtype)
-    plain, compiled = both(lambda: least_squares(columns.T @ columns, columns.T @ (columns @ wanted), 1.0))
+    information, towards = columns.T @ columns, columns.T @ (columns @ wanted)
+    plain, compiled = both(lambda compiled: least_squares(information, towards, 1.0, compiled=compiled))
     assert plain.dtype == compiled.dtype == dtype
     np.testing.assert_allclose(compiled, plain, atol=1e-5)
 
 
-def test_without_numba_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda _: None)
-    with pytest.raises(ConfigurationError, match=r"pip install 'tactile_nodes\[compiled\]'"):
-        use_compiled()
-    assert compiled_loops() is None
+@needs_numba
+@pytest.mark.parametrize('name', ['fast', 'portable', 'field', 'paper'])
+def test_every_part_of_a_model_computes_as_its_estimator_was_told(name: str):
+    loaded = load_model(find_model(name))
+    model, layout = loaded.model, loaded.model.layout
+    noise = np.random.default_rng(4).normal(scale=0.02, size=(layout.rows, layout.cols, layout.channels))
+    seen = Features(layout.encoding, noise.astype(np.float32), np.ones(noise.shape[:2], np.float32))
+    plain, compiled = both(lambda compiled: ForceEstimator(model, compiled=compiled).predict(seen))
+    np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-3)
+    assert told_by(ForceEstimator(model, compiled=True).model) == {True}
+    assert told_by(ForceEstimator(model).model) == {False}
+
+
+def told_by(part: object) -> set[bool]:
+    """What all parts of a model that know compiled loops were told."""
+    values = [getattr(part, each.name) for each in dataclasses.fields(part)]
+    own = {part.compiled} if hasattr(part, 'compiled') else set()
+    return own.union(*(told_by(each) for each in values if dataclasses.is_dataclass(each)))
+
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules['numba'] = None  # as if it were not installed: to import it fails
+from tactile_nodes.sensing.compiling import choose
+print(choose({asked}, print, print))
+"""
+
+
+def chosen_without_numba(asked: bool | None) -> subprocess.CompletedProcess[str]:
+    code = WITHOUT_NUMBA.format(asked=asked)
+    return subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+
+
+def test_without_numba_who_asks_for_compiled_loops_is_told_what_to_do():
+    ended = chosen_without_numba(True)
+    assert ended.returncode
+    assert 'ConfigurationError: numba cannot compile the inner loops here' in ended.stderr
+    assert 'pip install numba, or set the parameter compiled to false' in ended.stderr
+
+
+def test_without_numba_others_are_warned_once_and_get_numpy():
+    warning, answer = chosen_without_numba(None).stdout.splitlines()
+    assert warning.startswith('computing by numpy')
+    assert answer == 'False'
+
+
+@needs_numba
+def test_who_asks_for_numpy_gets_it_without_a_word(capsys: pytest.CaptureFixture[str]):
+    assert not choose(False, print, print)
+    assert not capsys.readouterr().out

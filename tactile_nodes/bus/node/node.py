@@ -85,6 +85,10 @@ class Node:
 
     # --- for subclasses -------------------------------------------------------------------------------------
 
+    def given(self, name: str) -> Any:
+        """What somebody gave a parameter at the start; None where it has its default."""
+        return getattr(self.params, name) if name in self._given else None
+
     def create_publisher(self, topic: Topic) -> Publisher:
         name = self.names.resolve(topic.name)
         qos = self._qos.of('publisher', name, topic.qos)
@@ -231,7 +235,9 @@ class Node:
         exact = params.exact_names(self.full_name, arguments.parameters)
         # What a wildcard sets for others is not for us; what names us and is unknown is a typo.
         mine = {name: value for name, value in values.items() if name in known or name in exact}
-        return params.from_mapping(self.PARAMS, {**mine, **self.kept.changes}, source=self.full_name), qos
+        mine |= self.kept.changes
+        self._given = frozenset(mine)
+        return params.from_mapping(self.PARAMS, mine, source=self.full_name), qos
 
     def _apply_parameters(self, changed: Any) -> None:
         self.on_parameters(changed)

@@ -278,7 +278,7 @@ def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinG
     _require_within(said)
     own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
     tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
-    numbers = {name: float(said[name]) for name in FIELD_NUMBERS}
+    numbers: dict[str, Any] = {name: float(said[name]) for name in FIELD_NUMBERS}
     response = arrays['field'].astype(np.float32)
     surface = arrays.get('surface', STILL)
     return FieldReadout(

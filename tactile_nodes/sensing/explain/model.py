@@ -6,7 +6,8 @@ Its numbers live in a file (`tactile_nodes.model_file`), training in `tactile_no
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -88,10 +89,13 @@ class ForceMap:
 
 
 class ForceEstimator:
-    """Applies a model to features; bit for bit the same results for the same frames in the same order."""
+    """Applies a model to features; bit for bit the same results for the same frames in the same order.
 
-    def __init__(self, model: ForceModel) -> None:
-        self.model = model
+    `compiled` loops give other last digits than numpy.
+    """
+
+    def __init__(self, model: ForceModel, *, compiled: bool = False) -> None:
+        self.model: ForceModel = _by_loops(model) if compiled else model
         self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
@@ -184,6 +188,13 @@ class ForceEstimator:
         """What acts while nothing touches, of a readout that knows."""
         readout = self.model.readout
         return readout.nothing() if isinstance(readout, FieldReadout) else found.acting
+
+
+def _by_loops(part: Any) -> Any:
+    """The same numbers, where every part of a model that knows compiled loops computes by them."""
+    parts = {each.name: getattr(part, each.name) for each in fields(part)}
+    changed = {name: _by_loops(inner) for name, inner in parts.items() if is_dataclass(inner)}
+    return replace(part, **changed, **({'compiled': True} if 'compiled' in parts else {}))
 
 
 def _force_map(reading: Reading, confidence: float) -> ForceMap:

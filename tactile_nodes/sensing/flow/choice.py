@@ -12,27 +12,28 @@ from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositiona
 from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, FlowMethod, checked_options
 
 
-def _make_dis(options: Mapping[str, object]) -> FlowMethod:
+def _make_dis(options: Mapping[str, object], compiled: bool) -> FlowMethod:
+    del compiled  # it is OpenCV's
     return DisFlow(DisOptions(**checked_options('dis', DisOptions, options)))  # type: ignore[arg-type]
 
 
-def _make_inverse_compositional(options: Mapping[str, object]) -> FlowMethod:
+def _make_inverse_compositional(options: Mapping[str, object], compiled: bool) -> FlowMethod:
     checked = checked_options(InverseCompositionalFlow.name, InverseCompositionalOptions, options)
-    return InverseCompositionalFlow(InverseCompositionalOptions(**checked))  # type: ignore[arg-type]
+    return InverseCompositionalFlow(InverseCompositionalOptions(**checked), compiled=compiled)  # type: ignore[arg-type]
 
 
-FLOW_METHODS: dict[str, Callable[[Mapping[str, object]], FlowMethod]] = {
+FLOW_METHODS: dict[str, Callable[[Mapping[str, object], bool], FlowMethod]] = {
     'dis': _make_dis,
     'inverse_compositional': _make_inverse_compositional,
 }
 
 
-def make_flow(name: str, options: Mapping[str, object] | None = None) -> FlowMethod:
-    """The flow method of that name.
+def make_flow(name: str, options: Mapping[str, object] | None = None, *, compiled: bool = False) -> FlowMethod:
+    """The flow method of that name, by compiled loops where it has such and they are asked for.
 
     Raises:
         ConfigurationError: no such method, or no such option of it.
     """
     if name not in FLOW_METHODS:
         raise ConfigurationError(f'there is no flow method {name!r}; use one of: {", ".join(FLOW_METHODS)}')
-    return FLOW_METHODS[name](options or {})
+    return FLOW_METHODS[name](options or {}, compiled)

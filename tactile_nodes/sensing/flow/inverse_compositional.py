@@ -9,7 +9,6 @@ fails too, a dense search helps out.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from types import ModuleType
 
 import cv2
 import numpy as np
@@ -85,8 +84,8 @@ class InverseCompositionalFlow:
 
     name = 'inverse_compositional'
 
-    def __init__(self, options: InverseCompositionalOptions | None = None) -> None:
-        self._options = options or InverseCompositionalOptions()
+    def __init__(self, options: InverseCompositionalOptions | None = None, *, compiled: bool = False) -> None:
+        self._options, self._compiled = options or InverseCompositionalOptions(), compiled
         _require_possible(self._options)
         self._reference: np.ndarray | None = None
         self._templates: Templates
@@ -106,7 +105,9 @@ class InverseCompositionalFlow:
             )
         side = round(options.window * max(height / options.rows, width / options.cols))
         self._templates = Templates(
-            PatchGrid((height, width), options.rows, options.cols, max(3, side)), self._moving(image)
+            PatchGrid((height, width), options.rows, options.cols, max(3, side)),
+            self._moving(image),
+            compiled=self._compiled,
         )
         self._reference = image.copy()
         texture = np.square(self._templates.texture_grey)
@@ -159,27 +160,26 @@ class InverseCompositionalFlow:
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
-        if (loops := compiled_loops()) is not None:
-            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
-            found, field, lost = self._displacement(loops, picture)
-            if not lost:
-                return field
         if cv2.getNumThreads() != self._options.threads:
             cv2.setNumThreads(self._options.threads)
-        if loops is None:
-            picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale))
+        picture = np.ascontiguousarray(shrunk(image, self._options.finest_scale, compiled=self._compiled))
+        if self._compiled:
+            found, field, lost = self._displacement(picture)
+            if not lost:
+                return field
+        else:
             found = self._settled(picture)
         if self._lost(found).size:
             self._recover(found, picture, (reference, image))
         motion, confidence = self._by_row(found)
         return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
 
-    def _displacement(self, loops: ModuleType, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
+    def _displacement(self, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
         """Patches found, motion as it is told, and how many patches are lost: compiled."""
         rows, cols = self._options.rows, self._options.cols
         motion, explained = np.empty((2, rows * cols), np.float32), np.empty(rows * cols, np.float32)
         told, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
-        lost = loops.displacement(picture, *self._for_loops, motion, explained, told, confidence)
+        lost = compiled_loops().displacement(picture, *self._for_loops, motion, explained, told, confidence)
         return Match(motion, explained), DisplacementField(told, confidence), lost
 
     def _recover(

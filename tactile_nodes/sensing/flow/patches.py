@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import ModuleType
 
 import cv2
 import numpy as np
@@ -86,9 +85,9 @@ class Templates:
     per pixel: of motion right along right and down, of motion down along right and down.
     """
 
-    def __init__(self, grid: PatchGrid, moved: Moved) -> None:
+    def __init__(self, grid: PatchGrid, moved: Moved, *, compiled: bool = False) -> None:
         """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
-        self.grid = grid
+        self.grid, self._compiled = grid, compiled
         basis, triangle = np.linalg.qr(model := self._model(moved))
         self._whole, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._basis = self._whole * self._unit[:, :, None]
@@ -205,8 +204,8 @@ class Templates:
         home = self.grid.corner[:, which]
         corner = home if start_px is None else home + np.rint(start_px).astype(np.int32)
         corner = corner if start_px is None else np.clip(corner, 0, self.grid.furthest)
-        if (loops := compiled_loops()) is not None and image.dtype == np.uint8:
-            motion, explained = self._matched(loops, image, corner, self._numbers if numbers is None else numbers)
+        if self._compiled and image.dtype == np.uint8:
+            motion, explained = self._matched(image, corner, self._numbers if numbers is None else numbers)
         else:
             motion, explained = self._linear(self.grid.windows(image, corner), which)
             motion += np.einsum('ckp,kp->cp', self._mend[:, :, which], _terms(*motion))
@@ -215,12 +214,12 @@ class Templates:
         return Match(motion, explained)
 
     def _matched(
-        self, loops: ModuleType, image: np.ndarray, corner: np.ndarray, numbers: np.ndarray
+        self, image: np.ndarray, corner: np.ndarray, numbers: np.ndarray
     ) -> tuple[Float32[np.ndarray, '2 some'], Float32[np.ndarray, ' some']]:
         """The same, compiled."""
         motion, explained = np.empty((2, len(numbers)), np.float32), np.empty(len(numbers), np.float32)
         corner, limits = np.ascontiguousarray(corner), (LEAST_GAIN, LARGEST_ANSWER_PX, 0.0, 0.0)
-        loops.match(image, corner, numbers, self.grid.window_px, self.for_loops, limits, motion, explained)
+        compiled_loops().match(image, corner, numbers, self.grid.window_px, self.for_loops, limits, motion, explained)
         return motion, explained
 
     @property
@@ -282,13 +281,13 @@ def windowed_sinc(shift_px: float, beta: float = 8.0) -> Float[np.ndarray, ' tap
     return normal
 
 
-def shrunk(image: np.ndarray, times: int = 1) -> np.ndarray:
+def shrunk(image: np.ndarray, times: int = 1, *, compiled: bool = False) -> np.ndarray:
     """The image at half its size, `times` times over: each pixel the mean of four; an odd last line is left out."""
     for _ in range(times):
         height, width = image.shape[0] // 2, image.shape[1] // 2
-        if (loops := compiled_loops()) is not None and image.dtype == np.uint8 and image.flags.c_contiguous:
+        if compiled and image.dtype == np.uint8 and image.flags.c_contiguous:
             small = np.empty((height, width), np.uint8)
-            loops.halved(image, small)
+            compiled_loops().halved(image, small)
             image = small
             continue
         image = cv2.resize(image[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)

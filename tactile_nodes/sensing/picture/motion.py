@@ -179,7 +179,8 @@ def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
 class MotionFit:
     """Finds the common motion of rows x cols patches over a picture of `shape`."""
 
-    def __init__(self, shape: tuple[int, ...], rows: int, cols: int) -> None:
+    def __init__(self, shape: tuple[int, ...], rows: int, cols: int, *, compiled: bool = False) -> None:
+        self.compiled = compiled
         x, y = (each.reshape(-1) for each in np.meshgrid(*places(shape, rows, cols)))
         zero, one = np.zeros_like(x), np.ones_like(x)
         self._along_x = np.stack([one, zero, x, -y, y * y, -x * y, x * x, x * y], axis=-1)
@@ -215,8 +216,8 @@ class MotionFit:
         if not about_none:
             terms[:2] = np.median(motion[weight > 0], axis=0)
             scale = max(scale, float(np.median(self._away(motion, terms)[weight > 0])))
-        if (loops := compiled_loops()) is not None:
-            loops.common(motion, weight, self._along_x, self._along_y, rounds, FAR_PX**2, scale, terms)
+        if self.compiled:
+            compiled_loops().common(motion, weight, self._along_x, self._along_y, rounds, FAR_PX**2, scale, terms)
             return terms
         away = np.square(motion).sum(axis=1) if about_none else self._away(motion, terms)
         for number in range(rounds):

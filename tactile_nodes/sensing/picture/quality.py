@@ -28,12 +28,12 @@ class PictureFaults:
     saturated: bool
 
 
-def picture_faults(image: UInt8[np.ndarray, 'h w']) -> PictureFaults:
+def picture_faults(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> PictureFaults:
     """Judge an image by every fourth pixel of every fourth row; one without pixels is dark."""
     if not image.size:
         return PictureFaults(0.0, True, False)
-    if (loops := compiled_loops()) is not None and image.flags.c_contiguous:
-        total, bright, burnt = loops.counted(image, 4, DARK_GREY)
+    if compiled and image.flags.c_contiguous:
+        total, bright, burnt = compiled_loops().counted(image, 4, DARK_GREY)
         size = -(-image.shape[0] // 4) * -(-image.shape[1] // 4)
         return PictureFaults(total / size, bright <= 0.01 * size, burnt > SATURATED_SHARE * size)
     sample = np.ascontiguousarray(image[::4, ::4])  # in one piece it is counted three times as fast
@@ -161,14 +161,14 @@ class PictureLikeness:
         return Unlike(bright, not off >= self._least, off > SHARPNESS_OFF[1])
 
 
-def sharpness(image: UInt8[np.ndarray, 'h w']) -> float:
+def sharpness(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> float:
     """Mean difference of pixels side by side over that of pixels three apart.
 
     Light cancels out and a press changes nothing (0.534 to 0.536 on the simulated gel, rest image 0.525); a blur of
     1 px more leaves 0.44, noise of four times as much 0.59, and of nothing but noise it is 1.
     """
-    if (loops := compiled_loops()) is not None and image.flags.c_contiguous:
-        near, far = loops.differences(image, SHARPNESS_ROWS // 2, SHARPNESS_ROWS)
+    if compiled and image.flags.c_contiguous:
+        near, far = compiled_loops().differences(image, SHARPNESS_ROWS // 2, SHARPNESS_ROWS)
         return near / far if far > 0 else 0.0
     rows = np.ascontiguousarray(image[SHARPNESS_ROWS // 2 :: SHARPNESS_ROWS])
     near, far = (float(cv2.mean(cv2.absdiff(rows[:, by:], rows[:, :-by]))[0]) for by in (1, 3))

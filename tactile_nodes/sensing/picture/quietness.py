@@ -65,15 +65,22 @@ def loosely_quiet(
 
 
 def quiet(
-    left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float = QUIET_NOISE
+    left: Float[np.ndarray, 'patches 2'],
+    found: Bool[np.ndarray, ' patches'],
+    limit: float = QUIET_NOISE,
+    *,
+    compiled: bool = False,
 ) -> bool:
     """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
-    return _share_beyond(_squared(left[found]), QUIET_PX) <= OUTLIERS and none_away(left, found, limit)
+    few = _share_beyond(_squared(left[found]), QUIET_PX) <= OUTLIERS
+    return few and none_away(left, found, limit, compiled=compiled)
 
 
-def none_away(left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float) -> bool:
+def none_away(
+    left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float, *, compiled: bool = False
+) -> bool:
     """Whether no more goes away from any place than `limit` times the noise, however large that is."""
-    most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32))
+    most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32), compiled=compiled)
     return most <= limit * noise_of(left[found])
 
 

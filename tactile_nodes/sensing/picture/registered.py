@@ -25,23 +25,24 @@ class Registered:
     patches of our own are measured in every frame that is looked at.
     """
 
-    def __init__(self, image: UInt8[np.ndarray, 'h w'], own: DisplacementField) -> None:
+    def __init__(self, image: UInt8[np.ndarray, 'h w'], own: DisplacementField, *, compiled: bool = False) -> None:
         self.image = image
-        self.fit = MotionFit(image.shape, PATCHES, PATCHES)
+        self.fit = MotionFit(image.shape, PATCHES, PATCHES, compiled=compiled)
         self.watch = None
         if own.confidence is None or min(own.confidence.shape) < PATCHES:
-            self.watch = _watch(image)
+            self.watch = _watch(image, compiled)
             own = self.watch.displacement(image) if self.watch else own
         self.confidence = coarse(own)[1] if own.confidence is not None else np.zeros(PATCHES**2)
         self.known = self.confidence >= FOUND
         self.known_count = int(self.known.sum())
 
 
-def _watch(image: UInt8[np.ndarray, 'h w']) -> InverseCompositionalFlow | None:
+def _watch(image: UInt8[np.ndarray, 'h w'], compiled: bool) -> InverseCompositionalFlow | None:
     """Patches of our own at half size; None of a picture too small for them."""
     if min(image.shape) < LEAST_SIDE_PX:
         return None
-    flow = InverseCompositionalFlow(InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=1))
+    options = InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=1)
+    flow = InverseCompositionalFlow(options, compiled=compiled)
     flow.set_reference(image)
     return flow
 

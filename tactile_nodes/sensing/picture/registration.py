@@ -241,10 +241,12 @@ class Registration:
         self.maybe = loosely_quiet(beside, found, knocked_px, self.explained)
         if self.maybe:
             self._noise_px = noise_of(beside[found])
-        self.surely = self.maybe and quiet(beside, found)
-        self.free = self.surely or (self.watches and self.maybe and quiet(beside, found, TOUCHED_NOISE))
+        self.surely = self.maybe and quiet(beside, found, compiled=self._fit.compiled)
+        watched = self.watches and self.maybe
+        self.free = self.surely or (watched and quiet(beside, found, TOUCHED_NOISE, compiled=self._fit.compiled))
         self.dent.rested(self.surely)
-        learning = early and self.maybe and not self.settled and none_away(beside, found, KNOCKED_NOISE)
+        learning = early and self.maybe and not self.settled
+        learning = learning and none_away(beside, found, KNOCKED_NOISE, compiled=self._fit.compiled)
         if not (self.surely or learning):
             if self.maybe and not self.settled:  # something touched in those frames: begin anew
                 self._rested = 0

@@ -107,8 +107,8 @@ def steady(seen: Stillness) -> bool:
 class StillnessCheck:
     """Compares images with one rest image, about which all is computed beforehand."""
 
-    def __init__(self, options: StillnessOptions | None = None) -> None:
-        self.options = options or StillnessOptions()
+    def __init__(self, options: StillnessOptions | None = None, *, compiled: bool = False) -> None:
+        self.options, self._compiled = options or StillnessOptions(), compiled
         _require_possible(self.options)
         self._reference: np.ndarray | None = None
         self._able = False
@@ -158,7 +158,7 @@ class StillnessCheck:
         require_like(self._reference, image)
         if not self._able:
             return False, None
-        small = shrunk(image)
+        small = shrunk(image, compiled=self._compiled)
         seen = self._seen(small, closely=False)
         if seen is None or not seen.within(self.options):
             return False, seen
@@ -207,9 +207,9 @@ class StillnessCheck:
         No split into parts could make those even. `closely`: look all the same.
         """
         plain = (math.inf, 0.0) if closely else (PLAIN_UNEVENNESS, LARGEST_LIGHT_SHARE**2)
-        if (loops := compiled_loops()) is not None:
+        if self._compiled:
             motion = np.empty((len(self._light), 2), np.float32)
-            worth, *numbers = loops.looked(small, self._rest, self._whole, self._light, plain, motion)
+            worth, *numbers = compiled_loops().looked(small, self._rest, self._whole, self._light, plain, motion)
             return self._told(motion, *numbers) if worth else None
         change = self._blocks(cv2.subtract(small, self._rest, dtype=cv2.CV_32F))
         energy = np.einsum('bn,bn->b', change, change)
@@ -231,7 +231,7 @@ class StillnessCheck:
 
     def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
         """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
-        return max(self._places.most(motion), self._alike(motion))
+        return max(self._places.most(motion, compiled=self._compiled), self._alike(motion))
 
     def _alike(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
         """The largest motion that is alike in neighbours, on the same scale."""

@@ -42,10 +42,10 @@ class TouchPlaces:
         away: np.ndarray = (along_x + along_y) * self._scale
         return away
 
-    def most(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
+    def most(self, motion: Float32[np.ndarray, 'blocks 2'], *, compiled: bool = False) -> float:
         """The most that goes away from, or towards, any place."""
-        if (loops := compiled_loops()) is not None:
+        if compiled:
             motion = np.ascontiguousarray(motion, np.float32)
-            return float(loops.most_away(motion, self._weight, self._rows, self._columns, self._scale))
+            return float(compiled_loops().most_away(motion, self._weight, self._rows, self._columns, self._scale))
         away = self.away(motion)
         return float(max(away.max(), -away.min()))

@@ -18,15 +18,19 @@ from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 @dataclass(frozen=True)
 class Measuring:
-    """How motion is measured, how it is summed up, and how far each spot of the gel goes, where that is known."""
+    """How motion is measured, how it is summed up, and how far each spot of the gel goes, where that is known.
+
+    `compiled`: by compiled loops.
+    """
 
     flow: FlowMethod
     encoding: FeatureEncoding
     texture: TextureGains | None = None
+    compiled: bool = False
 
     def flow_beside(self, image: UInt8[np.ndarray, 'h w']) -> FlowMethod:
         """A flow of this kind that measures against an image."""
-        flow = make_flow(self.flow.name, self.flow.options)
+        flow = make_flow(self.flow.name, self.flow.options, compiled=self.compiled)
         flow.set_reference(image)
         return flow
 

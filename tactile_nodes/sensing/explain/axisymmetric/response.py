@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import ModuleType
 
 import numpy as np
 from jaxtyping import Float
@@ -54,6 +53,7 @@ class AxisymmetricResponse:
     softness: float = 1.0
     streak: Streak = field(default_factory=Streak)
     unsure: Float[np.ndarray, 'regions 2 numbers factors'] | None = None
+    compiled: bool = False
 
     @cached_property
     def force(self) -> SplineAxis:
@@ -71,7 +71,7 @@ class AxisymmetricResponse:
 
     def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
         """Motion of each region (px) under each contact (x, y in mm and force in N)."""
-        if compiled_loops() is not None:
+        if self.compiled:
             return self.motion_slopes_and_columns(contacts)[0]
         return self.seen(self.columns(contacts))
 
@@ -87,8 +87,8 @@ class AxisymmetricResponse:
         Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2'], Float[np.ndarray, 'n regions columns']
     ]:
         """With them the profiles' values, of which couplings make that motion."""
-        if (loops := compiled_loops()) is not None:
-            return self._compiled(loops, contacts)
+        if self.compiled:
+            return self._by_loops(contacts)
         columns, slopes = self.columns_and_slopes(contacts)
         return self.seen(columns), np.stack([self.seen(each) for each in slopes]), columns
 
@@ -98,21 +98,21 @@ class AxisymmetricResponse:
         """By what motion with these slopes and columns may be off, squared (px^2), as regions are known no better."""
         if self.unsure is None:
             return np.zeros(slopes.shape[1:])
-        if (loops := compiled_loops()) is not None:
+        if self.compiled:
             made = np.empty(slopes.shape[1:])
-            loops.motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), made)
+            compiled_loops().motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), made)
             return made
         both = np.broadcast_to(columns[:, :, None], (*slopes.shape[1:], columns.shape[2]))
         levers = np.concatenate([both, -slopes[:2].transpose(1, 2, 3, 0)], axis=-1)
         off: np.ndarray = np.square(np.einsum('nrcl,rclf->nrcf', levers, self.unsure)).sum(axis=-1)
         return off
 
-    def _compiled(
-        self, loops: ModuleType, contacts: Float[np.ndarray, 'n 3']
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _by_loops(self, contacts: Float[np.ndarray, 'n 3']) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         made = np.empty((len(contacts), len(self.places), 2))
         slopes, columns = np.empty((3, *made.shape)), np.empty((*made.shape[:2], self.couplings.shape[2]))
-        loops.motion_and_slopes(np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes, columns)
+        compiled_loops().motion_and_slopes(
+            np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes, columns
+        )
         return made, slopes, columns
 
     @cached_property

@@ -52,6 +52,8 @@ def least_squares(
     towards: Float[np.ndarray, ' m'],
     friction: float,
     steps: int = STEPS,
+    *,
+    compiled: bool = False,
 ) -> Float[np.ndarray, ' m']:
     """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least.
 
@@ -62,9 +64,9 @@ def least_squares(
     stepped[np.diag_indices(len(towards))] += stiff
     root = inverse_root(stepped)
     begin = (root @ towards) @ root
-    if (loops := compiled_loops()) is not None and root.dtype == np.float32:
+    if compiled and root.dtype == np.float32:
         held: np.ndarray = np.zeros(len(towards))
-        loops.least_squares(root, begin, stiff, friction, steps, held)
+        compiled_loops().least_squares(root, begin, stiff, friction, steps, held)
         return held.astype(towards.dtype)
     return _least_squares(root, begin, stiff, friction, steps)
 

@@ -84,6 +84,7 @@ class FieldReadout:
     least_gain: float = 8.0
     tips: AxisymmetricReadout | None = None
     surface: Float32[np.ndarray, '2 near near'] = field(default_factory=lambda: STILL)
+    compiled: bool = False
 
     kind = 'field'
 
@@ -110,7 +111,7 @@ class FieldReadout:
     def solver(self) -> FieldSolver:
         """What finds the field."""
         camera = camera_ways(self.scaling.trusted.shape, self._known)
-        return FieldSolver(self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt)
+        return FieldSolver(self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt, self.compiled)
 
     @cached_property
     def _known(self) -> np.ndarray:

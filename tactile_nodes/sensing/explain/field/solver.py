@@ -100,6 +100,7 @@ class FieldSolver:
     patches: PatchGrid
     noise_px: float
     doubt: float
+    compiled: bool = False
 
     def weights(
         self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions'], noise_px: float = 0.0
@@ -149,7 +150,8 @@ class FieldSolver:
         information, evidence = self._evidence(caused, GRANTED, flat, weights)
         evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
-        forces[:, active] = least_squares(information, evidence, FRICTION, STEPS).reshape(3, -1)
+        found = least_squares(information, evidence, FRICTION, STEPS, compiled=self.compiled)
+        forces[:, active] = found.reshape(3, -1)
         left = flat - forces[:, active].reshape(-1) @ caused
         return Field(forces, active, inverse_root(information), *self._fit(flat, left, weights))
 
@@ -166,7 +168,8 @@ class FieldSolver:
         held = self._held(self._shared(around)) @ self.patches.member[:, bins]
         evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
         pressed = np.zeros(self.patches.bins.count)
-        pressed[bins] = least_squares(information, evidence, FRICTION, FIRST_STEPS)[: bins.size]
+        forces = least_squares(information, evidence, FRICTION, FIRST_STEPS, compiled=self.compiled)
+        pressed[bins] = forces[: bins.size]
         return self._shared(pressed)
 
     def _shared(self, on_bins: Float[np.ndarray, ' bins']) -> Float[np.ndarray, ' patches']:

@@ -6,7 +6,6 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import ModuleType
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
@@ -89,6 +88,7 @@ class ResponseReadout:
     most_contacts: int = 1
     blurs: Blurs | None = None
     most_shift_gain: float = math.inf
+    compiled: bool = False
 
     kind = 'response'
 
@@ -116,15 +116,15 @@ class ResponseReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        if (loops := compiled_loops()) is not None:
-            return self._read(loops, values, confidence)
+        if self.compiled:
+            return self._read(values, confidence)
         return self.reading(self.seen(values, confidence))
 
-    def _read(self, loops: ModuleType, values: np.ndarray, confidence: np.ndarray) -> Reading:
+    def _read(self, values: np.ndarray, confidence: np.ndarray) -> Reading:
         """The same, compiled."""
         contacts = np.empty((self.most_contacts, 5))
         forces = np.empty((self.bins.rows, self.bins.cols), np.float32)
-        count, sigma_n, unlikeness = loops.read_response(
+        count, sigma_n, unlikeness = compiled_loops().read_response(
             values.reshape(-1), confidence.reshape(-1), *self._for_loops, contacts, forces
         )
         if not count:
