@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import contextlib
 import os
 import sys
 import time
@@ -147,8 +148,10 @@ class Program:
         return self._output.read_text()
 
     def signal(self, number: int) -> None:
+        """Of one that has ended meanwhile nobody is left to hear it."""
         assert self.process.pid is not None
-        os.kill(self.process.pid, number)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.process.pid, number)
 
     def ended(self, within_s: float) -> int | None:
         """The exit status; None when it still runs after `within_s`."""
