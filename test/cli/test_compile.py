@@ -13,7 +13,8 @@ import pytest
 from running_system import wait_until
 
 from tactile_nodes.cli.compile import compile_all
-from tactile_nodes.sensing.compiling import NEXT_TIME, PARTS
+from tactile_nodes.loop_choice import NEXT_TIME
+from tactile_nodes.sensing.compiling import PARTS
 
 pytestmark = pytest.mark.timeout(400)
 needs_numba = pytest.mark.skipif(importlib.util.find_spec('numba') is None, reason='numba is not installed')
@@ -27,7 +28,7 @@ def test_the_second_time_all_is_there(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 STARTED = """
-from tactile_nodes.sensing.compiling import choose
+from tactile_nodes.loop_choice import choose
 print(choose(None, print, print))
 """
 
