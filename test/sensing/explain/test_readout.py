@@ -72,6 +72,16 @@ def test_a_frame_is_told_with_wrench_bins_and_fine_map_that_agree(readout: Field
     assert abs(contact.region.angle_rad) < 0.2
 
 
+def test_a_light_contact_is_no_surer_than_5_mn(readout: FieldReadout) -> None:
+    """Of contacts below 0.3 N so much is off by what holds patches down; without it their intervals held 79 %."""
+    reading = readout.read(*seen(readout, edge(readout) / 20))
+    assert reading.acting is not None
+    assert reading.acting.explanation == 'field'
+    assert reading.total_sigma_n >= 0.005
+    assert all(each.sigma_n >= 0.005 for each in reading.contacts)
+    assert reading.acting.wrench_covariance[2, 2] == pytest.approx(reading.total_sigma_n**2)
+
+
 def test_noise_is_explained_by_nothing(readout: FieldReadout) -> None:
     reading = readout.read(*seen(readout, np.zeros((3, readout.solver.patches.count))))
     assert reading.acting is not None

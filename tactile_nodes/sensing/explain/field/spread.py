@@ -13,8 +13,8 @@ from jaxtyping import Float
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
 
-UNSEEN = np.array([0, 0, 1, 1, 1, 0])
-"""What a contact whose middle shows nothing leaves unknown of force x, y, z and torque x, y, z."""
+NORMAL = np.array([0, 0, 1, 1, 1, 0])
+"""What a normal force makes of force and torque (x, y, z each); unknown where the middle of a contact shows nothing."""
 
 _SIX = np.arange(6)
 
@@ -26,7 +26,8 @@ class FieldSpread:
     `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
     bin and its neighbours. `wide` is the share of the normal force of contacts whose middle shows nothing. `place` is a
     factor and the least that a place is off by (mm). `nominal` is what is usual of a total: a floor (N) and a share.
-    All are for a response fitted to presses; one that was not is off by `response` beside that.
+    `floor_n` is the least that a normal force is off by: what holds patches down takes of light contacts, which no fit
+    tells. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
 
     normal: tuple[float, float] = (0.7, 0.018)
@@ -36,18 +37,19 @@ class FieldSpread:
     place: tuple[float, float] = (1.0, 0.08)
     nominal: tuple[float, float] = (0.012, 0.05)
     response: float = 0.0
+    floor_n: float = 0.005
 
     def times(self, factor: float) -> FieldSpread:
         """With deviations that are so much larger."""
         if factor == 1:
             return self
-        names = 'normal', 'shear', 'bins', 'place', 'wide', 'response'
+        names = 'normal', 'shear', 'bins', 'place', 'wide', 'response', 'floor_n'
         larger: dict[str, Any] = {name: factor * np.array(getattr(self, name)) for name in names}
         return replace(self, **larger)
 
     def normal_n(self, fitted: float, force_n: float) -> float:
         """Of a normal force."""
-        return math.hypot(self.normal[0] * fitted, self.normal[1] * force_n, self.response * force_n)
+        return math.hypot(self.floor_n, self.normal[0] * fitted, self.normal[1] * force_n, self.response * force_n)
 
     def shear_n(self, fitted: float, force_n: float) -> float:
         """Of a shear force along an axis, beside so much normal force."""
@@ -86,8 +88,9 @@ class FieldSpread:
         shear, normal, total = self.shear, self.normal, field.total_n
         factors, shares = np.array([shear, shear, normal, normal, normal, shear]).T
         right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9)).tolist()
-        reach = total * np.array([1.0, 1.0, 1.0, down, right, math.hypot(right, down)])
-        unseen = self.wide * field.wide * UNSEEN
+        reach = np.array([1.0, 1.0, 1.0, down, right, math.hypot(right, down)])
+        unseen = self.wide * field.wide * NORMAL
         covariance = (each.T @ each).astype(float) * np.outer(factors, factors)
-        covariance[_SIX, _SIX] += (np.square(shares) + self.response**2 + np.square(unseen)) * np.square(reach)
+        apart = total**2 * (np.square(shares) + self.response**2 + np.square(unseen)) + self.floor_n**2 * NORMAL
+        covariance[_SIX, _SIX] += apart * np.square(reach)
         return wrench, covariance
