@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip('torch')
-sys.path.append(str(Path(__file__).parents[1] / 'learning'))
+sys.path.append(str(Path(__file__).parents[2] / 'learning'))
 
 from tiny_training import tiny_config, tiny_presses
 

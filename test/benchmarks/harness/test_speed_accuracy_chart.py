@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.speed_accuracy import CHART, CONTACTS, TIPS, box_of, contact_marks, draw_tips, panel, tip_marks
 
-RESULTS = Path(__file__).parents[2] / 'docs' / 'results'
+RESULTS = Path(__file__).parents[3] / 'docs' / 'results'
 KEPT = {TIPS: 'front.json', CONTACTS: 'contacts.json'}
 
 
