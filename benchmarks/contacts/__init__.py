@@ -46,17 +46,17 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
         models = _models(arguments, gel, Path(folder), progress)
 
         def undisturbed() -> Result:
-            scores, dis_ms = _read(models, gel, chosen, CONDITIONS[0], progress)
+            scores, dis_ms = read(models, gel, chosen, CONDITIONS[0], progress)
             scores |= _read_compiled(models[BEST], gel, chosen, progress)
             told = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
             return {'dis_ms': dis_ms, 'models': told}
 
         def broad() -> Result:
-            found, _ = _read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
+            found, _ = read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
             return {name: [_told(each) for each in told] for name, told in found.items()}
 
         def disturbed(condition: Condition) -> dict[str, float]:
-            scores, _ = _read({BEST: models[BEST]}, gel, chosen, condition, progress)
+            scores, _ = read({BEST: models[BEST]}, gel, chosen, condition, progress)
             return summed(*scores.values())
 
         return {
@@ -99,10 +99,10 @@ def _read_compiled(model: str, gel: Gel, chosen: Sequence[Case], progress: Progr
 
     if not can_compile():
         return {}
-    return _read({f'{BEST}, compiled': model}, gel, chosen, CONDITIONS[0], progress, compiled=True)[0]
+    return read({f'{BEST}, compiled': model}, gel, chosen, CONDITIONS[0], progress, compiled=True)[0]
 
 
-def _read(
+def read(
     models: dict[str, str],
     gel: Gel,
     chosen: Sequence[Case],

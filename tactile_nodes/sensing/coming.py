@@ -35,7 +35,8 @@ class Coming:
         self.motion = registration.motion if registration else None
         self._found: PreparedRest | ImageError | None = None
         made_of = tracker, image, noise, finer
-        self._thread = threading.Thread(target=self._prepare, args=made_of, name='rest image', daemon=True)
+        # Some 0.1 s that a process waits for when it ends: to end within compiled code would abort it.
+        self._thread = threading.Thread(target=self._prepare, args=made_of, name='rest image')
         self._thread.start()
 
     def prepared(self) -> PreparedRest:

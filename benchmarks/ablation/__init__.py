@@ -1,0 +1,71 @@
+"""Which mechanisms pay: each is switched off alone, and what people see is measured with it and without it.
+
+Figures are those of the failure bench, of any contact, of transfer to another gel, and the time of a frame; see
+`benchmarks.ablation.mechanisms` for what there is and how it is switched off. What pays nothing goes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.ablation.mechanisms import BY_NAME
+from benchmarks.ablation.page import page
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result
+from benchmarks.harness.running import Run
+from tactile_nodes.paths import share_directory
+
+if TYPE_CHECKING:
+    from benchmarks.stability.stream import World
+
+
+def measure(arguments: argparse.Namespace, run: Run) -> Result:
+    """One mechanism."""
+    import cv2
+
+    from benchmarks.ablation import figures
+
+    cv2.setNumThreads(1)
+    (name,) = arguments.only
+    mechanism = BY_NAME[name]
+    found: dict[str, Any] = {}
+    if mechanism.streams:
+        found |= figures.streams(mechanism, _world(), run.progress)
+    if mechanism.contacts:
+        found |= figures.contacts(mechanism, run.progress)
+    if mechanism.transfer:
+        found |= figures.transfer(mechanism, run.progress)
+    return {
+        'does': mechanism.does,
+        'files': list(mechanism.files),
+        'lines': mechanism.lines(Path(share_directory())),
+        'figures': found,
+    }
+
+
+@cache
+def _world() -> World:
+    """The gel that the models were made for; pictures of it are kept for all mechanisms."""
+    from benchmarks.stability.stream import World
+
+    return World()
+
+
+BENCHMARK = Benchmark(
+    name='ablation',
+    about=__doc__,
+    sources=(
+        'benchmarks/ablation/**', 'benchmarks/stability/**', 'benchmarks/contacts/**', 'benchmarks/transfer/**',
+        'tactile_nodes/learning/**', *SENSING, *SIMULATED,
+    ),
+    page=page,
+    measure=measure,
+    cases=tuple(BY_NAME),
+    in_parts=True,
+    example="""\
+examples:
+  tactile bench ablation --only 'dead pixels'
+  tactile bench ablation -o docs/results""",
+)  # fmt: skip

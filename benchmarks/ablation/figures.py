@@ -1,0 +1,200 @@
+"""Figures that people see, with a mechanism and without it: in streams of the failure bench, of contacts, of transfer.
+
+Both chains of a stream get every picture in turn, so that their times can be compared.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.ablation.mechanisms import Mechanism, Switch
+from benchmarks.stability import chain as chains
+from benchmarks.stability.cases import CASES, Case
+from benchmarks.stability.chain import Chain
+from benchmarks.stability.scores import OK, Answer
+from benchmarks.stability.stream import HELD, REST, Change, Plan, World
+from tactile_nodes.learning.progress import Progress
+
+if TYPE_CHECKING:
+    from benchmarks.transfer.scores import Score
+
+PLAN = Plan(presses=16)
+WITH, WITHOUT = 'with', 'without'
+WRONG_TIMES = 2.0
+"""A force that is further off than so many times the nominal error, and ok, is wrong while it says ok."""
+
+CONTACTS_SEED, CONTACTS_EACH = 101, 8
+"""Not those of the page of contacts: nothing is decided on a test set."""
+
+GELS_SEED, GELS, COUNTS = 4077, (0, 1), (10, 25, 100)
+"""Gels that no page of transfer is made of."""
+
+Figures = dict[str, dict[str, float]]
+"""By figure, with and without."""
+
+
+@dataclass
+class Side:
+    """One chain, what it said, and the processor time that each frame took (ms)."""
+
+    switch: Switch
+    chain: Chain
+    answers: list[Answer]
+    spent_ms: list[float]
+
+    @classmethod
+    def begun(cls, switch: Switch, profile: str) -> Side:
+        """Made under its switch: models and options are read then."""
+        chains._fresh.cache_clear()
+        with switch():
+            return cls(switch, Chain(profile), [], [])
+
+    def read(self, moment: Any, picture: np.ndarray, values: Any, world: World) -> None:
+        """One frame, under its switch."""
+        with self.switch():
+            begun = time.process_time()
+            message = self.chain.read(moment.stamp_ns, picture, moment.age_s, values)
+            self.spent_ms.append(1e3 * (time.process_time() - begun))
+        self.answers.append(Answer.of(moment, message, world.tables))
+
+
+def _as_it_is() -> AbstractContextManager[Any]:
+    return nullcontext()
+
+
+def change_of(stream: str) -> Change:
+    """The disturbance of a stream: 'blur 1' is the case `blur` at the level 1."""
+    if stream == 'none':
+        return Change()
+    name, _, level = stream.rpartition(' ')
+    return _case(name).at(float(level))
+
+
+def _case(name: str) -> Case:
+    return next(each for each in CASES if each.name == name)
+
+
+def streams(mechanism: Mechanism, world: World, progress: Progress, plan: Plan = PLAN) -> dict[str, Figures]:
+    """All figures of the streams of a mechanism, by profile and stream."""
+    found: dict[str, Figures] = {}
+    with progress.bar(mechanism.name, len(mechanism.streams)) as bar:
+        for stream in mechanism.streams:
+            for profile, sides in _read(mechanism, stream, world, plan).items():
+                found[f'{profile}, {stream}'] = _compared(sides, change_of(stream))
+            bar.advance(1, stream)
+    return found
+
+
+def _read(mechanism: Mechanism, stream: str, world: World, plan: Plan) -> dict[str, dict[str, Side]]:
+    change = change_of(stream)
+    switches = {WITH: _as_it_is, WITHOUT: mechanism.off}
+    sides = {
+        profile: {name: Side.begun(switch, profile) for name, switch in switches.items()}
+        for profile in mechanism.profiles
+    }
+    for moment, picture in world.frames(change, plan):
+        values = change.values if change.acts(moment) else None
+        for both in sides.values():
+            for side in both.values():
+                side.read(moment, picture, values, world)
+    chains._fresh.cache_clear()
+    return sides
+
+
+def _compared(sides: Mapping[str, Side], change: Change) -> Figures:
+    told = {name: _figures(side, change) for name, side in sides.items()}
+    return {figure: {name: told[name][figure] for name in sides} for figure in told[WITH]}
+
+
+def _figures(side: Side, change: Change) -> dict[str, float]:
+    """Of a stream, while its disturbance is there: errors, what was wrong while ok, and the time of a frame."""
+    timed = list(zip(side.answers, side.spent_ms, strict=True))
+    acts = [pair for pair in timed if change.endless or change.acts(pair[0].moment)]
+    held = [pair for pair in acts if pair[0].moment.kind == HELD]
+    rest = [pair for pair in acts if pair[0].moment.kind == REST]
+    errors = np.array([answer.error_n for answer, _ in held])
+    known, ok = errors[np.isfinite(errors)], np.array([answer.status == OK for answer, _ in held])
+    limits = np.array([WRONG_TIMES * side.chain.nominal_n(answer.true_n) for answer, _ in held])
+    places = [
+        min((float(np.hypot(place[0] - x, place[1] - y)) for x, y in answer.contacts_mm), default=np.nan)
+        for answer, _ in held for place in answer.true_mm
+    ]  # fmt: skip
+    return {
+        'force error, mN': 1e3 * float(np.sqrt(np.square(known).mean())) if known.size else np.nan,
+        'place, mm': float(np.nanmedian(places)) if np.isfinite(places).any() else np.nan,
+        'frames ok': float(ok.mean()) if ok.size else np.nan,
+        'wrong while ok': float((ok & ~(np.abs(errors) <= limits)).mean()) if ok.size else np.nan,
+        'false contacts': float(np.mean([answer.in_contact for answer, _ in rest])) if rest else np.nan,
+        'CPU in contact, ms': float(np.median([spent for _, spent in held])) if held else np.nan,
+        'CPU at rest, ms': float(np.median([spent for _, spent in rest])) if rest else np.nan,
+    }
+
+
+def contacts(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
+    """Of any contact, told by `field` as it ships."""
+    told = {WITH: _contacts_told(_as_it_is, progress), WITHOUT: _contacts_told(mechanism.off, progress)}
+    return {'field, any contact': {figure: {name: told[name][figure] for name in told} for figure in told[WITH]}}
+
+
+@cache
+def _contacts_told(switch: Switch, progress: Progress) -> dict[str, float]:
+    from benchmarks.contacts import read
+    from benchmarks.contacts.cases import cases
+    from benchmarks.contacts.frames import CONDITIONS
+    from benchmarks.contacts.scores import summed
+    from tactile_nodes.simulation.gel import Gel
+
+    gel = Gel(seed=1)
+    chosen = cases(gel, CONTACTS_SEED, CONTACTS_EACH, progress)
+    chains._fresh.cache_clear()
+    with switch():
+        scores, _ = read({'field': 'field'}, gel, chosen, CONDITIONS[0], progress)
+    chains._fresh.cache_clear()
+    found = summed(scores['field'])
+    return {
+        'misplaced': found['misplaced'], 'total, mN': 1e3 * found['total_rms_n'],
+        'centre, mm': found['centre_mm_median'],
+        'shear': found['shear_median'], 'torsion': found['torsion_median'], '1 - map r': 1 - found['map_r'],
+        'frames ok': found['ok'], 'worst while ok': found['worst_while_ok'], 'CPU in contact, ms': found['cpu_ms'],
+        'CPU, 95 %, ms': found['cpu_95_ms'],
+    }  # fmt: skip
+
+
+TRANSFERRED = {
+    'force error, mN': ('force_rmse_n', 1e3), 'place, mm': ('place_median_mm', 1.0),
+    'aRMSE, any grid, mN': ('placed_armse_n', 1e3),
+}  # fmt: skip
+
+
+def transfer(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
+    """Of `portable`, calibrated for other gels by some presses: means over the gels."""
+    told = {WITH: _transferred(_as_it_is, progress), WITHOUT: _transferred(mechanism.off, progress)}
+    return {
+        f'portable, another gel, {count} presses': {
+            figure: {
+                name: unit * float(np.mean([getattr(each, measure) for each in scores if each.presses == count]))
+                for name, scores in told.items()
+            }
+            for figure, (measure, unit) in TRANSFERRED.items()
+        }
+        for count in COUNTS
+    }
+
+
+@cache
+def _transferred(switch: Switch, progress: Progress) -> list[Score]:
+    from benchmarks.transfer import measure
+    from benchmarks.transfer.scores import CALIBRATED
+    from tactile_nodes.estimating import Ready
+
+    with switch():
+        loaded = Ready.read('portable').loaded
+        _, scores = measure(loaded, GELS, progress, seed=GELS_SEED, counts=COUNTS)
+    return [each for each in scores if each.way == CALIBRATED]

@@ -1,0 +1,349 @@
+"""The mechanisms of sensing and learning, and how each is switched off alone.
+
+A switch takes the place of a part of the package for as long as it is held, and leaves the package without an option
+that nobody needs. What has been removed stands in the kept result and no longer here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from tactile_nodes.model_file import LoadedModel, load_model
+
+PACKAGE = 'tactile_nodes'
+SENSING, LEARNING, EXPLAIN = f'{PACKAGE}.sensing', f'{PACKAGE}.learning', f'{PACKAGE}.sensing.explain'
+Switch = Callable[[], AbstractContextManager[Any]]
+
+CORE = 'none', 'blur 1', 'noise 4', 'brightness 0.7', 'camera shifted 1', 'markers gone 20'
+"""Streams of the failure bench that every mechanism of a picture's way is tried in."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """One mechanism: what it does, in which files (from the package's folder), and its switch.
+
+    `streams` of the failure bench are read by `profiles`; `contacts` are told by `field`; `transfer` calibrates
+    `portable` for other gels.
+    """
+
+    name: str
+    does: str
+    files: tuple[str, ...]
+    off: Switch
+    streams: tuple[str, ...] = ()
+    profiles: tuple[str, ...] = ('fast', 'field')
+    contacts: bool = False
+    transfer: bool = False
+
+    def lines(self, root: Path) -> int:
+        """Of its files; those of compiled twins are counted with them."""
+        return sum(len((root / PACKAGE / each).read_text(encoding='utf-8').splitlines()) for each in self.files)
+
+
+def instead(place: str, made: Any) -> Switch:
+    """`place` is a module and the name in it: 'package.module:Class.method'."""
+    module, _, name = place.partition(':')
+
+    def switch() -> AbstractContextManager[Any]:
+        return patch(f'{module}.{name}', made)
+
+    return switch
+
+
+def all_of(*switches: Switch) -> Switch:
+    """Several at once."""
+
+    @contextmanager
+    def switch() -> Iterator[None]:
+        with ExitStack() as stack:
+            for each in switches:
+                stack.enter_context(each())
+            yield
+
+    return switch
+
+
+def without(change: Callable[[Any], Any]) -> Switch:
+    """Every model with another readout, as its file is read."""
+
+    def read(path: Path) -> LoadedModel:
+        loaded = load_model(path)
+        return dataclasses.replace(
+            loaded, model=dataclasses.replace(loaded.model, readout=change(loaded.model.readout))
+        )
+
+    return all_of(*(instead(f'{PACKAGE}.{module}:load_model', read) for module in ('methods', 'estimating')))
+
+
+def _without_finer(path: Path) -> LoadedModel:
+    return dataclasses.replace(load_model(path), finer=None)
+
+
+def _first(*given: Any, **_: Any) -> Any:
+    """The first thing that it is given."""
+    return given[0]
+
+
+def _never(*_: Any, **__: Any) -> bool:
+    return False
+
+
+def _nothing(*_: Any, **__: Any) -> None:
+    return None
+
+
+def _field(readout: Any, **changes: Any) -> Any:
+    return dataclasses.replace(readout, **changes) if readout.kind == 'field' else readout
+
+
+def _tips(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """On what reads tips: `portable`, or the tips of `field`."""
+
+    def changed(readout: Any) -> Any:
+        if readout.kind == 'field':
+            return dataclasses.replace(readout, tips=change(readout.tips))
+        return change(readout) if readout.kind == 'axisymmetric' else readout
+
+    return changed
+
+
+def _uncorrected(tips: Any) -> Any:
+    none = dataclasses.replace(tips.correction, terms=np.zeros_like(tips.correction.terms), local=None)
+    return dataclasses.replace(tips, correction=none)
+
+
+def _of_one_contact(readout: Any) -> Any:
+    return dataclasses.replace(readout, most_contacts=1) if readout.kind in ('response', 'axisymmetric') else readout
+
+
+def _predict_as_undisturbed(predict: Callable[..., Any]) -> Callable[..., Any]:
+    def predicted(self: Any, features: Any, **_: Any) -> Any:
+        return predict(self, features)
+
+    return predicted
+
+
+def _as_undisturbed() -> AbstractContextManager[Any]:
+    from tactile_nodes.sensing.explain.model import ForceEstimator
+
+    return patch.object(ForceEstimator, 'predict', _predict_as_undisturbed(ForceEstimator.predict))
+
+
+def _by_noise_alone() -> AbstractContextManager[Any]:
+    from tactile_nodes.sensing.explain.field import solver
+
+    def weights(motion: np.ndarray, confidence: np.ndarray, noise_px: float, doubt: float) -> np.ndarray:
+        even: np.ndarray = 1 / (noise_px**2 + doubt**2 * np.square(motion).sum(axis=-1))
+        found: np.ndarray = np.where(confidence < 0.1, 1e-3, 1.0)
+        return np.asarray(found * even)
+
+    return patch.object(solver, 'region_weights', weights)
+
+
+def _none_steady(_: Any, __: int, found: Any, ___: Any, ____: Any = None) -> tuple[Any, float]:
+    return found, 0.0
+
+
+def _altered_pictures(*left: str) -> Switch:
+    """All that only serves pictures unlike those of the training, but for what is left on."""
+    return all_of(*(each.off for each in ALTERED_PICTURES if each.name not in left))
+
+
+ALTERED_STREAMS = (
+    'none', 'blur 0.5', 'blur 1', 'noise 4', 'brightness 0.7', 'brightness 1.3', 'markers gone 10', 'markers gone 20',
+    'camera shifted 1', 'lost pixels 0.1', 'JPEG 30',
+)  # fmt: skip
+
+ALTERED_PICTURES = (
+    Mechanism(
+        'gains of the texture', 'how far each spot of the gel goes, so that another rest image reads as the first',
+        ('sensing/rest/known_texture.py', 'sensing/rest/texture_gains.py', 'learning/datasets/learned_texture.py'),
+        instead(f'{SENSING}.tracking:FeatureTracker._known_beside', _nothing),
+        (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'), ('fast',),
+    ),
+    Mechanism(
+        'places of the texture', 'where in its region a patch reads motion, beside another rest image',
+        ('sensing/rest/texture_places.py',),
+        instead(f'{SENSING}.tracking:other_texture', _nothing),
+        (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
+    ),
+    Mechanism(
+        'a finer model', '`fast` measures and reads altered pictures as `accurate` does',
+        ('sensing/explain/measured/altered.py',),
+        all_of(*(instead(f'{PACKAGE}.{each}:load_model', _without_finer) for each in ('methods', 'estimating'))),
+        (*CORE, 'brightness 1.3', 'JPEG 30'), ('fast',),
+    ),
+    Mechanism(
+        'responses in blur', 'measured in training at several blurs',
+        ('sensing/explain/measured/blurs.py', 'learning/measured/blurred_fit.py',
+         'learning/datasets/blurred_presses.py', 'learning/datasets/blurred_pictures.py'),
+        instead(f'{EXPLAIN}.model:ForceEstimator._of_blurred', _nothing), ('none', 'blur 0.5', 'blur 1', 'noise 4'),
+        ('fast', 'accurate'),
+    ),
+    Mechanism(
+        'another reading of altered pictures', 'weights by what light or blur leaves over; of `paper` its witness',
+        ('sensing/explain/measured/altered.py', 'sensing/explain/measured/picture_noise.py'),
+        _as_undisturbed, (*CORE, 'brightness 1.3'), ('paper', 'fast', 'accurate'),
+    ),
+    Mechanism(
+        'mean over a steady contact', 'forces in altered pictures are averaged over up to eight frames',
+        ('sensing/judge/steady_force.py', 'sensing/explain/measured/picture_noise.py'),
+        instead(f'{SENSING}.judge.steady_force:SteadyForce.averaged', _none_steady),
+        ('none', 'blur 1', 'noise 4', 'noise 8', 'brightness 0.7', 'markers gone 20'), ('fast', 'accurate'),
+    ),
+)  # fmt: skip
+"""Between a picture that is unlike those of the training and its force."""
+
+MECHANISMS = (
+    Mechanism(
+        'look at stillness', 'frames in which nothing touches are answered without measuring motion',
+        ('sensing/picture/stillness.py', 'sensing/picture/touch_places.py', 'sensing/loops/stillness.py'),
+        instead(f'{PACKAGE}.following:make_check', _nothing), CORE,
+    ),
+    Mechanism(
+        'registration', "the motion of the whole picture is taken out",
+        ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
+         'sensing/picture/registered.py', 'sensing/picture/quietness.py'),
+        instead(f'{PACKAGE}.following:make_registration', _nothing),
+        (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
+    ),
+    Mechanism(
+        'rest image taken anew', 'while nothing touches, where light or sharpness changed',
+        ('sensing/rest/renewal.py', 'sensing/coming.py', 'sensing/rest/prepared.py'),
+        instead(f'{PACKAGE}.rest_images:RestImages._offer_renewal', _nothing),
+        (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
+    ),
+    Mechanism(
+        'dead pixels', 'filled in from their neighbours',
+        ('sensing/picture/dead_pixels.py',),
+        all_of(
+            instead(f'{SENSING}.picture.dead_pixels:DeadPixels.look', _never),
+            instead(f'{SENSING}.picture.dead_pixels:DeadPixels.captured', lambda _, image: image),
+        ),
+        ('none', 'lost pixels 0.1', 'stuck pixels 0.1'),
+    ),
+    Mechanism(
+        'rolling bands', 'taken out of the picture',
+        ('sensing/picture/rolling_bands.py',),
+        instead(f'{SENSING}.tracking:FeatureTracker._begin_bands', _never),
+        ('none', 'rolling bands 3', 'rolling bands 30'),
+    ),
+    Mechanism(
+        'dented rest image', 'told by what the first frames beside it move towards',
+        ('sensing/picture/dented_rest.py',),
+        instead(f'{SENSING}.picture.dented_rest:DentedRest._take', _nothing),
+        ('none', 'taken while touched 0.3', 'taken while touched 1'),
+    ),
+    *ALTERED_PICTURES,
+    Mechanism(
+        'all for altered pictures', 'all that only serves pictures unlike those of the training, at once', (),
+        _altered_pictures(), ALTERED_STREAMS, ('fast',),
+    ),
+    Mechanism(
+        'all of that but the finer model', 'what is left if `fast` is read as `accurate` in such pictures', (),
+        _altered_pictures('a finer model'), ALTERED_STREAMS, ('fast',),
+    ),
+    Mechanism(
+        'all of that but the places of the texture', 'what is left if only these are known', (),
+        _altered_pictures('places of the texture'), ALTERED_STREAMS, ('fast',),
+    ),
+    Mechanism(
+        'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as unlike',
+        ('sensing/explain/measured/contact_shape.py', 'sensing/loops/shape.py'),
+        all_of(
+            instead(f'{EXPLAIN}.measured.readout:with_usual_width', lambda _, fit, __: fit),
+            instead(f'{EXPLAIN}.measured.readout:ResponseReadout._is_other',
+                    lambda self, fit, _: self.beyond(fit.contacts)),
+        ),
+        ('none', 'dragged 0.3', 'dragged 1', 'ball of 6 mm 1', 'flat punch of 3 mm 1', 'camera shifted 1'),
+        ('fast', 'accurate'),
+    ),
+    Mechanism(
+        'witness of the network', 'a response measured in the same presses contradicts the network',
+        ('sensing/explain/witness.py', 'learning/network/witness_fit.py'),
+        without(lambda readout: dataclasses.replace(readout, witness=None) if readout.kind == 'network' else readout),
+        (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
+    ),
+    Mechanism(
+        "the network's own novelty", 'what directions of the training cannot explain of its inputs',
+        ('sensing/explain/likeness.py',),
+        without(lambda readout: dataclasses.replace(readout, likeness=None) if readout.kind == 'network' else readout),
+        (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
+    ),
+    Mechanism(
+        'second and third tip', 'tried where one leaves too much over',
+        (), without(_of_one_contact), ('none', 'two contacts 7', 'two contacts 14'), ('fast', 'portable'),
+    ),
+    Mechanism(
+        'correction of tips', 'a polynomial of place and force, and what is left at presses',
+        ('sensing/explain/axisymmetric/local.py',), without(_tips(_uncorrected)), ('none',), ('portable', 'field'),
+    ),
+    Mechanism(
+        'drift monitor', 'what has changed since the calibration goes into the status',
+        ('sensing/judge/drift.py', 'sensing/judge/drift_verdict.py', 'sensing/judge/drift_alarm.py'),
+        instead('benchmarks.stability.chain:calibration_reasons', lambda _: 0),
+        ('none', 'gel swollen 0.3', 'gel re-seated 1', 'another gel put in 1'),
+    ),
+    Mechanism(
+        'tips within the field', 'one to three tips are told by their own response',
+        ('sensing/explain/axisymmetric/readout.py', 'sensing/explain/axisymmetric/response.py'),
+        without(lambda readout: _field(readout, tips=None)), CORE, ('field',), contacts=True,
+    ),
+    Mechanism(
+        'forces where the surface is now', 'shear takes the surface along',
+        ('sensing/explain/field/where_now.py',),
+        instead(f'{EXPLAIN}.field.readout:moved_along', _first), (), ('field',), contacts=True,
+    ),
+    Mechanism(
+        'weights by what is explained', 'regions whose pattern changes count less',
+        (), _by_noise_alone, ('none', 'blur 1', 'noise 4'), ('field',), contacts=True,
+    ),
+    Mechanism(
+        "the camera's motion in the field", 'found with the forces',
+        (), instead(f'{EXPLAIN}.field.weights:CAMERA_PX', 1e-6), ('none', 'camera shifted 1', 'camera turned 1'),
+        ('field',), contacts=True,
+    ),
+    Mechanism(
+        'patches held down', 'a reweighted l1 term',
+        (), instead(f'{EXPLAIN}.field.solver:HELD', 0.0), (), ('field',), contacts=True,
+    ),
+    Mechanism(
+        'shear of tips alone', 'contacts whose linear answer shows shear are not tried as tips',
+        (), instead(f'{EXPLAIN}.field.readout:RUBBED', 1e9), (), ('field',), contacts=True,
+    ),
+    Mechanism(
+        'smear of the markers', 'regions that look aslant see a press elsewhere',
+        ('sensing/explain/axisymmetric/streaks.py',),
+        all_of(
+            instead(f'{SENSING}.explain.axisymmetric.streaks:Streak.shown', lambda _, away, __: away),
+            instead(f'{SENSING}.explain.axisymmetric.streaks:Streak.slopes', lambda _, away, __: np.zeros_like(away)),
+        ),
+        transfer=True,
+    ),
+    Mechanism(
+        'prior of the errors', 'what calibrations of other gels get wrong alike is taken away',
+        ('sensing/explain/axisymmetric/carried.py', 'learning/transfer/carried.py'),
+        without(_tips(lambda tips: dataclasses.replace(tips, carried=None))), transfer=True,
+    ),
+    Mechanism(
+        'covariance of the regions', 'how unsure the numbers of each region are goes into the weights',
+        ('learning/axisymmetric/unsure.py',),
+        instead(f'{LEARNING}.transfer.fit:with_unsure', _first), transfer=True,
+    ),
+    Mechanism(
+        'residuals at own presses', 'interpolated over the surface, and subtracted',
+        ('learning/axisymmetric/local.py', 'sensing/explain/axisymmetric/local.py'),
+        instead(f'{LEARNING}.transfer.fit:with_local', _first), transfer=True,
+    ),
+)  # fmt: skip
+"""In the order of a picture's way, then of learning."""
+
+BY_NAME = {each.name: each for each in MECHANISMS}

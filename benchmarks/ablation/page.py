@@ -1,0 +1,81 @@
+"""The page of the ablation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.ablation.mechanisms import BY_NAME
+from benchmarks.harness.report import opening, table
+
+PAYS = 1.1
+"""A mechanism pays that makes a figure worse by more than a tenth when it is switched off."""
+
+LEAST = {
+    'force error, mN': 0.3, 'place, mm': 0.005, 'frames ok': 0.03, 'wrong while ok': 0.01, 'false contacts': 0.01,
+    'CPU in contact, ms': 0.3, 'CPU at rest, ms': 0.3, 'CPU, 95 %, ms': 3.0, 'misplaced': 0.005, 'total, mN': 2.0,
+    'centre, mm': 0.005, 'shear': 0.003, 'torsion': 0.003, '1 - map r': 0.005, 'worst while ok': 0.3,
+    'aRMSE, any grid, mN': 0.1,
+}  # fmt: skip
+"""Smaller differences are chance, or nothing that anybody sees."""
+
+HIGHER_IS_BETTER = ('frames ok',)
+SHOWN = 3
+
+ABOUT = f"""\
+Each mechanism of sensing and learning is switched off alone, and the figures that people see are measured with it and
+without it on the same pictures: in streams of the [failure bench](stability.md) (16 presses each), of 80 contacts of
+ten families (of a seed that no page shows), of `portable` calibrated for two other gels, and the time of a frame (the
+whole chain in numpy, both in turn). A mechanism pays if a figure gets worse by more than a tenth without it. Of each
+the {SHOWN} figures are shown that get worst; times are of CPU. *Wrong while ok* is the share of frames in contact that
+are ok and off by more than twice the nominal error. What is marked *gone* was removed after it had been measured here,
+at the commit that the JSON file names."""
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page in Markdown."""
+    told = {name: each for name, each in result.items() if isinstance(each, Mapping) and 'figures' in each}
+    rows = [_row(name, told[name]) for name in [*BY_NAME, *told] if name in told]
+    rows = list({row[0]: row for row in rows}.values())
+    heads = ['mechanism', 'what it does', 'files', 'lines', 'without it', 'pays']
+    first = next(iter(told.values()), {})
+    return '\n\n'.join([*opening('Which mechanisms pay', first, ABOUT), table(heads, rows)])
+
+
+def _row(name: str, each: Mapping[str, Any]) -> list[str]:
+    worse = sorted(worsened(each['figures']), reverse=True)
+    shown = '; '.join(f'{where}: {figure} {_plain(a)} to {_plain(b)}' for _, where, figure, a, b in worse[:SHOWN])
+    gone = name not in BY_NAME
+    return [
+        name, each['does'], str(len(each['files'])), str(each['lines']), shown or 'nothing gets worse by a tenth',
+        'gone' if gone else 'yes' if worse else '**no**',
+    ]  # fmt: skip
+
+
+def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, float, float]]:
+    """The figures that are worse by more than a tenth without it: how many times, where, which, with and without."""
+    for where, measured in figures.items():
+        for figure, both in measured.items():
+            a, b = float(both['with']), float(both['without'])
+            if not math.isfinite(a):
+                continue
+            if math.isfinite(b):
+                off = (a - b) if figure in HIGHER_IS_BETTER else (b - a)
+                if off < LEAST[figure]:
+                    continue
+                times = a / max(b, 1e-3) if figure in HIGHER_IS_BETTER else b / max(a, LEAST[figure])
+            else:
+                times = math.inf
+            if times > PAYS:
+                yield times, where, figure, a, b
+
+
+def _plain(value: float) -> str:
+    return f'{value:.3g}'
+
+
+def lines_of(name: str, root: Path) -> int:
+    """Of the files of a mechanism."""
+    return BY_NAME[name].lines(root)
