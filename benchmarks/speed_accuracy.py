@@ -18,7 +18,9 @@ from benchmarks.harness.running import read
 from tactile_nodes.sensing.metrics import pareto_front
 
 CHART = 'speed_accuracy.png'
-COLOURS = {'paper': 'black', 'fast': 'tab:orange', 'accurate': 'tab:red', 'portable': 'tab:green', 'field': 'tab:blue'}
+COLOURS = {'paper': 'black', 'fast': 'tab:orange', 'portable': 'tab:green', 'field': 'tab:blue'}
+OF_BEFORE = 'tab:gray'
+"""Of models that a kept result has and that ship no more."""
 WAYS = {
     'ours': 'o', 'DIS': 's', 'Farneback': '^', 'TV-L1': 'v', 'pyramidal LK': 'D', 'phase correlation': 'P',
     'small pixels': 'X',
@@ -56,7 +58,7 @@ class Mark:
 
     @property
     def colour(self) -> str:
-        return next(colour for model, colour in COLOURS.items() if self.name.startswith(model))
+        return next((colour for model, colour in COLOURS.items() if self.name.startswith(model)), OF_BEFORE)
 
 
 def draw_tips(result: Mapping[str, Any], folder: Path, _: str) -> None:

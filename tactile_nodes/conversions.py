@@ -142,7 +142,6 @@ def force_fields(
     *,
     total_sigma_n: float = math.nan,
     unlikeness: float = math.nan,
-    averaged_s: float = 0.0,
     acting: Acting | None = None,
 ) -> dict[str, Any]:
     """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
@@ -162,7 +161,6 @@ def force_fields(
         'contact': told[0].position if told else types.Point(x=math.nan, y=math.nan, z=math.nan),
         'contacts': told,
         'unlikeness': unlikeness,
-        'averaged': averaged_s,
         **(_acting_fields(acting) if acting is not None else _pressing_fields(forces_n, bins)),
     }
 

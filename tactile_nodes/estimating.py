@@ -21,11 +21,11 @@ from tactile_nodes.paths import is_file
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
+from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.reading import Acting, Contact
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.judge.stamped import ByStamp
-from tactile_nodes.sensing.judge.steady_force import SteadyForce
 from tactile_nodes.sensing.picture.quality import ContactDetector
 
 FORCE = types.ForceDistribution
@@ -77,85 +77,56 @@ def _told_apart(method: str, other: str) -> tuple[str, str]:
     return f'the flow {name} with {needed}' if needed else found, found
 
 
-@dataclass(frozen=True)
-class Reads:
-    """What features a model reads, and what reads them: run once, so that its first frame takes no longer."""
+def _estimator(loaded: LoadedModel, compiled: bool) -> ForceEstimator:
+    """What reads by a model, by compiled loops or numpy; run once, so that its first frame takes no longer.
 
-    inputs: Inputs
-    estimator: ForceEstimator
-
-    @classmethod
-    def of_model(cls, loaded: LoadedModel, compiled: bool) -> Reads:
-        """By a model as it was loaded, by compiled loops or numpy.
-
-        Raises:
-            ModelError: its numbers are such that nothing can be read by them.
-        """
-        estimator, layout = ForceEstimator(loaded.model, compiled=compiled), loaded.model.layout
-        still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
-        try:
-            if isinstance(readout := estimator.model.readout, FieldReadout):
-                readout.prepare()
-            estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
-        except (ValueError, ArithmeticError, LookupError) as error:
-            raise ModelError(
-                f'model {loaded.model_id} holds numbers by which nothing can be read ({error}); '
-                'train it again or fetch it again'
-            ) from error
-        return cls(Inputs.of_model(loaded), estimator)
+    Raises:
+        ModelError: its numbers are such that nothing can be read by them.
+    """
+    estimator, layout = ForceEstimator(loaded.model, compiled=compiled), loaded.model.layout
+    still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
+    try:
+        if isinstance(readout := estimator.model.readout, FieldReadout):
+            readout.prepare()
+        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+    except (ValueError, ArithmeticError, LookupError) as error:
+        raise ModelError(
+            f'model {loaded.model_id} holds numbers by which nothing can be read ({error}); '
+            'train it again or fetch it again'
+        ) from error
+    return estimator
 
 
 @dataclass(frozen=True)
 class Ready:
     """A model that was read, checked and run once.
 
-    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too. `finer` is
-    what reads pictures unlike those of its training.
+    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too. `inputs` are
+    the features that it reads.
     """
 
     name: str
     file: Path
     loaded: LoadedModel
-    own: Reads
+    inputs: Inputs
+    estimator: ForceEstimator
     provenance: types.Provenance
-    finer: Reads | None = None
 
     @property
-    def inputs(self) -> Inputs:
-        """What features it reads of pictures like those of its training."""
-        return self.own.inputs
+    def unsure_of(self) -> int:
+        """Reasons for which nobody can say how far off it is: a network's errors in altered pictures follow no rule."""
+        return ALTERED if isinstance(self.loaded.model.readout, NetworkReadout) else 0
 
     def found(self, features: types.FlowFeatures) -> ForceMap:
-        """The force of one frame; of one that is measured finer by what reads such, or by means over its regions.
+        """The force of one frame.
 
         Raises:
             ModelError, MessageError: the features are none that the model can read.
         """
-        seen, reads = conversions.features_array(features), self.own
+        seen = conversions.features_array(features)
         if not np.isfinite(seen.values).all():
             return unknown_forces(self.loaded.model.bins)
-        if features.finer and self.finer is not None:
-            reads = self.finer
-        elif features.finer:
-            seen = seen.coarser(self.inputs.layout.rows, self.inputs.layout.cols)
-        if features.untouched:
-            return reads.estimator.at_rest(seen)
-        return reads.estimator.predict(
-            seen, altered=bool(features.reasons & ALTERED or features.finer),
-            blurred=bool(features.reasons & FORCE.REASON_BLURRED), finer=features.finer,
-            sharpness=float(features.rest_sharpness),
-        )  # fmt: skip
-
-    def mended(self, features: types.FlowFeatures) -> bool:
-        """Whether features of an altered picture are read as fits it: by the finer model, if there is one.
-
-        Of one that has changed both in light and in sharpness or noise the model must know the blur: bands, strong
-        compression and noise beyond use look like that, and nothing in the motion tells by how much it is read short.
-        """
-        if features.reasons & ALTERED == ALTERED:
-            reads = self.finer if features.finer and self.finer is not None else self.own
-            return reads.estimator.knows_blur(float(features.rest_sharpness))
-        return bool(features.finer) or self.finer is None
+        return self.estimator.at_rest(seen) if features.untouched else self.estimator.predict(seen)
 
     @classmethod
     def read(cls, name: str, compiled: bool = False) -> Ready:
@@ -167,8 +138,7 @@ class Ready:
             model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
             calibration_id=loaded.model_id if calibrated else '',
         )  # fmt: skip
-        finer = None if loaded.finer is None else Reads.of_model(loaded.finer, compiled)
-        return cls(name, file, loaded, Reads.of_model(loaded, compiled), provenance, finer)
+        return cls(name, file, loaded, Inputs.of_model(loaded), _estimator(loaded, compiled), provenance)
 
 
 class Estimating:
@@ -188,7 +158,6 @@ class Estimating:
         self._last: types.FlowFeatures | None = None
         self._contact = ContactDetector(self.now.loaded.model.contact_threshold_n)
         self._free_n: float | None = None
-        self._steady = SteadyForce()
         self._acting: Acting | None = None
         self.calibration = ByStamp(0)
 
@@ -199,7 +168,7 @@ class Estimating:
             ModelError: there is no such model, or it needs other features than come in.
         """
         ready, last = Ready.read(name, self._compiled), self._last
-        known = self.now.inputs if last is None or last.finer else Inputs.of_message(last)
+        known = self.now.inputs if last is None else Inputs.of_message(last)
         if ready.inputs != known:
             raise ModelError(
                 f'model {name} needs other features than come in: {ready.inputs.unlike(known)}; choose a model of '
@@ -242,10 +211,8 @@ class Estimating:
         frame_id: str,
         least_confidence: float,
         age_s: float,
-        *,
-        average_noise: bool = True,
     ) -> types.ForceDistribution:
-        """The force of one frame, whose features were published `age_s` ago; see `SteadyForce` for `average_noise`.
+        """The force of one frame, whose features were published `age_s` ago.
 
         Raises:
             ModelError, MessageError: the features are none that the model can read.
@@ -256,13 +223,11 @@ class Estimating:
         reasons = int(features.reasons | self._reasons(features, found, least_confidence))
         touching, begun_n = self._contact_now(found, reasons)
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
-        usable = not reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID)
-        found, averaged_s = self._averaged(features, found, wanted=average_noise and touching and usable)
         self._acting = found.acting
-        verdict = judged(found, reasons, begun_n, mended=self.now.mended(features))
+        verdict = judged(found, reasons, begun_n, unsure_of=self.now.unsure_of)
         fields = conversions.force_fields(
             found.normal_force_n, self.now.loaded.model.bins, self._touching(found) if touching else (),
-            total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, averaged_s=averaged_s, acting=found.acting,
+            total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, acting=found.acting,
         )  # fmt: skip
         return types.ForceDistribution(
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
@@ -283,14 +248,6 @@ class Estimating:
         if features.reasons & UNMEASURED:
             return unknown_forces(self.now.loaded.model.bins)
         return self.now.found(features)
-
-    def _averaged(self, features: types.FlowFeatures, found: ForceMap, *, wanted: bool) -> tuple[ForceMap, float]:
-        """With the frames before it, if the picture is altered and the contact steady, and over which time."""
-        if not wanted:
-            self._steady.forget()
-            return found, 0.0
-        beside = self.now.loaded.model_id, features.reference_id, features.method
-        return self._steady.averaged(stamp_ns(features.header.stamp), found, self.now.loaded.model.bins, beside)
 
     def _contact_now(self, found: ForceMap, reasons: int) -> tuple[bool, float]:
         """Whether anything touches, and by how much force grew since a frame in which nothing did."""

@@ -21,7 +21,7 @@ from tactile_nodes.methods import (
     RegistrationParams,
     StillnessParams,
     make_check,
-    make_methods,
+    make_measuring,
     make_registration,
     told,
 )
@@ -79,8 +79,8 @@ class Following:
 
     def __init__(self, params: FollowingParams, *, compiled: bool = False) -> None:
         self._compiled = compiled
-        methods = make_methods(params, compiled=compiled)
-        flow, encoding = methods.own.flow, methods.own.encoding
+        measuring = make_measuring(params, compiled=compiled)
+        flow, encoding = measuring.flow, measuring.encoding
         self._encoding, self._method = encoding, Told(flow)
         self._tracker = FeatureTracker(
             flow,
@@ -89,8 +89,6 @@ class Following:
             marked_share=params.marked_share,
             check=make_check(params.stillness),
             registration=make_registration(params.registration),
-            texture=methods.own.texture if params.renew else None,
-            finer=methods.finer,
             compiled=compiled,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
@@ -164,7 +162,7 @@ class Following:
         features = self._tracker.features(field_px)
         features_ns = perf_ns()
         self._last = image, field_px
-        untouched, beside = self._tracker.untouched(field_px), self._beside()
+        untouched = self._tracker.untouched(field_px)
         reasons = stale | self._rest_images.judge(image, faults.level, head)
         stages = types.StageTimes(
             acquire=acquire_s,
@@ -175,7 +173,7 @@ class Following:
         )
         return self._message(
             image, head, features, faults.level,
-            beside=beside, untouched=untouched, reasons=reasons, stages=stages,
+            untouched=untouched, reasons=reasons, stages=stages,
         )  # fmt: skip
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
@@ -214,13 +212,7 @@ class Following:
 
     def _beside(self) -> dict[str, Any]:
         """What a message says of the rest image in use, and of how motion is measured beside it."""
-        rest = self._tracker.rest
-        return {
-            'method': self._method(self._tracker.flow),
-            'reference_id': self._tracker.reference_id,
-            'rest_sharpness': self._rest_images.sharpness,
-            'finer': rest is not None and rest.finer,
-        }
+        return {'method': self._method(self._tracker.flow), 'reference_id': self._tracker.reference_id}
 
     def _message(
         self,
@@ -229,7 +221,6 @@ class Following:
         features: Features,
         level: float,
         *,
-        beside: dict[str, Any] | None = None,
         untouched: bool = False,
         reasons: int = 0,
         stages: types.StageTimes | None = None,
@@ -241,7 +232,7 @@ class Following:
             image_width=image.shape[1],
             image_height=image.shape[0],
             image_level=level,
-            **(beside or {**self._beside(), 'finer': False}),
+            **self._beside(),
             untouched=untouched,
             moved=moved_px,
             picture_motion=np.array(registration.since_rest.terms if registration and moved_px else (), np.float32),

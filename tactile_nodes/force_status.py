@@ -30,9 +30,12 @@ WITHOUT_A_NUMBER = (
 )
 """By how much a force is off for these nobody can say, so they alone are enough not to call it ok."""
 
-KNOCKED_SHARE, UNMENDED_SHARE = 0.1, 0.15
-"""Share of the total, and of the least force called a contact, that it may be off by after a knock, and where light has
-changed and motion is still read as if it had not. JPEG of quality 30 is the worst: it reads a seventh too little."""
+KNOCKED_SHARE = 0.1
+"""Share of the total, and of the least force called a contact, that it may be off by after a knock."""
+
+ALTERED_SHARE, BOTH_ALTERED_SHARE = 0.02, 0.15
+"""The same of a picture that is less sharp or noisier, or of other light, and of one that is both. Of the first a blur
+of 1 px reads 2 % too little; of the second JPEG of quality 30 reads a seventh too little."""
 
 BEGINNING_SHARE = 0.1
 """Share of the force by which it is off where contact began within the exposure, as a standard deviation.
@@ -51,29 +54,30 @@ class Judged:
     reasons: int
 
 
-def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, mended: bool = True) -> Judged:
+def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: int = 0) -> Judged:
     """How far a force may be off, and so whether it is ok: within twice the model's usual error.
 
-    `reasons` are what is known of the frame; `begun_n` is what force began in it; `mended`: motion is read as fits the
-    picture. The uncertainty that the model states grows with the novelty (`unlikeness`) above 1, as errors do, and with
-    the share of the regions that are lost (what presses there is not seen). What makes no difference to the status is
-    no reason; where the model is unsure by itself the frame is `UNLIKE_TRAINING`. The standard deviation is NaN where
-    the model states none, and then any reason counts.
+    `reasons` are what is known of the frame; `begun_n` is what force began in it; `unsure_of` are further reasons for
+    which nobody can say how far off the model is. The uncertainty that the model states grows with the novelty
+    (`unlikeness`) above 1, as errors do, and with the share of the regions that are lost (what presses there is not
+    seen). What makes no difference to the status is no reason; where the model is unsure by itself the frame is
+    `UNLIKE_TRAINING`. The standard deviation is NaN where the model states none, and then any reason counts.
     """
     stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N
-    knocked, other_light = (bool(reasons & each) for each in (FORCE.REASON_FOREIGN_MOTION, FORCE.REASON_LIGHT_CHANGED))
+    knocked = bool(reasons & FORCE.REASON_FOREIGN_MOTION)
+    altered = BOTH_ALTERED_SHARE if reasons & ALTERED == ALTERED else ALTERED_SHARE
     off_n = {
         FORCE.REASON_LOW_CONFIDENCE: max(0.0, KNOWN_SHARE - found.confidence) * at_most_n,
         FORCE.REASON_FOREIGN_MOTION: KNOCKED_SHARE * at_most_n * knocked,
-        FORCE.REASON_LIGHT_CHANGED: UNMENDED_SHARE * at_most_n * (other_light and not mended),
+        reasons & ALTERED: altered * at_most_n * bool(reasons & ALTERED),
         FORCE.REASON_BEGINNING: BEGINNING_SHARE * begun_n,
     }
     sigma_n, limit_n = math.hypot(stated_n, *off_n.values()), OK_TIMES * found.nominal_n
     if reasons & (INVALID | FORCE.REASON_CALIBRATION_INVALID):
         return Judged(sigma_n, FORCE.STATUS_INVALID, reasons)
     unsure = sigma_n > limit_n or (math.isnan(sigma_n) and bool(reasons))
-    if not unsure and not reasons & WITHOUT_A_NUMBER:
+    if not unsure and not reasons & (WITHOUT_A_NUMBER | unsure_of):
         return Judged(sigma_n, FORCE.STATUS_OK, 0)
     reasons |= sum(reason for reason, each in off_n.items() if each > 0 and math.hypot(stated_n, each) > limit_n)
     return Judged(sigma_n, FORCE.STATUS_DEGRADED, int(reasons or FORCE.REASON_UNLIKE_TRAINING))

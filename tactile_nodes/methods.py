@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import ClassVar
 
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -81,14 +81,6 @@ class RegistrationParams:
     )
 
 
-@dataclass(frozen=True)
-class Methods:
-    """How motion is measured, and by a model that has one the finer way for pictures unlike those of its training."""
-
-    own: Measuring
-    finer: Measuring | None = None
-
-
 def make_check(params: StillnessParams) -> StillnessCheck | None:
     """The check that parameters ask for; None where every frame is to be measured."""
     if not params.check:
@@ -103,7 +95,7 @@ def make_registration(params: RegistrationParams) -> Registration | None:
     return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
 
-def make_methods(params: MethodParams, *, compiled: bool = False) -> Methods:
+def make_measuring(params: MethodParams, *, compiled: bool = False) -> Measuring:
     """What parameters ask for, `compiled` loops included.
 
     Raises:
@@ -112,20 +104,13 @@ def make_methods(params: MethodParams, *, compiled: bool = False) -> Methods:
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        finer = None if loaded.finer is None else _measuring(loaded.finer, compiled)
-        return Methods(_measuring(loaded, compiled), finer)
+        return Measuring(make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding), compiled)
     regions = {'rows': params.rows, 'cols': params.cols}
     options = asdict(params.dis)
     if params.method == 'inverse_compositional':
         options = {**asdict(params.inverse_compositional), **regions}
     flow = make_flow(params.method, options, compiled=compiled)
-    return Methods(Measuring(flow, make_encoding(params.encoding, regions), compiled=compiled))
-
-
-def _measuring(loaded: LoadedModel, compiled: bool) -> Measuring:
-    """As a model was trained."""
-    flow = make_flow(*loaded.flow, compiled=compiled)
-    return Measuring(flow, make_encoding(*loaded.encoding), loaded.texture, compiled)
+    return Measuring(flow, make_encoding(params.encoding, regions), compiled)
 
 
 def told(flow: FlowMethod) -> str:

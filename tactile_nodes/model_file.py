@@ -27,7 +27,6 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION, FIELD_VERSION = 2, 3, 5, 6
@@ -37,9 +36,6 @@ Axisymmetric ones were written as version 4 before they knew streaks; those file
 """
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
-FINER_MODEL = 'finer_model'
-TEXTURE_GAINS, TEXTURE_PICTURE = 'texture_gains', 'texture_picture'
-GAIN_UNIT = 0.01
 LARGEST_BYTES = 1 << 30
 """No model is as large; those that ship have 3 to 8 MB."""
 NO_IMAGE = np.zeros((0, 0), np.uint8)
@@ -49,15 +45,12 @@ NO_IMAGE = np.zeros((0, 0), np.uint8)
 class LoadedModel:
     """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
 
-    The rest image of a file without one has no rows. `texture` is how far each spot of its gel goes, where that was
-    learned. `finer` is a model of the same gel that measures motion finer, and reads altered pictures.
+    The rest image of a file without one has no rows.
     """
 
     model: ForceModel
     card: Mapping[str, Any]
     rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: NO_IMAGE)
-    texture: TextureGains | None = None
-    finer: LoadedModel | None = None
 
     @property
     def model_id(self) -> str:
@@ -102,19 +95,10 @@ def find_model(name: str) -> Path:
     )
 
 
-def save_model(
-    path: Path,
-    model: ForceModel,
-    card: Mapping[str, Any],
-    rest_image: np.ndarray | None = None,
-    texture: TextureGains | None = None,
-    finer: Path | None = None,
-) -> str:
+def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_image: np.ndarray | None = None) -> str:
     """Write a model with its card and return its id; large tables are stored as 16 bit floats.
 
-    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it. `texture` is
-    stored in steps of a hundredth. `finer` is the file of a model that reads pictures unlike the training's; this one
-    holds it from then on.
+    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it.
 
     The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
 
@@ -124,18 +108,8 @@ def save_model(
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
-    for name in ('texture', 'finer'):
-        described.pop(name, None)
     if rest_image is not None and rest_image.size:
         tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
-    if texture is not None:
-        described['texture'] = texture.told
-        tensors[TEXTURE_PICTURE] = np.ascontiguousarray(texture.picture, np.uint8)
-        steps = np.clip(np.rint(texture.gains / GAIN_UNIT), -127, 127)
-        tensors[TEXTURE_GAINS] = np.ascontiguousarray(steps, np.int8)
-    if finer is not None:
-        described['finer'] = {'model': finer.name, 'model_id': load_model(finer).model_id}
-        tensors[FINER_MODEL] = np.frombuffer(_read(finer), np.uint8)
     # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
@@ -154,11 +128,7 @@ def load_model(path: Path | str) -> LoadedModel:
         ModelError: the file is missing, damaged, no model of ours, or of a newer format.
     """
     path = Path(path)
-    return _parsed(path, _read(path))
-
-
-def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
-    """A model of a file's bytes, or of those that such a file holds: what is `inner` holds no other."""
+    data = _read(path)
     entry = _entry(path, data)
     checksum = _verified(path, data, entry)
     card = entry['card']
@@ -167,7 +137,7 @@ def _parsed(path: Path, data: bytes, *, inner: bool = False) -> LoadedModel:
             f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
             f'to {FIELD_VERSION}; update tactile_nodes or train the model again'
         )
-    return _loaded(path, data, card, checksum[:12], inner)
+    return _loaded(path, data, card, checksum[:12])
 
 
 def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
@@ -223,7 +193,7 @@ def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
     return checksum
 
 
-def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str, inner: bool) -> LoadedModel:
+def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> LoadedModel:
     try:
         bins = BinGrid(**card['bins'])
         arrays = safetensors.numpy.load(data)
@@ -235,9 +205,7 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str, inn
             contact_threshold_n=card['contact_threshold_n'],
             model_id=model_id,
         )
-        held = None if inner or FINER_MODEL not in arrays else arrays[FINER_MODEL].tobytes()
-        finer = None if held is None else _parsed(path, held, inner=True)
-        loaded = LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE), _texture(arrays), finer)
+        loaded = LoadedModel(model, card, arrays.get(REST_IMAGE, NO_IMAGE))
         _check_said(loaded)
         return loaded
     except ModelError:
@@ -268,12 +236,6 @@ def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
 
 def _in_a_line(error: Exception) -> str:
     return ' '.join(str(error).split())
-
-
-def _texture(arrays: Mapping[str, np.ndarray]) -> TextureGains | None:
-    if TEXTURE_GAINS not in arrays:
-        return None
-    return TextureGains(arrays[TEXTURE_GAINS].astype(np.float32) * np.float32(GAIN_UNIT), arrays[TEXTURE_PICTURE])
 
 
 def _foreign(path: Path, data: bytes) -> str:

@@ -8,7 +8,6 @@ from jaxtyping import UInt8
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ImageError
-from tactile_nodes.force_status import ALTERED
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.sensing.coming import Coming
 from tactile_nodes.sensing.picture.knocks import KNOCK_PX
@@ -38,7 +37,7 @@ within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixe
 first is noisy until it is below the second."""
 
 MOST_DEAD = 0.01
-"""Share of the pixels from which a picture with dead ones filled in is another: of 5 % `accurate` is up to 1.8 times as
+"""Share of the pixels from which a picture with dead ones filled in is another: of 5 % a frame is up to 1.8 times as
 wrong, of 2 % 1.6 times."""
 
 ELSEWHERE_PX = 0.15
@@ -69,11 +68,6 @@ class RestImages:
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
-
-    @property
-    def sharpness(self) -> float:
-        """Of the rest image in use; 0 while there is none."""
-        return self._now.sharpness if self._now else 0.0
 
     def use(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         """Measure against this rest image from now on.
@@ -113,9 +107,6 @@ class RestImages:
         except ImageError as error:
             self.trouble = str(error)
             return
-        if rest.image is self._tracker.reference:
-            self._tracker.use_again(rest)
-            return
         self._tracker.use(rest, offset=coming.offset, motion=coming.motion)
         self._announce(head, renewed=True)
 
@@ -136,12 +127,9 @@ class RestImages:
             reasons |= self._unlike(image, level, head)
         guessed = self._tracker.dead.count > MOST_DEAD * image.size
         reasons |= (self._tracker.banded or guessed) * FORCE.REASON_LIGHT_CHANGED
-        closer = self._look_closer()
-        altered = bool((reasons | (closer & ~FORCE.REASON_BLURRED if self._elsewhere else closer)) & ALTERED)
-        reasons |= closer
+        reasons |= self._look_closer()
         if not (self._odd and self._find_dead(image, stamp_ns(head.stamp))):
-            self._offer_renewal(stamp_ns(head.stamp), still, altered=altered)
-        self._follow_noise(stamp_ns(head.stamp))
+            self._offer_renewal(stamp_ns(head.stamp), still)
         return reasons
 
     def _look_closer(self) -> int:
@@ -220,11 +208,8 @@ class RestImages:
             self._announce(head, renewed=True)
         return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
 
-    def _offer_renewal(self, at_ns: int, still: bool, *, altered: bool) -> None:
-        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames.
-
-        Beside a picture that is `altered` motion is measured by the finer way.
-        """
+    def _offer_renewal(self, at_ns: int, still: bool) -> None:
+        """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
         registration, straight = self._tracker.registration, self._tracker.straight
         if self._renewal is None or registration is None or straight is None or self._coming is not None:
             return
@@ -237,19 +222,7 @@ class RestImages:
         if image is not None:
             image = self._tracker.dead.renewed(image) if registration.straightening is None else image
             due_ns = at_ns + round(PREPARE_S * NS_PER_S)
-            self._coming = Coming(self._tracker, image, due_ns, self._renewal.noise, finer=altered)
-
-    def _follow_noise(self, at_ns: int) -> None:
-        """Measure by the finer way while a picture is noisy and else the same: its rest image is as good as ever."""
-        first, rest = self._first, self._tracker.rest
-        if first is None or rest is None or self._beside_another or self._elsewhere:
-            return
-        if rest is not first and not self._noisy:
-            self._tracker.use_again(first)
-        other = self._changed or self._blurred or self._gone
-        if rest is first and self._noisy and not other and self._coming is None and self._tracker.knows_finer:
-            due_ns = at_ns + round(PREPARE_S * NS_PER_S)
-            self._coming = Coming(self._tracker, first.image, due_ns, finer=True)
+            self._coming = Coming(self._tracker, image, due_ns, self._renewal.noise)
 
     @property
     def _beside_another(self) -> bool:

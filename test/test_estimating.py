@@ -15,12 +15,10 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.estimating import MOST_EARLIER, Estimating
 from tactile_nodes.force_status import Judged, judged
 from tactile_nodes.messages import types
-from tactile_nodes.methods import told
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.explain.splines import value_and_slopes
-from tactile_nodes.sensing.flow.choice import make_flow
 
 FORCE = types.ForceDistribution
 
@@ -54,20 +52,32 @@ def test_what_makes_a_force_more_than_twice_as_unsure_as_usual_is_a_reason(
 
 
 @pytest.mark.parametrize('reason', [FORCE.REASON_LIGHT_CHANGED, FORCE.REASON_BLURRED])
-def test_an_altered_picture_is_ok_while_the_uncertainty_that_it_makes_is_within_twice_the_usual(reason: int) -> None:
-    """It is the interval that decides: 3.9 and 4.1 mN of a model that is 2 mN off as a rule."""
-    assert judged(force_map(sigma_n=0.0039), reason) == Judged(0.0039, FORCE.STATUS_OK, 0)
-    assert judged(force_map(sigma_n=0.0041), reason) == Judged(0.0041, FORCE.STATUS_DEGRADED, reason)
+def test_an_altered_picture_is_two_hundredths_of_doubt_and_ok_while_that_is_within_twice_the_usual(reason: int) -> None:
+    """Of 0.5 N and the 50 mN that anything may be off by: 11 mN, beside 2 mN that the model states."""
+    found, sigma_n = force_map(), math.hypot(0.002, 0.02 * 0.55)
+    usual = dataclasses.replace(found, nominal_n=0.006)
+    assert judged(usual, reason) == Judged(pytest.approx(sigma_n), FORCE.STATUS_OK, 0)
+    assert judged(found, reason) == Judged(pytest.approx(sigma_n), FORCE.STATUS_DEGRADED, reason)
+
+
+@pytest.mark.parametrize('reason', [FORCE.REASON_LIGHT_CHANGED, FORCE.REASON_BLURRED])
+def test_a_network_in_an_altered_picture_is_never_ok(reason: int) -> None:
+    """Its errors there follow no rule: noise of four times the usual made `paper` 0.26 N off."""
+    usual = dataclasses.replace(force_map(), nominal_n=0.5)
+    assert judged(usual, reason, unsure_of=reason).status == FORCE.STATUS_DEGRADED
+    assert Estimating('paper').now.unsure_of & reason
+    assert not Estimating('fast').now.unsure_of
 
 
 def test_a_force_that_the_model_itself_is_unsure_of_is_unlike_the_training() -> None:
     assert judged(force_map(sigma_n=0.0041), 0).reasons == FORCE.REASON_UNLIKE_TRAINING
 
 
-def test_light_that_changed_while_motion_is_read_as_if_it_had_not_is_a_seventh_of_doubt() -> None:
-    told = judged(force_map(), FORCE.REASON_LIGHT_CHANGED, mended=False)
+def test_a_picture_of_other_light_and_sharpness_is_a_seventh_of_doubt() -> None:
+    both = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
+    told = judged(force_map(), both)
     assert told.sigma_n == pytest.approx(math.hypot(0.002, 0.15 * 0.55))
-    assert (told.status, told.reasons) == (FORCE.STATUS_DEGRADED, FORCE.REASON_LIGHT_CHANGED)
+    assert (told.status, told.reasons) == (FORCE.STATUS_DEGRADED, both)
 
 
 @pytest.mark.parametrize(
@@ -153,42 +163,6 @@ def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> Non
     assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
 
 
-def finer_features(s: float) -> types.FlowFeatures:
-    """Those of the same press as the finer model of `fast` sees it."""
-    return replace(features(Estimating('accurate'), s), finer=True, method=told(make_flow(*load_model(FINER).flow)))
-
-
-FINER = find_model('accurate')
-
-
-def test_what_was_measured_finer_is_read_by_the_finer_model() -> None:
-    fast, accurate = Estimating('fast'), Estimating('accurate')
-    seen = replace(finer_features(0.5), reasons=FORCE.REASON_LIGHT_CHANGED)
-    by_fast, by_accurate = (each.answer(seen, '', 0.85, 0.0) for each in (fast, accurate))
-    assert by_fast.total == by_accurate.total == pytest.approx(0.5, abs=2e-3)
-    assert (by_fast.total_sigma, by_fast.unlikeness) == (by_accurate.total_sigma, by_accurate.unlikeness)
-    assert by_fast.provenance.model == 'fast'
-
-
-def test_a_model_without_a_finer_one_reads_means_of_what_was_measured_finer(tmp_path: Path) -> None:
-    """A mean over a region of the motion that four smaller ones found is nearly what a larger one finds."""
-    loaded, file = load_model(find_model('fast')), tmp_path / 'alone.safetensors'
-    save_model(file, loaded.model, loaded.card)
-    alone = Estimating(str(file))
-    assert alone.answer(finer_features(0.5), '', 0.85, 0.0).total == pytest.approx(0.5, rel=0.1)
-    with pytest.raises(ModelError, match='configure the features'):
-        alone.answer(replace(finer_features(0.5), finer=False), '', 0.85, 0.0)
-
-
-def test_a_model_takes_over_while_pictures_are_measured_finer() -> None:
-    estimating = Estimating('fast')
-    estimating.answer(finer_features(0.5), '', 0.85, 0.0)
-    assert estimating.prepared('fast').inputs == estimating.now.inputs
-    with pytest.raises(ModelError, match=r': 20x20 regions .* and not 10x10 .* with rows=20, ') as refused:
-        estimating.prepared('portable')
-    assert '440x440' not in str(refused.value)  # in which both are alike
-
-
 def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
     estimating = Estimating('fast')
     models = [replace(estimating.now, name=f'{number}') for number in range(MOST_EARLIER + 5)]
@@ -201,83 +175,3 @@ def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
     assert back == models[-2 : -MOST_EARLIER - 2 : -1]
     with pytest.raises(ModelError, match='nothing to return to'):
         estimating.previous()
-
-
-def changed(seen: types.FlowFeatures, **fields: object) -> types.FlowFeatures:
-    return replace(seen, **fields)  # type: ignore
-
-
-def noisy(of: Estimating, forces: list[float], *, blurred: int = FORCE.REASON_BLURRED) -> list[types.FlowFeatures]:
-    """Frames 16 ms apart in a picture of four times the noise of the training, s of a press in each."""
-    random, made = np.random.default_rng(3), []
-    for number, s in enumerate(forces):
-        seen, readout = features(of, s), of.now.loaded.model.readout
-        noise = 4 * random.normal(size=readout.scaling.mean.shape) / np.maximum(readout.scaling.gain, 1e-6)
-        values = seen.values + np.where(readout.scaling.trusted[..., None] > 0, noise, 0).astype(np.float32).reshape(-1)
-        header = conversions.header(1 + 16_000_000 * number, 'camera')
-        made.append(changed(seen, values=values, header=header, reasons=blurred, reference_id='a'))
-    return made
-
-
-def told_of(of: Estimating, frames: list[types.FlowFeatures], **asked: bool) -> list[types.ForceDistribution]:
-    return [of.answer(each, '', 0.85, 0.0, **asked) for each in frames]
-
-
-def test_a_steady_contact_in_noisy_pictures_is_averaged_and_says_so() -> None:
-    one, other = Estimating('fast'), Estimating('fast')
-    frames = noisy(one, [0.5] * 12)
-    averaged, single = told_of(one, frames), told_of(other, frames, average_noise=False)
-    assert averaged[0].averaged == 0
-    assert 0.03 < averaged[-1].averaged < 0.12
-    assert not any(each.averaged for each in single)
-    assert np.std([each.total for each in averaged[4:]]) < 0.7 * np.std([each.total for each in single[4:]])
-    assert averaged[0].total_sigma == single[0].total_sigma
-    assert all(a.total_sigma < 0.9 * s.total_sigma for a, s in zip(averaged[4:], single[4:], strict=True))
-
-
-def test_the_total_of_averaged_forces_is_the_sum_of_their_map_and_of_their_contacts() -> None:
-    estimating = Estimating('fast')
-    last = told_of(estimating, noisy(estimating, [0.5] * 6))[-1]
-    assert last.averaged > 0
-    assert last.total == last.normal_force.sum(dtype=np.float64)
-    assert last.total == pytest.approx(math.fsum(each.force for each in last.contacts), rel=1e-6)
-    assert last.peak == last.normal_force.max()
-    assert last.contact == last.contacts[0].position
-
-
-def test_forces_in_sharp_pictures_are_those_of_their_frames() -> None:
-    one, other = Estimating('fast'), Estimating('fast')
-    frames = noisy(one, [0.5] * 6, blurred=0)
-    averaged, single = told_of(one, frames), told_of(other, frames, average_noise=False)
-    assert [each.total for each in averaged] == [each.total for each in single]
-    assert not any(each.averaged for each in averaged)
-
-
-def test_after_an_invalid_frame_or_beside_another_rest_image_averages_begin_anew() -> None:
-    estimating = Estimating('fast')
-    frames = noisy(estimating, [0.5] * 9)
-    frames[3] = changed(frames[3], reasons=FORCE.REASON_DARK_IMAGE)
-    frames[6:] = [changed(each, reference_id='b') for each in frames[6:]]
-    told = [each.averaged > 0 for each in told_of(estimating, frames)]
-    assert (told[3], told[4], told[6]) == (False, False, False)
-    assert told[2]
-    assert told[8]
-
-
-def test_a_contact_that_ends_and_comes_again_is_averaged_with_itself_alone() -> None:
-    estimating = Estimating('fast')
-    frames = noisy(estimating, [0.5, 0.5, 0.5, 0.0, 0.5, 0.5])
-    frames[3] = changed(frames[3], untouched=True)
-    told = told_of(estimating, frames)
-    assert told[2].averaged > 0
-    assert not told[3].in_contact
-    assert [each.averaged for each in told[3:5]] == [0.0, 0.0]
-
-
-def test_another_model_begins_averages_anew() -> None:
-    estimating = Estimating('fast')
-    frames = noisy(estimating, [0.5] * 6)
-    told_of(estimating, frames[:4])
-    card = replace(estimating.now.loaded, model=replace(estimating.now.loaded.model, model_id='another'))
-    estimating.take(replace(estimating.now, loaded=card))
-    assert told_of(estimating, frames[4:5])[0].averaged == 0.0

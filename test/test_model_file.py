@@ -6,7 +6,7 @@ import json
 import math
 import pickle
 from collections.abc import Callable
-from dataclasses import astuple, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.model_file import FORMAT, NO_CHECKSUM, find_model, load_model, save_model
 from tactile_nodes.sensing.explain.likeness import Likeness
-from tactile_nodes.sensing.explain.measured.blurs import Blur, Blurs
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Response
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
@@ -29,7 +28,6 @@ from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},
@@ -107,18 +105,6 @@ def witnessed_model() -> ForceModel:
     return replace(model, readout=replace(model.readout, witness=witness))
 
 
-def blurred_response() -> ForceModel:
-    """The small response, which knows itself in a blurred picture."""
-    model, random = small_response(), np.random.default_rng(4)
-    readout = model.readout
-    assert isinstance(readout, ResponseReadout)
-    change = (0.1 * random.normal(size=readout.response.coefficients.shape)).astype(np.float16)
-    turning = (np.eye(3) + 0.1 * random.normal(size=(3, 3))).astype(np.float32)
-    told = Calibration(0.2, 0.02, (1.0,), (2.0,), 3.0, 0.4)
-    level = Blur(0.45, change, turning, readout.response.growth, told, 1.0, 2.0)
-    return replace(model, readout=replace(readout, blurs=Blurs(0.52, (level,))))
-
-
 def watchful_response() -> ForceModel:
     """The small response, which takes any press for one that drags."""
     model = small_response()
@@ -126,9 +112,7 @@ def watchful_response() -> ForceModel:
     return replace(model, readout=replace(model.readout, most_shift_gain=1e-9))
 
 
-@pytest.mark.parametrize(
-    'make', [small_model, layered_model, small_response, witnessed_model, blurred_response, watchful_response]
-)
+@pytest.mark.parametrize('make', [small_model, layered_model, small_response, witnessed_model, watchful_response])
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
     save_model(file, make(), CARD)
@@ -139,20 +123,6 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
     np.testing.assert_array_equal(after.normal_force_n, before.normal_force_n)
     assert after.contacts == before.contacts
     assert (after.total_sigma_n, after.unlikeness) == (before.total_sigma_n, before.unlikeness)
-
-
-def test_what_a_model_knows_of_blurred_pictures_comes_back(tmp_path: Path):
-    file = tmp_path / 'model.safetensors'
-    save_model(file, blurred_response(), CARD)
-    random = np.random.default_rng(1)
-    features = Features('cartesian_mean', random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32))
-    models = blurred_response(), load_model(file).model, small_response()
-    before, after, without = (
-        ForceEstimator(each).predict(features, altered=True, blurred=True, sharpness=0.46) for each in models
-    )
-    found, expected, other = (astuple(each.contacts[0])[:5] for each in (after, before, without))
-    assert found == expected
-    assert found != other
 
 
 def test_a_file_of_an_earlier_release_that_holds_what_drags_add_still_tells_them(tmp_path: Path):
@@ -167,15 +137,13 @@ def test_a_file_of_an_earlier_release_that_holds_what_drags_add_still_tells_them
     assert readout.most_shift_gain == 9.5
 
 
-def test_what_a_model_knows_of_blur_changes_nothing_else_in_its_file(tmp_path: Path):
-    """So a release that knows nothing of it reads the file, and reads sharp and blurred pictures as it always did."""
-    with_blurs, without = tmp_path / 'blurred.safetensors', tmp_path / 'plain.safetensors'
-    save_model(with_blurs, blurred_response(), CARD)
-    save_model(without, small_response(), CARD)
-    arrays, plain = (safetensors.numpy.load_file(each) for each in (with_blurs, without))
-    assert {name for name in arrays if name not in plain} == {'blur0.change', 'blur0.turning', 'blur0.growth'}
-    assert all(np.array_equal(arrays[name], plain[name]) for name in plain)
-    assert load_model(with_blurs).card['format_version'] == load_model(without).card['format_version']
+def test_what_an_earlier_release_knew_of_blur_and_texture_is_left_unread(tmp_path: Path):
+    file = tmp_path / 'earlier.safetensors'
+    save_model(file, small_response(), CARD)
+    added = {'blur0.change': np.zeros((4, 4), np.float16), 'texture_gains': np.zeros((2, 2), np.int8),
+             'finer_model': np.zeros(9, np.uint8)}  # fmt: skip
+    file.write_bytes(_with_card(file.read_bytes(), lambda card: card['readout'].update(blurs={'levels': [{}]}), added))
+    assert load_model(file).model.readout.parameter_count == small_response().readout.parameter_count
 
 
 def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):
@@ -406,48 +374,3 @@ def test_a_model_file_holds_the_rest_image_of_its_calibration_and_one_without_is
     save_model(tmp_path / 'without.safetensors', small_response(), CARD)
     np.testing.assert_array_equal(load_model(tmp_path / 'with.safetensors').rest_image, picture)
     assert load_model(tmp_path / 'without.safetensors').rest_image.size == 0
-
-
-def test_how_far_spots_of_the_texture_go_comes_back_in_steps_of_a_hundredth(tmp_path: Path) -> None:
-    texture = TextureGains(np.array([[0.004, -0.316], [0.25, 3.0]], np.float32), np.array([[9, 8], [7, 255]], np.uint8))
-    file = tmp_path / 'textured.safetensors'
-    save_model(file, small_model(), CARD, texture=texture)
-    found = load_model(file).texture
-    assert found is not None
-    np.testing.assert_allclose(found.gains, [[0.0, -0.32], [0.25, 1.27]], atol=1e-6)
-    np.testing.assert_array_equal(found.picture, texture.picture)
-    assert 'root mean square' in load_model(file).card['texture']
-    save_model(file, small_model(), load_model(file).card)  # as for another gel
-    assert 'texture' not in load_model(file).card
-
-
-def test_a_model_that_never_learned_the_texture_has_none(tmp_path: Path) -> None:
-    save_model(tmp_path / 'plain.safetensors', small_model(), CARD)
-    assert load_model(tmp_path / 'plain.safetensors').texture is None
-
-
-def test_a_model_holds_the_finer_one_that_reads_pictures_unlike_its_training(tmp_path: Path):
-    """As it was in its file, and that file may go; what that one holds in turn is not asked for."""
-    finest, finer, file = (tmp_path / f'{name}.safetensors' for name in ('finest', 'finer', 'model'))
-    save_model(finest, small_response(), CARD)
-    finer_id = save_model(finer, blurred_response(), CARD, finer=finest)
-    save_model(file, small_response(), CARD, finer=finer)
-    finer.unlink()
-    loaded = load_model(file)
-    assert loaded.finer is not None
-    assert (loaded.finer.model_id, loaded.finer.finer) == (finer_id, None)
-    assert loaded.card['finer'] == {'model': 'finer.safetensors', 'model_id': finer_id}
-    readout = loaded.finer.model.readout
-    assert isinstance(readout, ResponseReadout)
-    assert readout.blurs is not None
-
-
-def test_a_model_that_is_saved_without_a_finer_one_names_none(tmp_path: Path):
-    finer, file = tmp_path / 'finer.safetensors', tmp_path / 'model.safetensors'
-    save_model(finer, blurred_response(), CARD)
-    save_model(file, small_response(), CARD, finer=finer)
-    card = load_model(file).card
-    save_model(file, small_response(), card)
-    loaded = load_model(file)
-    assert loaded.finer is None
-    assert 'finer' not in loaded.card

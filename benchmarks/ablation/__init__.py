@@ -41,6 +41,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
         'does': mechanism.does,
         'files': list(mechanism.files),
         'lines': mechanism.lines(Path(share_directory())),
+        'stays': mechanism.stays,
         'figures': found,
     }
 

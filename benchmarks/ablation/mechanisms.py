@@ -31,7 +31,7 @@ class Mechanism:
     """One mechanism: what it does, in which files (from the package's folder), and its switch.
 
     `streams` of the failure bench are read by `profiles`; `contacts` are told by `field`; `transfer` calibrates
-    `portable` for other gels.
+    `portable` for other gels. `stays` is why it is kept if no figure here needs it.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Mechanism:
     profiles: tuple[str, ...] = ('fast', 'field')
     contacts: bool = False
     transfer: bool = False
+    stays: str = ''
 
     def lines(self, root: Path) -> int:
         """Of its files; those of compiled twins are counted with them."""
@@ -83,10 +84,6 @@ def without(change: Callable[[Any], Any]) -> Switch:
     return all_of(*(instead(f'{PACKAGE}.{module}:load_model', read) for module in ('methods', 'estimating')))
 
 
-def _without_finer(path: Path) -> LoadedModel:
-    return dataclasses.replace(load_model(path), finer=None)
-
-
 def _first(*given: Any, **_: Any) -> Any:
     """The first thing that it is given."""
     return given[0]
@@ -124,19 +121,6 @@ def _of_one_contact(readout: Any) -> Any:
     return dataclasses.replace(readout, most_contacts=1) if readout.kind in ('response', 'axisymmetric') else readout
 
 
-def _predict_as_undisturbed(predict: Callable[..., Any]) -> Callable[..., Any]:
-    def predicted(self: Any, features: Any, **_: Any) -> Any:
-        return predict(self, features)
-
-    return predicted
-
-
-def _as_undisturbed() -> AbstractContextManager[Any]:
-    from tactile_nodes.sensing.explain.model import ForceEstimator
-
-    return patch.object(ForceEstimator, 'predict', _predict_as_undisturbed(ForceEstimator.predict))
-
-
 def _by_noise_alone() -> AbstractContextManager[Any]:
     from tactile_nodes.sensing.explain.field import solver
 
@@ -147,60 +131,6 @@ def _by_noise_alone() -> AbstractContextManager[Any]:
 
     return patch.object(solver, 'region_weights', weights)
 
-
-def _none_steady(_: Any, __: int, found: Any, ___: Any, ____: Any = None) -> tuple[Any, float]:
-    return found, 0.0
-
-
-def _altered_pictures(*left: str) -> Switch:
-    """All that only serves pictures unlike those of the training, but for what is left on."""
-    return all_of(*(each.off for each in ALTERED_PICTURES if each.name not in left))
-
-
-ALTERED_STREAMS = (
-    'none', 'blur 0.5', 'blur 1', 'noise 4', 'brightness 0.7', 'brightness 1.3', 'markers gone 10', 'markers gone 20',
-    'camera shifted 1', 'lost pixels 0.1', 'JPEG 30',
-)  # fmt: skip
-
-ALTERED_PICTURES = (
-    Mechanism(
-        'gains of the texture', 'how far each spot of the gel goes, so that another rest image reads as the first',
-        ('sensing/rest/known_texture.py', 'sensing/rest/texture_gains.py', 'learning/datasets/learned_texture.py'),
-        instead(f'{SENSING}.tracking:FeatureTracker._known_beside', _nothing),
-        (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'), ('fast',),
-    ),
-    Mechanism(
-        'places of the texture', 'where in its region a patch reads motion, beside another rest image',
-        ('sensing/rest/texture_places.py',),
-        instead(f'{SENSING}.tracking:other_texture', _nothing),
-        (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
-    ),
-    Mechanism(
-        'a finer model', '`fast` measures and reads altered pictures as `accurate` does',
-        ('sensing/explain/measured/altered.py',),
-        all_of(*(instead(f'{PACKAGE}.{each}:load_model', _without_finer) for each in ('methods', 'estimating'))),
-        (*CORE, 'brightness 1.3', 'JPEG 30'), ('fast',),
-    ),
-    Mechanism(
-        'responses in blur', 'measured in training at several blurs',
-        ('sensing/explain/measured/blurs.py', 'learning/measured/blurred_fit.py',
-         'learning/datasets/blurred_presses.py', 'learning/datasets/blurred_pictures.py'),
-        instead(f'{EXPLAIN}.model:ForceEstimator._of_blurred', _nothing), ('none', 'blur 0.5', 'blur 1', 'noise 4'),
-        ('fast', 'accurate'),
-    ),
-    Mechanism(
-        'another reading of altered pictures', 'weights by what light or blur leaves over; of `paper` its witness',
-        ('sensing/explain/measured/altered.py', 'sensing/explain/measured/picture_noise.py'),
-        _as_undisturbed, (*CORE, 'brightness 1.3'), ('paper', 'fast', 'accurate'),
-    ),
-    Mechanism(
-        'mean over a steady contact', 'forces in altered pictures are averaged over up to eight frames',
-        ('sensing/judge/steady_force.py', 'sensing/explain/measured/picture_noise.py'),
-        instead(f'{SENSING}.judge.steady_force:SteadyForce.averaged', _none_steady),
-        ('none', 'blur 1', 'noise 4', 'noise 8', 'brightness 0.7', 'markers gone 20'), ('fast', 'accurate'),
-    ),
-)  # fmt: skip
-"""Between a picture that is unlike those of the training and its force."""
 
 MECHANISMS = (
     Mechanism(
@@ -242,19 +172,6 @@ MECHANISMS = (
         instead(f'{SENSING}.picture.dented_rest:DentedRest._take', _nothing),
         ('none', 'taken while touched 0.3', 'taken while touched 1'),
     ),
-    *ALTERED_PICTURES,
-    Mechanism(
-        'all for altered pictures', 'all that only serves pictures unlike those of the training, at once', (),
-        _altered_pictures(), ALTERED_STREAMS, ('fast',),
-    ),
-    Mechanism(
-        'all of that but the finer model', 'what is left if `fast` is read as `accurate` in such pictures', (),
-        _altered_pictures('a finer model'), ALTERED_STREAMS, ('fast',),
-    ),
-    Mechanism(
-        'all of that but the places of the texture', 'what is left if only these are known', (),
-        _altered_pictures('places of the texture'), ALTERED_STREAMS, ('fast',),
-    ),
     Mechanism(
         'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as unlike',
         ('sensing/explain/measured/contact_shape.py', 'sensing/loops/shape.py'),
@@ -264,7 +181,7 @@ MECHANISMS = (
                     lambda self, fit, _: self.beyond(fit.contacts)),
         ),
         ('none', 'dragged 0.3', 'dragged 1', 'ball of 6 mm 1', 'flat punch of 3 mm 1', 'camera shifted 1'),
-        ('fast', 'accurate'),
+        ('fast',),
     ),
     Mechanism(
         'witness of the network', 'a response measured in the same presses contradicts the network',
@@ -277,6 +194,7 @@ MECHANISMS = (
         ('sensing/explain/likeness.py',),
         without(lambda readout: dataclasses.replace(readout, likeness=None) if readout.kind == 'network' else readout),
         (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
+        stays='all that a network calibrated for another gel has: its witness knows the first gel alone',
     ),
     Mechanism(
         'second and third tip', 'tried where one leaves too much over',
@@ -291,6 +209,7 @@ MECHANISMS = (
         ('sensing/judge/drift.py', 'sensing/judge/drift_verdict.py', 'sensing/judge/drift_alarm.py'),
         instead('benchmarks.stability.chain:calibration_reasons', lambda _: 0),
         ('none', 'gel swollen 0.3', 'gel re-seated 1', 'another gel put in 1'),
+        stays='it tells of a gel that stiffens or wears over weeks, which no stream lasts: results/drift.md',
     ),
     Mechanism(
         'tips within the field', 'one to three tips are told by their own response',
@@ -314,10 +233,6 @@ MECHANISMS = (
     Mechanism(
         'patches held down', 'a reweighted l1 term',
         (), instead(f'{EXPLAIN}.field.solver:HELD', 0.0), (), ('field',), contacts=True,
-    ),
-    Mechanism(
-        'shear of tips alone', 'contacts whose linear answer shows shear are not tried as tips',
-        (), instead(f'{EXPLAIN}.field.readout:RUBBED', 1e9), (), ('field',), contacts=True,
     ),
     Mechanism(
         'smear of the markers', 'regions that look aslant see a press elsewhere',

@@ -50,7 +50,7 @@ def _row(name: str, each: Mapping[str, Any]) -> list[str]:
     gone = name not in BY_NAME
     return [
         name, each['does'], str(len(each['files'])), str(each['lines']), shown or 'nothing gets worse by a tenth',
-        'gone' if gone else 'yes' if worse else '**no**',
+        'gone' if gone else 'yes' if worse else f'no; stays: {each["stays"]}' if each.get('stays') else '**no**',
     ]  # fmt: skip
 
 

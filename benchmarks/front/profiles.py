@@ -30,7 +30,7 @@ from tactile_nodes.sensing.flow.methods import FlowMethod
 if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
-SHIPPED = ('paper', 'portable', 'accurate', 'fast', 'field')
+SHIPPED = ('paper', 'portable', 'fast', 'field')
 JPEG_QUALITY, SMALLER_QUALITY = 90, 75
 STAGES = ('flow', 'features', 'predict')
 TURN = 10

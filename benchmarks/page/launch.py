@@ -52,7 +52,7 @@ class Sensing:
 
 @contextmanager
 def sensing(*words: str) -> Iterator[Sensing]:
-    """Start it, with launch arguments (`model:=accurate`), and end it with all its processes.
+    """Start it, with launch arguments (`model:=portable`), and end it with all its processes.
 
     Raises:
         ConfigurationError: it did not come up.

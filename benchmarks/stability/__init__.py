@@ -8,7 +8,6 @@ and the status of every message. Everything is simulation; docs/results/stabilit
     tactile bench stability --only shifted
     tactile bench stability --only time --profiles fast
     tactile bench stability --only blur --seed 12
-    tactile bench stability --only slowly --single
     tactile bench stability -o docs/results
 """
 
@@ -34,7 +33,7 @@ from benchmarks.stability.stream import Change, Plan, World
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Bar, Progress
 
-PROFILES = ('paper', 'fast', 'accurate')
+PROFILES = ('paper', 'fast', 'field')
 QUICK = Plan(presses=3, before=2, coming=6, after=12)
 
 
@@ -48,7 +47,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     plan = replace(QUICK if arguments.quick else Plan(), seed=arguments.seed)
     return measure(
         cases, arguments.profiles, plan, run.progress,
-        largest_only=arguments.quick, single=arguments.single, part=run.part,
+        largest_only=arguments.quick, part=run.part,
     )  # fmt: skip
 
 
@@ -59,13 +58,12 @@ def measure(
     progress: Progress,
     *,
     largest_only: bool = False,
-    single: bool = False,
     part: Part = at_once,
 ) -> Result:
-    """All numbers of the page; `single`: of forces that are averaged over no frames."""
+    """All numbers of the page."""
     world = World()
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
-    read_by = partial(follow, world, profiles=profiles, plan=plan, single=single)
+    read_by = partial(follow, world, profiles=profiles, plan=plan)
     with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
         undisturbed, floor = read_by(Change()), floor_n(world, Change(), plan)
         bar.advance(1)
@@ -103,19 +101,15 @@ def _points(
     return points
 
 
-def follow(
-    world: World, change: Change, profiles: Sequence[str], plan: Plan, *, single: bool = False
-) -> dict[str, Score]:
+def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, Score]:
     """One stream, read by every profile."""
-    answers = read(world, change, profiles, plan, single=single)
+    answers = read(world, change, profiles, plan)
     return {name: score(each, change) for name, each in answers.items()}
 
 
-def read(
-    world: World, change: Change, profiles: Sequence[str], plan: Plan, *, single: bool = False
-) -> dict[str, list[Answer]]:
+def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:
     """What every profile says of every frame."""
-    chains = {name: Chain(name, average_noise=not single) for name in profiles}
+    chains = {name: Chain(name) for name in profiles}
     answers: dict[str, list[Answer]] = {name: [] for name in profiles}
     for moment, picture in world.frames(change, plan):
         values = change.values if change.acts(moment) else None
@@ -146,8 +140,7 @@ BENCHMARK = Benchmark(
             nargs='+',
             default=list(PROFILES),
             metavar='MODEL',
-            help='models that ship, or files of models of the simulated gel (default: paper fast accurate)',
+            help='models that ship, or files of models of the simulated gel (default: paper fast field)',
         ),
-        argument('--single', action='store_true', help='every force of its own frame: averages over no others'),
     ),
 )

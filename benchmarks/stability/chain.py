@@ -77,8 +77,7 @@ def _fresh(model: str, compiled: bool) -> tuple[Estimating, Watching]:
 class Chain:
     """One profile, from its first picture on."""
 
-    def __init__(self, model: str, *, average_noise: bool = True, compiled: bool = False) -> None:
-        self._average_noise = average_noise
+    def __init__(self, model: str, *, compiled: bool = False) -> None:
         params = FollowingParams(model=model, reference_frames=REST_FRAMES)
         self._following = Following(params, compiled=compiled)
         self._following.begin_capture()
@@ -96,7 +95,7 @@ class Chain:
             self._estimating.calibration.add(*state)
         if values is not None:
             features = replace(features, values=values(features.values), untouched=False)  # type: ignore[type-var]
-        force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0, average_noise=self._average_noise)
+        force = self._estimating.answer(features, '', LEAST_CONFIDENCE, 0.0)
         self._watching.feel(stamp_ns, force)
         return force
 

@@ -26,7 +26,7 @@ from benchmarks.system_faults.sensor import sensor
 from tactile_nodes.learning.progress import Progress
 
 PARTS = ('kills', 'bus', 'crowd', 'files')
-MODELS = {'portable': 600, 'fast': 200, 'accurate': 100, 'paper': 100}
+MODELS = {'portable': 600, 'fast': 200, 'paper': 100}
 RATES_HZ = (5.0, 10.0, 20.0)
 
 

@@ -98,7 +98,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     plan = QUICK if arguments.quick else Plan()
     if arguments.seconds is not None:
         plan = Plan(**{**asdict(plan), 'seconds': arguments.seconds})
-    return measure(arguments.model or ['fast', 'accurate'], plan, run.progress, run.part)
+    return measure(arguments.model or ['fast', 'portable'], plan, run.progress, run.part)
 
 
 def measure(models: Sequence[str], plan: Plan, progress: Progress, part: Part = at_once) -> Result:
@@ -252,7 +252,7 @@ BENCHMARK = Benchmark(
     measure=measured,
     quick=True,
     arguments=(
-        argument('model', nargs='*', help='model files, or names of models that ship (default: fast accurate)'),
+        argument('model', nargs='*', help='model files, or names of models that ship (default: fast portable)'),
         argument('--seconds', above=0, type=float, metavar='S', help='of presses and pauses (default: 60)'),
     ),
 )

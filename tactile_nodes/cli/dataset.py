@@ -20,7 +20,7 @@ DESCRIPTION = 'Make a training set of the bags of a collection, and say what it 
 EPILOG = """\
 examples:
   tactile dataset build collected_1 collected_2 -o presses.npz --gel gel-7
-  tactile dataset build collected_1 -o presses.npz --profile accurate
+  tactile dataset build collected_1 -o presses.npz --profile portable
   tactile dataset build collected_1 -o presses.npz --flow dis --encoding cartesian_mean --rows 20 --cols 20
   tactile dataset info presses.npz --picture presses.png
   tactile dataset build new_gel_bag -o new_gel.npz --profile portable --frames each    # for tactile calibrate
@@ -53,7 +53,7 @@ def _add_build(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--gel', default='', help='name of the gel, or the YAML file of a simulated one')
     parser.add_argument(
         '--profile', default='fast', metavar='NAME',
-        help='flow and features of a run in config/train: fast, accurate, paper, ... (default: fast)',
+        help='flow and features of a run in config/train: fast, portable, paper, ... (default: fast)',
     )  # fmt: skip
     parser.add_argument('--flow', metavar='NAME', help='how motion is measured, if not as in the profile')
     parser.add_argument('--flow-options', nargs='+', default=[], metavar='NAME=VALUE', help='options of the flow')

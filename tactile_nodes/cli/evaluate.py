@@ -16,7 +16,7 @@ DESCRIPTION = (
 )
 EPILOG = """\
 examples:
-  tactile evaluate paper fast accurate --unlike            several side by side, and what they flag
+  tactile evaluate paper fast portable --unlike            several side by side, and what they flag
   tactile evaluate fast --picture fast.png --json fast.json
   tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
 """

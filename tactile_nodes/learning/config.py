@@ -126,13 +126,6 @@ class ResponseConfig:
     most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
     contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
     seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
-    blur_px: tuple[float, ...] = parameter(
-        (0.5, 1.0, 1.5), 'blurs (standard deviations, px) of pictures in which the response is measured, too'
-    )
-    blurred_presses: int = parameter(12000, 'presses that are blurred; 0: none', minimum=0)
-    texture_presses: int = parameter(
-        400, "presses whose pictures tell how far each spot of the gel's texture goes; 0: none", minimum=0
-    )
 
 
 @dataclass(frozen=True)
@@ -176,7 +169,6 @@ READOUTS = 'network', 'response', 'axisymmetric', 'field'
 class _Blocks:
     output: str = parameter('model.safetensors', 'the file to write')
     readout: str = parameter('network', 'what turns features into forces', choices=READOUTS)
-    finer: str = parameter('', 'a model of the same gel, by name or file, that reads altered pictures; none: this one')
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)
@@ -199,7 +191,6 @@ class TrainConfig:
 
     output: Path = Path('model.safetensors')
     readout: str = 'network'
-    finer: str = ''
     data: DataConfig = field(default_factory=DataConfig)
     flow: Choice = field(default_factory=lambda: Choice('dis'))
     encoding: Choice = field(default_factory=lambda: Choice('polar_mean'))
@@ -256,7 +247,6 @@ def load_train_config(path: Path | str) -> TrainConfig:
     return TrainConfig(
         output=Path(blocks.output),
         readout=blocks.readout,
-        finer=blocks.finer,
         data=blocks.data,
         flow=_choice('flow', 'dis', written, str(path)),
         encoding=_choice('encoding', 'polar_mean', written, str(path)),

@@ -866,14 +866,12 @@ class FlowFeatures(Message):
     method: str
     reference_id: str
     image_level: float
-    rest_sharpness: float
-    finer: bool
     untouched: bool
     moved: float
     picture_motion: NDArray[Any]
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., rest_sharpness: float = ..., finer: bool = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]
@@ -920,12 +918,11 @@ class ForceDistribution(Message):
     explanation: int
     wrench: Wrench
     wrench_covariance: NDArray[Any]
-    averaged: float
     status: int
     reasons: int
     provenance: Provenance
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., normal_force_sigma: NDArray[Any] = ..., shear_force_x: NDArray[Any] = ..., shear_force_y: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., explanation: int = ..., wrench: Wrench = ..., wrench_covariance: NDArray[Any] = ..., averaged: float = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., bin_width: float = ..., bin_height: float = ..., origin: Point = ..., normal_force: NDArray[Any] = ..., confidence: NDArray[Any] = ..., normal_force_sigma: NDArray[Any] = ..., shear_force_x: NDArray[Any] = ..., shear_force_y: NDArray[Any] = ..., total: float = ..., total_sigma: float = ..., peak: float = ..., in_contact: bool = ..., contact: Point = ..., contacts: list[Contact] = ..., unlikeness: float = ..., explanation: int = ..., wrench: Wrench = ..., wrench_covariance: NDArray[Any] = ..., status: int = ..., reasons: int = ..., provenance: Provenance = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceField(Message):
     header: Header

@@ -38,9 +38,6 @@ class ForceEstimatorParams(NodeParams):
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
-    average_noise: bool = parameter(
-        True, 'average the force of a contact that does not change, for up to 0.4 s, in altered pictures'
-    )
     compiled: bool = parameter(
         True,
         'compute by loops that numba compiles; who asks for it waits for that, others take numpy until the next start',
@@ -88,9 +85,7 @@ class ForceEstimatorNode(Node):
     def _on_features(self, received: Received) -> None:
         age_s = max(0.0, self.age_s(received))
         asked = self.params
-        force = self._estimating.answer(
-            received.message, asked.frame_id, asked.least_confidence, age_s, average_noise=asked.average_noise
-        )
+        force = self._estimating.answer(received.message, asked.frame_id, asked.least_confidence, age_s)
         self._force.publish(force)
         if (misfit := self._estimating.misfit()) != self._misfit:
             self._misfit = misfit

@@ -13,11 +13,9 @@ from tactile_nodes.sensing.tracking import FeatureTracker
 
 
 class Coming:
-    """A rest image, made of straightened images or the one in use, that is being prepared beside the frames; used from
-    a stamp on.
+    """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
 
-    `offset` is where it lies beside the first rest image; `noise` is what it has more of than one of many frames;
-    `finer` asks for the finer way to measure.
+    `offset` is where it lies beside the first rest image; `noise` is what it has more of than one of many frames.
     """
 
     def __init__(
@@ -26,15 +24,13 @@ class Coming:
         image: UInt8[np.ndarray, 'h w'],
         due_ns: int,
         noise: Float32[np.ndarray, 'h w'] | None = None,
-        *,
-        finer: bool = False,
     ) -> None:
-        self.due_ns, self._renewed = due_ns, image is not tracker.reference
+        self.due_ns = due_ns
         registration = tracker.registration
         self.offset = registration.beside_frame if registration else None
         self.motion = registration.motion if registration else None
         self._found: PreparedRest | ImageError | None = None
-        made_of = tracker, image, noise, finer
+        made_of = tracker, image, noise
         # Some 0.1 s that a process waits for when it ends: to end within compiled code would abort it.
         self._thread = threading.Thread(target=self._prepare, args=made_of, name='rest image')
         self._thread.start()
@@ -51,10 +47,8 @@ class Coming:
         assert self._found is not None
         return self._found
 
-    def _prepare(
-        self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], noise: np.ndarray | None, finer: bool
-    ) -> None:
+    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], noise: np.ndarray | None) -> None:
         try:
-            self._found = tracker.prepared(image, renewed=self._renewed, finer=finer, noise=noise)
+            self._found = tracker.prepared(image, noise=noise)
         except ImageError as error:
             self._found = error

@@ -28,12 +28,6 @@ class Features:
     values: Float32[np.ndarray, 'rows cols channels']
     confidence: Float32[np.ndarray, 'rows cols']
 
-    def coarser(self, rows: int, cols: int) -> Features:
-        """Means of motion over fewer regions, by how far each of these can be believed; of as many they stay."""
-        if rows > len(self.confidence) or cols > self.confidence.shape[1] or self.encoding != CartesianMean.name:
-            return self
-        return Features(self.encoding, *fewer_means(self.values, self.confidence, rows, cols))
-
 
 def fewer_means(
     values: Float32[np.ndarray, 'h w channels'], confidence: Float32[np.ndarray, 'h w'], rows: int, cols: int

@@ -17,11 +17,8 @@ from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck
 from tactile_nodes.sensing.rest.capture import RestCapture
-from tactile_nodes.sensing.rest.known_texture import KnownTexture, known_texture
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.reference import content_id
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
-from tactile_nodes.sensing.rest.texture_places import OtherTexture, other_texture
 
 LEAST_CONFIDENT = 0.93
 """Share of the rest image's confidence in itself below which a frame is looked at for bands: presses leave 0.96."""
@@ -40,8 +37,6 @@ class FeatureTracker:
         marked_share: share of the regions that must show structure in a rest image; sparse patterns need less.
         check: tells frames in which nothing touches, whose motion is then zero without being measured.
         registration: takes the motion of the whole picture out; None leaves it in.
-        texture: how far each spot of the gel goes, where that is known.
-        finer: how motion is measured beside rest images that are prepared for it.
         compiled: whether compiled loops do what `flow` is asked for, and all that is done beside it for each frame.
     """
 
@@ -54,8 +49,6 @@ class FeatureTracker:
         marked_share: float = 0.1,
         check: StillnessCheck | None = None,
         registration: Registration | None = None,
-        texture: TextureGains | None = None,
-        finer: Measuring | None = None,
         compiled: bool = False,
     ) -> None:
         self.compiled = compiled
@@ -68,11 +61,7 @@ class FeatureTracker:
         self.dead = DeadPixels()
         self._still: tuple[DisplacementField, Features] | None = None
         self._seen: Stillness | None = None
-        self._first: PreparedRest | None = None
-        self._own, self._finer = Measuring(flow, encoding, texture, compiled), finer
-        self._first_finer: tuple[PreparedRest, FlowMethod] | None = None
-        self._other: OtherTexture | None = None
-        self._known: KnownTexture | None = None
+        self._measuring = Measuring(flow, encoding, compiled)
         self._bands: RollingBands
         self._least_sure = 0.0
         self._flow, self._encoding = flow, encoding
@@ -85,11 +74,6 @@ class FeatureTracker:
     def flow(self) -> FlowMethod:
         """How motion is measured beside the rest image in use."""
         return self._flow
-
-    @property
-    def knows_finer(self) -> bool:
-        """Whether there is a finer way to measure."""
-        return self._finer is not None
 
     @property
     def capturing(self) -> bool:
@@ -139,50 +123,28 @@ class FeatureTracker:
         self.use(self.prepared(image))
 
     def prepared(
-        self,
-        image: UInt8[np.ndarray, 'h w'],
-        *,
-        renewed: bool = False,
-        finer: bool = False,
-        noise: Float32[np.ndarray, 'h w'] | None = None,
+        self, image: UInt8[np.ndarray, 'h w'], *, noise: Float32[np.ndarray, 'h w'] | None = None
     ) -> PreparedRest:
         """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
 
-        A `renewed` one is made of straightened images, and shows the gel where the first one does. `finer` asks for the
-        finer way to measure beside it, if there is one. `noise` is what it has more of than those of a training.
+        `noise` is what it has more of than those of a training.
 
         Raises:
             ImageError: it shows nothing that can be measured against.
         """
-        kind = self._finer if finer and self._finer is not None else self._own
-        encoding = make_encoding(kind.encoding.name, kind.encoding.options)
+        encoding = make_encoding(self._measuring.encoding.name, self._measuring.encoding.options)
         encoding.set_reference(image)
         still = DisplacementField(np.zeros((*image.shape, 2), np.float32))
         require_rest_image(image, encoding.encode(still).confidence, self._marked_share)
         check = None if self._check is None else StillnessCheck(self._check.options, compiled=self.compiled)
         if check is not None:
             check.set_reference(image)
-        flow = kind.flow_beside(image)
+        flow = self._measuring.flow_beside(image)
         if noise is not None and isinstance(flow, InverseCompositionalFlow):
             flow.allow_for_noise(noise)
         own = flow.displacement(image)
         registering = None if self.registration is None else Registered(image, own, compiled=self.compiled)
-        known = self._known_beside(kind, flow, image) if renewed else None
-        return PreparedRest(image, flow, encoding, check, own, registering, known, kind is self._finer)
-
-    def _known_beside(self, kind: Measuring, flow: FlowMethod, image: UInt8[np.ndarray, 'h w']) -> KnownTexture | None:
-        """What takes motion beside a renewed rest image for that beside the first one, by how far each spot goes."""
-        if (first := self._first) is None or kind.texture is None:
-            return None
-        return known_texture(kind.texture, (flow, image), (self._first_flow(first, kind), first.image))
-
-    def _first_flow(self, first: PreparedRest, kind: Measuring) -> FlowMethod:
-        """The flow beside the first rest image; the finer one is made when it is asked for."""
-        if kind is not self._finer:
-            return first.flow
-        if (made := self._first_finer) is None or made[0] is not first:
-            self._first_finer = made = first, kind.flow_beside(first.image)
-        return made[1]
+        return PreparedRest(image, flow, encoding, check, own, registering)
 
     def use(
         self, rest: PreparedRest, *, offset: PictureMotion | None = None, motion: PictureMotion | None = None
@@ -195,18 +157,8 @@ class FeatureTracker:
         self._measure_by(rest)
         self.reference, self.reference_id = rest.image, content_id(rest.image)
         self._bands = RollingBands(rest.image)
-        self._first = rest if offset is None or self._first is None else self._first
-        kind = self._finer if rest.finer and self._finer else self._own
-        self._other = other_texture(rest.flow, self._first_flow(self._first, kind), rest.image.shape)
-        self._known = rest.known if self._other else None
         if self.registration and rest.registering:
             self.registration.set_reference(rest.registering, offset, motion)
-
-    def use_again(self, rest: PreparedRest) -> None:
-        """Measure against the rest image in use as it was prepared for another way to measure."""
-        self._measure_by(rest)
-        if self.registration and rest.registering:
-            self.registration.measure_by(rest.registering)
 
     def _measure_by(self, rest: PreparedRest) -> None:
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
@@ -263,16 +215,7 @@ class FeatureTracker:
         seen_at_rest = self._check is not None and registration.watches and registration.free
         if seen_at_rest:
             return self._at_rest()[0]
-        return self._as_first(field, straight, registration)
-
-    def _as_first(
-        self, field: DisplacementField, straight: UInt8[np.ndarray, 'h w'], registration: Registration
-    ) -> DisplacementField:
-        """Motion as the first rest image's texture would have shown it."""
-        if self._known is not None:
-            finer = self._known.finer
-            return self._known.as_first(field, registration.without(finer.displacement(straight)) if finer else field)
-        return self._other.as_first(field) if self._other else field
+        return field
 
     def _straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image where the rest image has it, and without bands while there are any."""

@@ -19,7 +19,7 @@ def test_the_card_says_what_a_model_was_made_of_and_for(capsys: pytest.CaptureFi
     assert {'model_id', 'data', 'gel', 'training', 'validation', 'licence', 'readout'} <= set(card)
 
 
-@pytest.mark.parametrize('name', ['fast', 'accurate', 'paper'])
+@pytest.mark.parametrize('name', ['fast', 'portable', 'paper'])
 def test_cards_that_ship_name_no_place_on_somebodys_machine(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['model', 'info', name]) == 0
     assert str(Path.home()) not in (told := capsys.readouterr().out)

@@ -22,7 +22,6 @@ from tactile_nodes.learning.run.folder import read_run  # noqa: E402
 from tactile_nodes.learning.training import train as training  # noqa: E402
 from tactile_nodes.learning.training.source import simulated_test, training_data  # noqa: E402
 from tactile_nodes.model_file import load_model  # noqa: E402
-from tactile_nodes.simulation.gel import Gel  # noqa: E402
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -181,11 +180,3 @@ def test_a_region_is_trusted_that_is_seldom_lost():
     presses, features = np.zeros((20, 4), np.float32), np.zeros((20, 1, 3, 2), np.float16)
     data = Dataset(features, presses, np.arange(20), confidence, '')
     assert data.trusted(0.5).tolist() == [[1.0, 1.0, 0.0]]
-
-
-def test_a_finer_model_of_another_gel_is_refused_before_any_press_is_rendered(tmp_path: Path):
-    config = dataclasses.replace(small_config(tmp_path), finer='fast', gel=Gel(seed=7))
-    with pytest.raises(ConfigurationError, match='not of the simulated gel that is trained on'):
-        training.train(config)
-    with pytest.raises(ModelError, match='there is no model'):
-        training.train(dataclasses.replace(config, finer='nowhere'))

@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import importlib.util
 import itertools
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -326,3 +327,17 @@ def test_without_numba_others_are_warned_once_and_get_numpy():
 def test_who_asks_for_numpy_gets_it_without_a_word(capsys: pytest.CaptureFixture[str]):
     assert not choose(False, print, print)
     assert not capsys.readouterr().out
+
+
+@needs_numba
+def test_what_was_compiled_before_the_newest_source_is_forgotten(tmp_path: Path):
+    """numba would load it, though a function of another file that is compiled into it has changed."""
+    from tactile_nodes.sensing.loops.common import forget_older
+
+    (tmp_path / '__pycache__').mkdir()
+    source, older, newer = (tmp_path / name for name in ('a.py', '__pycache__/a.nbi', '__pycache__/b.nbi'))
+    for number, file in enumerate((older, source, newer)):
+        file.touch()
+        os.utime(file, (number, number))
+    forget_older(tmp_path)
+    assert (older.exists(), newer.exists()) == (False, True)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.picture.registered import Registered
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.tracking import FeatureTracker
 
@@ -92,21 +91,6 @@ def test_a_picture_that_moved_too_far_or_is_another_is_lost_and_found_again() ->
     assert registration.lost
     tracker.field(picture(number=2), 3 * S)
     assert not registration.lost
-
-
-def test_other_patches_may_measure_while_a_knock_is_being_learned() -> None:
-    tracker, registration = following()
-    for number in range(3):
-        tracker.field(picture(shift(2.3, -1.4), number=number), (1 + number) * S)
-    finer = make_flow('inverse_compositional', {'rows': 20, 'cols': 20, 'finest_scale': 0})
-    finer.set_reference(REST)
-    registration.measure_by(Registered(REST, finer.displacement(REST)))
-    for number in range(3, 12):
-        straight = registration.straightened(picture(shift(2.3, -1.4), number=number))
-        left = registration.without(finer.displacement(straight))
-        assert not registration.look(straight, left, (1 + number) * S)
-    assert registration.settled
-    assert np.sqrt(np.square(left.displacement_px).mean()) < 0.02
 
 
 def test_slow_motion_is_followed_while_nothing_touches_and_kept_while_something_does() -> None:

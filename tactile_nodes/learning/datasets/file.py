@@ -31,12 +31,13 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
 FORMAT_VERSION, OLDEST_VERSION = 2, 1
-"""Files of before the texture was learned have version 1, and are read on."""
+"""Files of version 1, and those of earlier releases that hold texture gains, are read on; the gains are left out."""
 
 _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', 'depth_reported_mm', 'force_n',
                 'force_rate_n_per_s', 'wrench', 'wrench_deviation'),
           'b': ('contact',), 'U': ('reference_id', 'tare_id')}  # fmt: skip
-_NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL}
+TEXTURE_GAINS = 'texture_gains'
+_NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL, TEXTURE_GAINS}
 _ARRAY = b'\x93NUMPY'
 _LARGEST_RATIO = 20  # we do not compress; who does it again gains less
 _SHAPES = {
@@ -96,9 +97,10 @@ def load_dataset(path: Path | str) -> RecordedPresses:
             f'the format of {path} has version {version}, this release reads {OLDEST_VERSION} to {FORMAT_VERSION}; '
             'use the release that made it, or build the data set again'
         )
-    known = set(entries) - set(OPTIONAL) == set(array_names())
+    known = set(entries) - {*OPTIONAL, TEXTURE_GAINS} == set(array_names())
     if not known or fingerprint_of(entries, card) != fingerprint or not _fit(entries, card):
         raise DatasetError(_damaged(path))
+    entries.pop(TEXTURE_GAINS, None)
     return RecordedPresses(**entries, card=card)
 
 
@@ -139,7 +141,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
     """Whether the arrays have the kinds and shapes that go together."""
     count = len(arrays['force_n']) if arrays['force_n'].ndim else 0
     for name, array in arrays.items():
-        if name in OPTIONAL:
+        if name in (*OPTIONAL, TEXTURE_GAINS):
             if array.dtype != (np.uint8 if name == REST_IMAGE else np.float32) or array.ndim != 2:
                 return False
             continue

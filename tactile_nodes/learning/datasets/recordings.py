@@ -16,13 +16,12 @@ from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, Split, by_position, by_sample
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 CIRCUMSTANCES = ('command', 'made_with', 'bag_names')
 """Entries of the card that say how the file came about, and do not change what it holds."""
 
-REST_IMAGE, TEXTURE_GAINS = 'rest_image', 'texture_gains'
-OPTIONAL = REST_IMAGE, TEXTURE_GAINS
+REST_IMAGE = 'rest_image'
+OPTIONAL = (REST_IMAGE,)
 """Arrays that not every data set has."""
 
 RETRIED, NEAR_BORDER, DEPTH_UNREPORTED, UNEVEN_FRAMES = 1, 2, 4, 8
@@ -41,8 +40,7 @@ class RecordedPresses:
     Lengths in mm and places in the surface frame, forces in N (positive into the gel) and torques in N m; wrenches as
     measured (pressing is negative z). `confidence[confidence_row[i]]` belongs to sample i, `card['bags'][bag[i]]` is
     the bag that it came from; plan and indenter are told in the same way. `rest_image` is the last rest image that
-    presses were measured against, as cut; without rows in files of before there was one. `texture_gains` is how far
-    each of its spots goes beside the motion around it; without rows where too few presses told, or nobody asked.
+    presses were measured against, as cut; without rows in files of before there was one.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -70,7 +68,6 @@ class RecordedPresses:
     tare_id: np.ndarray
     card: Mapping[str, Any]
     rest_image: UInt8[np.ndarray, 'h w'] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
-    texture_gains: Float32[np.ndarray, 'h w'] = field(default_factory=lambda: np.zeros((0, 0), np.float32))
 
     def __len__(self) -> int:
         return len(self.force_n)
@@ -104,11 +101,6 @@ class RecordedPresses:
         keys = np.column_stack([self.press_number, self.attempt, self.window_ns, self.contact, rests.reshape(-1)])
         numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
         return numbers.reshape(-1)
-
-    @property
-    def texture(self) -> TextureGains | None:
-        """How far each spot of the gel goes, if presses told."""
-        return TextureGains(self.texture_gains, self.rest_image) if self.texture_gains.size else None
 
     def split(self, kind: str, seed: int, *, test: float = TEST_SHARE, validation: float = VALIDATION_SHARE) -> Split:
         """Training, validation and test set; `kind` is 'sample' or 'position'.

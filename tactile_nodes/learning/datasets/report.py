@@ -27,7 +27,6 @@ def report(presses: RecordedPresses) -> str:
         ('features', _features(presses)),
         ('images', f'{card["frames"]} of each window, {card["crop_px"]}x{card["crop_px"]} px'),
         ('gel', card['gel']['id'] or 'not named'),
-        ('texture', presses.texture.told if presses.texture else 'not learned: of flow by patches, from 40 presses on'),
         ('indenter', ', '.join(name or 'not named' for name in card['indenters'])),
         ('plan', ', '.join(name or 'not named' for name in card['plans'])),
         *_bags(presses),

@@ -7,6 +7,7 @@ out: systems of three equations with cofactors, and those for missing regions wi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +15,13 @@ from tactile_nodes.learning.onnx_files.graph import Value, Writer
 from tactile_nodes.learning.onnx_files.parts import Answer, Inputs, hypot
 from tactile_nodes.learning.onnx_files.splines import laplacian, value_and_slopes
 from tactile_nodes.sensing.explain.likeness import Likeness
-from tactile_nodes.sensing.explain.measured.contact_shape import SHIFT_INFORMATION, SURE_OF_WIDTH, USUAL_MM2, WIDE_MM2
+from tactile_nodes.sensing.explain.measured.contact_shape import (
+    SHIFT_INFORMATION,
+    SURE_OF_WIDTH,
+    USUAL_MISFIT,
+    USUAL_MM2,
+    WIDE_MM2,
+)
 from tactile_nodes.sensing.explain.measured.readout import SURE_OF_DIRECTIONS, ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import (
     CONVERGED_MM,
@@ -160,7 +167,7 @@ def _answer(
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
     noise = _gained(response, components, place, misfit) < calibration.least_gain
-    told, other = _told(readout, components, place, cofactors / determinant)
+    told, other = _told(readout, components, place, cofactors / determinant, misfit.cast(np.float64))
     told = noise.where(place, told)
     height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
@@ -179,10 +186,12 @@ def _answer(
     return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
 
 
-def _told(readout: ResponseReadout, components: Value, place: Value, inverse: Value) -> tuple[Value, Value]:
+def _told(
+    readout: ResponseReadout, components: Value, place: Value, inverse: Value, misfit: Value
+) -> tuple[Value, Value]:
     """The contact with a usual width, and whether it is another than a tip pressed straight down, or at an end.
 
-    See `ResponseReadout`; `inverse` is that of the information with its damping.
+    See `ResponseReadout`; `inverse` is that of the information with its damping, `misfit` what the fit leaves over.
     """
     response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
@@ -190,8 +199,15 @@ def _told(readout: ResponseReadout, components: Value, place: Value, inverse: Va
     made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
     left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
-    step, wide = _width(response, place, inverse, slopes, left, certainty)
-    dragged = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty) >= readout.most_shift_gain
+    usual, count = USUAL_MISFIT * readout.calibration.misfit_limit**2, len(readout.whitening)
+
+    def noise(explained: Value) -> Value:
+        """See `contact_shape.Left.noise_without`."""
+        return ((misfit - explained / count) / usual).most(1)
+
+    step, wide = _width(response, place, inverse, slopes, left, certainty, noise)
+    gain = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty)
+    dragged = gain >= noise(gain * 2) * readout.most_shift_gain
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
     moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
     other = ~(~at_end & ~wide & ~dragged & ~_near_ends(response, place))
@@ -209,7 +225,13 @@ def _near_ends(response: Response, place: Value) -> Value:
 
 
 def _width(
-    response: Response, place: Value, inverse: Value, slopes: Value, left: Value, certainty: Value
+    response: Response,
+    place: Value,
+    inverse: Value,
+    slopes: Value,
+    left: Value,
+    certainty: Value,
+    noise: Callable[[Value], Value],
 ) -> tuple[Value, Value]:
     """What x, y and s are another by with a usual width, and whether the contact is surely wide; see `contact_shape`.
 
@@ -221,7 +243,7 @@ def _width(
     own = (bend * bend * certainty).sum() - shared @ known
     width = (bend @ left - known @ (slopes @ left)) / own
     usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
-    wide = (width >= WIDE_MM2) & (width >= 1 / own.sqrt() * SURE_OF_WIDTH)
+    wide = (width >= WIDE_MM2) & (width >= (noise(width * width * own) / own).sqrt() * SURE_OF_WIDTH)
     step: Value = inverse @ (slopes @ left) - known * usual
     return step, wide
 

@@ -15,7 +15,6 @@ from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.file import FORMAT, FORMAT_VERSION
 from tactile_nodes.learning.datasets.labels import describe
-from tactile_nodes.learning.datasets.learned_texture import RecordedTexture
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Bar, Progress
 from tactile_nodes.learning.recorded import exclusions
@@ -25,7 +24,6 @@ from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.recorded.samples import Sample, Shelf
 from tactile_nodes.messages import types
 from tactile_nodes.params import load_mapping
-from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 
@@ -80,8 +78,7 @@ def build(
                 progress.say(f'{bag.path}: {warning}; its stamps are taken as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
-        by_patches = options.flow.name == InverseCompositionalFlow.name
-        builder = Builder(options, measurer, bar, RecordedTexture() if by_patches else None)
+        builder = Builder(options, measurer, bar)
         for number, bag in enumerate(opened):
             for press in bag.presses():
                 builder.take(number, press)
@@ -89,15 +86,10 @@ def build(
 
 
 class Builder:
-    """Takes presses as they come, bag after bag, and gives the data set of those that came so far.
+    """Takes presses as they come, bag after bag, and gives the data set of those that came so far."""
 
-    With a `texture` it also learns how far each spot of the gel goes.
-    """
-
-    def __init__(
-        self, options: BuildOptions, measurer: Measurer, bar: Bar | None = None, texture: RecordedTexture | None = None
-    ) -> None:
-        self.options, self.measurer, self.bar, self.texture = options, measurer, bar, texture
+    def __init__(self, options: BuildOptions, measurer: Measurer, bar: Bar | None = None) -> None:
+        self.options, self.measurer, self.bar = options, measurer, bar
         self.shelf = Shelf(options.bins)
         self.left_out: list[LeftOut] = []
         self.untouched_found = 0
@@ -153,9 +145,7 @@ class Builder:
             of = f' of {_listed(bags)}' if bags else ''
             raise DatasetError(f'no press{of} can be used: {_reasons(self.left_out)}')
         recordings = self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
-        if self.texture is None:
-            return replace(recordings, rest_image=self._rest[1])
-        return replace(recordings, rest_image=self._rest[1], texture_gains=self.texture.gains(self._rest[1]))
+        return replace(recordings, rest_image=self._rest[1])
 
     def finish(self) -> list[Sample]:
         """All samples, in the order in which their presses were first told, but for those that became suspect."""
@@ -198,8 +188,6 @@ class Builder:
         if press.reference.stamp_ns >= self._rest[0]:
             self._rest = press.reference.stamp_ns, self.measurer.rest_image
         made = [self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)]
-        if self.texture is not None:
-            self.texture.take(self.measurer.rest_image, self.measurer.cut(press.frames[0].image))
         if press.untouched:
             self.untouched_found += 1
             share = self.options.without_contact

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
 
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.datasets.blurred_presses import BlurredPresses, simulate_blurred
 from tactile_nodes.learning.datasets.file import load_dataset
-from tactile_nodes.learning.datasets.learned_texture import simulated_texture
 from tactile_nodes.learning.datasets.plans import press_numbers
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
 from tactile_nodes.simulation.gel import Gel
 
 
@@ -30,8 +26,7 @@ class TrainingData:
     """Samples, which of them are for validation, and what the model's card says of gel and data.
 
     `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
-    measured against, without rows where presses are simulated. `blurred` are the first of the samples in pictures less
-    and less sharp. `texture` is how far each spot of the gel goes, where that is known.
+    measured against, without rows where presses are simulated.
     """
 
     config: TrainConfig
@@ -40,8 +35,6 @@ class TrainingData:
     gel: dict[str, Any]
     origin: dict[str, Any]
     rest_image: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0), np.uint8))
-    blurred: tuple[BlurredPresses, ...] = ()
-    texture: TextureGains | None = None
 
 
 def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
@@ -66,26 +59,13 @@ def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
     origin = {**config.data.simulated(), 'origin': 'simulated', 'validation': config.training.validation}
     if config.data.plan == 'random':
         held_out = held_out_share(len(dataset.presses), config)
-        chosen = np.arange(len(dataset.presses))
     else:
         split = simulated_split(dataset, config.data, config.training.validation)
         _tell(split, f'{config.data.plan} plan', config.data.split, progress)
         chosen = np.sort(np.concatenate([split.train, split.validation]))
         dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
         origin |= _split_entries(config, split)
-    gel, blurred = {'id': config.gel.gel_id, **asdict(config.gel)}, simulated_blurred(config, chosen, progress)
-    texture = simulated_texture(config, chosen, progress)
-    return TrainingData(config, dataset, held_out, gel, origin, blurred=blurred, texture=texture)
-
-
-def simulated_blurred(
-    config: TrainConfig, chosen: Int[np.ndarray, ' chosen'], progress: Progress
-) -> tuple[BlurredPresses, ...]:
-    """Those of the chosen samples of a simulated data set that are blurred; only responses learn from them."""
-    if config.readout != 'response':
-        return ()
-    made = simulate_blurred(config, progress)
-    return tuple(replace(each, dataset=each.dataset.take(chosen[chosen < len(each.dataset.presses)])) for each in made)
+    return TrainingData(config, dataset, held_out, {'id': config.gel.gel_id, **asdict(config.gel)}, origin)
 
 
 def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:
@@ -179,9 +159,8 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
     }
     held_out = np.isin(chosen, split.validation)
     gel = dict(recordings.card['gel'])
-    texture = recordings.texture if config.readout == 'response' else None
     samples = recordings.as_samples(chosen)
-    return TrainingData(config, samples, held_out, gel, origin, recordings.rest_image, texture=texture)
+    return TrainingData(config, samples, held_out, gel, origin, recordings.rest_image)
 
 
 def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__, clock
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import pressed_gels
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
-from tactile_nodes.learning.measured.blurred_fit import with_blurs
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.network.fit import fit_network
 from tactile_nodes.learning.network.inputs import judging_samples
@@ -28,7 +26,7 @@ from tactile_nodes.learning.transfer.carried import learned_carried
 from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import live_errors
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth
-from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.model_file import save_model
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -58,9 +56,8 @@ def train(
     readout on the same machine, in one go or in several. `command` goes into the model's card.
 
     Raises:
-        ConfigurationError: torch is not installed, the configuration contradicts the recorded presses or the finer
-            model, or another process trains the same run.
-        ModelError: the finer model is missing or damaged.
+        ConfigurationError: torch is not installed, the configuration contradicts the recorded presses, or another
+            process trains the same run.
         DatasetError: the presses cannot be used, or are too few; recorded ones also if held-out ones are read no better
             than by answering their mean, unless `forced`.
     """
@@ -68,7 +65,6 @@ def train(
         import_torch()  # before any press is rendered
     check_output(config.output)
     progress = progress or Progress()
-    finer = finer_file(config)
     data = training_data(config, progress)
     run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
     with run:
@@ -82,7 +78,7 @@ def train(
         )
         scores = validation_of(readout, data)
         card = card_of(data, report, scores, command)
-        model_id = save_model(config.output, model, card, data.rest_image, data.texture, finer)
+        model_id = save_model(config.output, model, card, data.rest_image)
         run.finish({'model_id': model_id, 'parameters': readout.parameter_count, **card})
     progress.say(f'{config.output}: model {model_id}, {readout.parameter_count} parameters; {scores}')
     if warning:
@@ -105,25 +101,6 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
     require_worth(said, CALIBRATE, forced=forced, command='tactile train')
     said = said or poor(after, mean)
     return f'warning: {said}; {CALIBRATE}' if said else ''
-
-
-def finer_file(config: TrainConfig) -> Path | None:
-    """The file of the model that reads pictures unlike those of this training, if there is to be one.
-
-    Raises:
-        ConfigurationError: it is of another gel or other bins, or reads images of another size.
-        ModelError: it is missing or damaged.
-    """
-    if not config.finer:
-        return None
-    loaded = load_model(file := find_model(config.finer))
-    theirs = loaded.gel, loaded.model.bins, loaded.image_size
-    if theirs != (config.gel.gel_id, config.bins, (config.data.crop, config.data.crop)) or config.data.file:
-        raise ConfigurationError(
-            f'the finer model {config.finer} is of gel {loaded.gel} with {loaded.model.bins} in images of '
-            f'{loaded.image_size[0]} px, and not of the simulated gel that is trained on; train it on that one first'
-        )
-    return file
 
 
 def threshold_of(config: TrainConfig) -> float:
@@ -155,8 +132,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         )
     else:
         settings = config.response
-        response = fit_response(dataset, data.held_out, settings, config.bins, progress)
-        readout = with_blurs(response, dataset, data.blurred, data.held_out, settings, progress)
+        readout = fit_response(dataset, data.held_out, settings, config.bins, progress)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 

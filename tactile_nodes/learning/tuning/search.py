@@ -148,10 +148,7 @@ class SimulatedSource:
         self._base = base
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
-        config = candidate.of(self._base)
-        # Candidates are compared by presses in pictures as they are.
-        settings = replace(config.response, blurred_presses=0, texture_presses=0)
-        return training_data(replace(config, response=settings), progress)
+        return training_data(candidate.of(self._base), progress)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
         gel = self._base.gel

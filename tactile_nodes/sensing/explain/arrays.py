@@ -16,7 +16,6 @@ from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.likeness import Likeness
-from tactile_nodes.sensing.explain.measured.blurs import Blur, Blurs
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Response
 from tactile_nodes.sensing.explain.network import (
@@ -37,7 +36,6 @@ from tactile_nodes.sensing.geometry import BinGrid
 Arrays = dict[str, np.ndarray]
 WITNESS, TIPS = 'witness.', 'tips.'
 FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
-BLUR_ARRAYS = 'change', 'turning', 'growth'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
 RANGES['pressed_n'] = RANGES['hardest_n']
@@ -138,15 +136,13 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     response = readout.response
     arrays = _scaling_arrays(readout.scaling) | _likeness_arrays(readout.likeness)
     arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
-    blurred, told = _blurs_arrays(readout.blurs)
     limits = {} if readout.most_shift_gain == math.inf else {'most_shift_gain': readout.most_shift_gain}
-    return arrays | blurred, {
+    return arrays, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
         'power': response.power,
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
-        **told,
         **limits,
     }
 
@@ -154,35 +150,6 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
 def _most_shift_gain(said: Mapping[str, Any]) -> float:
     """Earlier releases held what drags add, and told them by what such a one gains: the same limit, to a tenth."""
     return float(said.get('most_shift_gain', said.get('drag', {}).get('least_gain', math.inf)))
-
-
-def _blurs_arrays(blurs: Blurs | None) -> tuple[Arrays, dict[str, Any]]:
-    """A name of its own for each level; earlier releases leave them unread and read blurred pictures as they did."""
-    if blurs is None:
-        return {}, {}
-    arrays: Arrays = {}
-    levels = []
-    for number, each in enumerate(blurs.levels):
-        arrays |= {f'blur{number}.{name}': getattr(each, name) for name in BLUR_ARRAYS}
-        limits = {name: getattr(each, name) for name in ('sharpness', 'floor', 'share')}
-        levels.append({**limits, 'calibration': asdict(each.calibration)})
-    return arrays, {'blurs': {'sharpness': blurs.sharpness, 'levels': levels}}
-
-
-def _blurs(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None) -> Blurs | None:
-    if said is None:
-        return None
-    levels = tuple(
-        Blur(
-            sharpness=each['sharpness'],
-            calibration=_calibration(each['calibration']),
-            floor=each['floor'],
-            share=each['share'],
-            **{name: arrays[f'blur{number}.{name}'] for name in BLUR_ARRAYS},
-        )
-        for number, each in enumerate(said['levels'])
-    )
-    return Blurs(said['sharpness'], levels)
 
 
 def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
@@ -198,7 +165,6 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
-        _blurs(arrays, said.get('blurs')),
         _most_shift_gain(said),
     )
 

@@ -15,9 +15,6 @@ from jaxtyping import Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.measured.altered import read_altered
-from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
-from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, nothing_read
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -70,8 +67,8 @@ class ForceMap:
     that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` above 1 says that
     the frame is unlike what the model learned from. All three are NaN for models that do not know.
     `nominal_n` is the standard deviation of a total that is usual of the model, of such contacts.
-    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `left_over`
-    and `acting` are those of the reading.
+    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `acting` is
+    that of the reading.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -83,7 +80,6 @@ class ForceMap:
     total_sigma_n: float = UNKNOWN
     position_sigma_mm: float = UNKNOWN
     unlikeness: float = UNKNOWN
-    left_over: Float32[np.ndarray, ' inputs'] | None = None
     nominal_n: float = UNKNOWN
     acting: Acting | None = None
 
@@ -99,21 +95,9 @@ class ForceEstimator:
         self._layout = model.layout.encoding, model.layout.rows, model.layout.cols, model.layout.channels
         self._trusted = max(float(model.readout.scaling.trusted.sum()), 1.0)
         self._at_rest: tuple[Features, ForceMap] | None = None
-        self._blurred: tuple[float, ResponseReadout | None] = 0.0, None
 
-    def predict(
-        self,
-        features: Features,
-        *,
-        altered: bool = False,
-        blurred: bool = False,
-        finer: bool = False,
-        sharpness: float = 0.0,
-    ) -> ForceMap:
-        """The force distribution for one frame's features; `altered`: of a picture unlike those of the training.
-
-        `blurred`: and of another sharpness; `finer`: measured so, beside a rest image that may be less sharp than those
-        of the training. `sharpness` is that of the rest image, 0 where nobody told.
+    def predict(self, features: Features) -> ForceMap:
+        """The force distribution for one frame's features.
 
         Raises:
             ModelError: the features have another layout than those the model was trained on.
@@ -121,52 +105,11 @@ class ForceEstimator:
         model = self.model
         if (features.encoding, *features.values.shape) != self._layout:
             raise ModelError(_other_layout(model, features))
-        readout, seen = model.readout, (features.values, features.confidence)
-        if altered and isinstance(readout, ResponseReadout):
-            measured = self._of_blurred(readout, sharpness) if blurred or finer else None
-            if measured is None:
-                reading = read_altered(readout.straight, *seen, blurred=blurred)
-            else:
-                reading = read_altered(measured, *seen, measured=True)
-        elif altered and isinstance(readout, NetworkReadout):
-            reading = readout.read_altered(*seen)
-        else:
-            reading = readout.read(*seen)
-        scaling = readout.scaling
+        readout, scaling = model.readout, model.readout.scaling
+        reading = readout.read(features.values, features.confidence)
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         found = _force_map(reading, float(textured) / self._trusted)
-        return replace(found, nominal_n=self._nominal_n(found, altered=altered))
-
-    def _nominal_n(self, found: ForceMap, *, altered: bool) -> float:
-        """What is usual of the model, or what it states of such contacts in pictures like those of its training.
-
-        That is up to twice as much: of a press that it knows less well than that no error is usual. Where the picture
-        is altered presses seem a little harder than they are, and there is no such limit. Where no force could be read
-        nothing is stated of it.
-        """
-        readout = self.model.readout
-        usual_n = readout.nominal_n(found.total_n)
-        if not math.isfinite(found.total_n):
-            return usual_n
-        most_n = OK_TIMES * usual_n
-        if not (altered and isinstance(readout, ResponseReadout)):
-            stated_n = math.hypot(*(each.sigma_n for each in found.contacts))
-            return stated_n if usual_n < stated_n <= most_n else usual_n
-        stated_n = math.hypot(*(readout.stated_n(each.x_mm, each.y_mm, each.force_n) for each in found.contacts))
-        return min(max(stated_n, usual_n), most_n)
-
-    def knows_blur(self, sharpness: float) -> bool:
-        """Whether training measured how the gel responds in pictures of this sharpness, less than its own."""
-        readout = self.model.readout
-        return isinstance(readout, ResponseReadout) and self._of_blurred(readout, sharpness) is not None
-
-    def _of_blurred(self, readout: ResponseReadout, sharpness: float) -> ResponseReadout | None:
-        """What reads pictures of this sharpness, made once for each rest image; None where training did not measure."""
-        if readout.blurs is None:
-            return None
-        if sharpness != self._blurred[0]:
-            self._blurred = sharpness, readout.blurs.readout(readout, sharpness)
-        return self._blurred[1]
+        return replace(found, nominal_n=readout.nominal_n(found.total_n))
 
     def at_rest(self, features: Features) -> ForceMap:
         """No force, with the uncertainty that the model states for these features, which are those of no motion.
@@ -178,7 +121,7 @@ class ForceEstimator:
         """
         known = self._at_rest
         if known is None or not np.array_equal(known[0].confidence, features.confidence):
-            found = self.predict(features, altered=True)  # as there is no force, none can be contradicted
+            found = self.predict(features)
             none = np.zeros_like(found.normal_force_n)
             resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
             self._at_rest = known = features, replace(resting, acting=self._still(resting))
@@ -211,7 +154,6 @@ def _force_map(reading: Reading, confidence: float) -> ForceMap:
         total_sigma_n=reading.total_sigma_n,
         position_sigma_mm=strongest.sigma_mm,
         unlikeness=reading.unlikeness,
-        left_over=reading.left_over,
         acting=reading.acting,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float16, Float32
@@ -202,19 +202,6 @@ class NetworkReadout:
             apart = abs(total_n - heard.contacts[0].force_n) / max(CONTRADICTED_SIGMAS * sigma_n, TINY_N)
             unlike = _largest(unlike, heard.unlikeness, apart)
         return Reading(forces, (contact,), sigma_n, unlike)
-
-    def read_altered(
-        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
-    ) -> Reading:
-        """What a witness says, if there is one: in a picture of another light or sharpness it is less far off."""
-        inputs = self.inputs(values, confidence)
-        if self.witness is None or not np.isfinite(inputs).all():
-            return self.read(values, confidence)
-        heard = self.witness.read(values, confidence)
-        force_n = heard.contacts[0].force_n
-        if not math.isfinite(force_n):
-            return self.read(values, confidence)
-        return replace(heard, unlikeness=_largest(self._left_over(inputs), heard.unlikeness))
 
     def _left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> float:
         return self.likeness.unlikeness(inputs) if self.likeness is not None else UNKNOWN

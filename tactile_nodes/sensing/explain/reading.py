@@ -23,8 +23,7 @@ class Contact:
     """One place of contact: surface frame, force positive into the gel.
 
     `sigma_mm` (along each axis) and `sigma_n` are standard deviations, scaled on presses held out in training such that
-    1.645 of them to either side cover 90 %; NaN where a readout does not know. `noise_mm` and `noise_n` are the ones
-    that a noise of 1 in every input makes; NaN but of altered pictures, see `picture_noise`.
+    1.645 of them to either side cover 90 %; NaN where a readout does not know.
     """
 
     x_mm: float
@@ -32,8 +31,6 @@ class Contact:
     force_n: float
     sigma_mm: float = UNKNOWN
     sigma_n: float = UNKNOWN
-    noise_mm: float = UNKNOWN
-    noise_n: float = UNKNOWN
     region: Region | None = None
 
 
@@ -90,15 +87,13 @@ class Reading:
     """The normal force on each bin, the contacts that it stands for (strongest first), and how sure that is.
 
     `unlikeness` is 1 at the limit of what presses held out in training showed; above it the frame is unlike anything
-    that the readout knows. NaN where a readout does not know. `left_over` is what no press explains of each input (see
-    `picture_noise`), of altered pictures.
+    that the readout knows. NaN where a readout does not know.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
     contacts: tuple[Contact, ...]
     total_sigma_n: float = UNKNOWN
     unlikeness: float = UNKNOWN
-    left_over: Float32[np.ndarray, ' inputs'] | None = None
     acting: Acting | None = None
 
 

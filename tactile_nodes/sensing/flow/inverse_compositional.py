@@ -133,31 +133,6 @@ class InverseCompositionalFlow:
 
         return moved
 
-    @property
-    def answers(self) -> Float32[np.ndarray, 'rows cols 2 4']:
-        """What each patch finds (px) of slopes of motion; see `Templates`."""
-        rows, cols = self._options.rows, self._options.cols
-        answers: np.ndarray = self._templates.answers.reshape(rows, cols, 2, 4) * np.float32(
-            2**self._options.finest_scale
-        )
-        return answers
-
-    def answers_to(self, gains: Float32[np.ndarray, 'h w'], rows: int, cols: int) -> Float32[np.ndarray, 'found told']:
-        """What patches find of motion at rows x cols nodes, both row-major and x first; see `Templates`."""
-        found = self._templates.answers_to(shrunk(gains, self._options.finest_scale), rows, cols)
-        answers: np.ndarray = found.reshape(2 * len(found), -1)
-        return answers
-
-    def answers_even(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 2 2']:
-        """What patches find of even motion; see `Templates`."""
-        return self._templates.answers_even(shrunk(gains, self._options.finest_scale))
-
-    @property
-    def known(self) -> Float32[np.ndarray, 'rows cols']:
-        """How surely each patch is found by its texture, from 0 to 1."""
-        known: np.ndarray = self._known.reshape(self._options.rows, self._options.cols)
-        return known
-
     def displacement(self, image: np.ndarray) -> DisplacementField:
         reference = require_like(self._reference, image)
         if cv2.getNumThreads() != self._options.threads:

@@ -81,14 +81,13 @@ class Templates:
     """The patches of a rest image, ready to be found in other images.
 
     `texture_grey` is the root mean square gradient of each patch in its weaker direction, in grey levels per pixel,
-    without what a change of light could explain. `answers` is what each patch finds of slopes of motion of one pixel
-    per pixel: of motion right along right and down, of motion down along right and down.
+    without what a change of light could explain.
     """
 
     def __init__(self, grid: PatchGrid, moved: Moved, *, compiled: bool = False) -> None:
         """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
         self.grid, self._compiled = grid, compiled
-        basis, triangle = np.linalg.qr(model := self._model(moved))
+        basis, triangle = np.linalg.qr(self._model(moved))
         self._whole, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._basis = self._whole * self._unit[:, :, None]
         scale = np.abs(np.einsum('pkk->pk', triangle))
@@ -98,8 +97,6 @@ class Templates:
         self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
         self._reading = self._unmix
         self._mend = self._calibrated(moved)
-        self.answers = self._answers(model)
-        self._slopes = np.ascontiguousarray(model[:, :, 1:].transpose(0, 2, 1), np.float32)
         self._numbers = np.arange(len(self._basis))
 
     def allow_for_noise(self, moved: Moved) -> None:
@@ -124,50 +121,6 @@ class Templates:
         model = np.stack([still, (right - left) / (2 * step), (down - up) / (2 * step)], axis=-1)
         centred: np.ndarray = model - model.mean(axis=1, keepdims=True)
         return centred
-
-    def _answers(self, model: np.ndarray) -> Float32[np.ndarray, 'patches 2 4']:
-        """Of motion that is none in the middle of a patch's region and grows evenly from there."""
-        grid, side = self.grid, self.grid.window_px
-        sides = (grid.cols, grid.shape[1]), (grid.rows, grid.shape[0])
-        x, y = ((np.arange(count) + 0.5) * length / count for count, length in sides)
-        first = grid.corner + 0.5 - np.stack(np.meshgrid(x, y)).reshape(2, -1)
-        down, right = (each.reshape(-1) for each in np.indices((side, side)))
-        away = np.stack([first[0][:, None] + right, first[1][:, None] + down], axis=-1)
-        change = (model[:, :, 1:, None] * away[:, :, None, :]).reshape(*model.shape[:2], 4)
-        part = np.einsum('pkn,png->pkg', self._basis, change - change.mean(axis=1, keepdims=True))
-        answers: np.ndarray = np.einsum('jkp,pkg->pjg', self._unmix, part)[:, 1:].astype(np.float32)
-        return answers
-
-    def answers_to(
-        self, gains: Float32[np.ndarray, 'h w'], rows: int, cols: int
-    ) -> Float32[np.ndarray, 'patches 2 rows cols 2']:
-        """What each patch finds of motion at rows x cols nodes evenly over the image, in between as cubic splines have
-        it, where each pixel goes by its gain further. `gains` have the grid's resolution."""
-        side = self.grid.window_px
-        down, right = (
-            np.ndarray((length - side + 1, side, count), each.dtype, each, strides=(each.strides[0], *each.strides))[at]
-            for length, count, each, at in (
-                (self.grid.shape[0], rows, _between(rows, self.grid.shape[0]), self.grid.corner[1]),
-                (self.grid.shape[1], cols, _between(cols, self.grid.shape[1]), self.grid.corner[0]),
-            )
-        )
-        shown = self._shown(gains).reshape(len(down), 6, side, side)
-        part = np.matmul(down.transpose(0, 2, 1)[:, None], np.matmul(shown, right[:, None]))
-        part = part.reshape(len(down), 3, 2, rows, cols)
-        answers: np.ndarray = np.einsum('jkp,pkmab->pjabm', self._unmix, part, optimize=True)[:, 1:].astype(np.float32)
-        return answers
-
-    def answers_even(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 2 2']:
-        """What each patch finds of even motion right and down where each pixel goes by its gain further."""
-        part = self._shown(gains).sum(axis=-1)
-        answers: np.ndarray = np.einsum('jkp,pkm->pjm', self._unmix, part)[:, 1:].astype(np.float32)
-        return answers
-
-    def _shown(self, gains: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'patches 3 2 pixels']:
-        """By which part of each template each pixel shows its motion right and down."""
-        slopes = self._slopes * (1 + self.grid.windows(np.ascontiguousarray(gains), self.grid.corner))[:, None]
-        shown: np.ndarray = self._basis[:, :, None] * slopes[:, None]
-        return shown
 
     def _calibrated(self, moved: Moved) -> Float32[np.ndarray, '2 terms patches']:
         """Coefficients of what to add to the linear answers, so that the rest image's own motions come out true."""
@@ -226,12 +179,6 @@ class Templates:
     def for_loops(self) -> tuple[np.ndarray, ...]:
         """Templates as whole numbers, what one of them is, and how motion follows: see `loops.patches`."""
         return self._whole, self._unit, self._reading, self._mend
-
-
-def _between(nodes: int, length: int) -> Float32[np.ndarray, 'length nodes']:
-    """How much of each node, of so many evenly along a line, there is in each pixel."""
-    share: np.ndarray = cv2.resize(np.eye(nodes, dtype=np.float32), (nodes, length), interpolation=cv2.INTER_CUBIC)
-    return np.ascontiguousarray(share)
 
 
 def rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches some pixels'], Float32[np.ndarray, 'patches some']]:

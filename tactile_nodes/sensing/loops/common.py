@@ -1,20 +1,34 @@
 """What compiled loops have in common: how they are compiled, splines at a value, and small systems of equations.
 
-numba keeps what it compiled by the file that a loop with a signature stands in. So after a change here touch the files
-that use it, or delete `__pycache__`.
+numba keeps what it compiled by the file that a loop with a signature stands in, and looks at no other file that was
+compiled into it. So what was kept before the newest file of this folder came is forgotten.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
 
+import contextlib
 import inspect
 import math
+from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 _MATH = {'reassoc', 'contract', 'nsz', 'arcp'}
 """Sums may be reordered; NaN and infinity keep their meaning."""
+
+
+def forget_older(folder: Path) -> None:
+    """Remove numba's indices of what it compiled before the newest source in a folder; it compiles that again."""
+    newest = max(each.stat().st_mtime_ns for each in folder.glob('*.py'))
+    for index in (folder / '__pycache__').glob('*.nbi'):
+        with contextlib.suppress(OSError):  # another process was first, or the folder is somebody else's
+            if index.stat().st_mtime_ns < newest:
+                index.unlink()
+
+
+forget_older(Path(__file__).parent)
 
 
 def compiled(signature: str | None = None):

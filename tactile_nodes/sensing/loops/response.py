@@ -221,7 +221,7 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'f8[:, ::1], UniTuple(f8, 19), f8[:, ::1], f4[:, ::1])'
+    'f8[:, ::1], UniTuple(f8, 20), f8[:, ::1], f4[:, ::1])'
 )
 def read(
     values,
@@ -258,7 +258,7 @@ def read(
     touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
     if touching:
         told = np.empty_like(found)
-        other = other_than_tips(components, found, information, response, shifts, numbers[14:], told)
+        other = other_than_tips(components, found, information, misfit, response, shifts, numbers[14:], told)
         at_end = _stay_at_ends(found, limits, ends[0], told)
         if other or at_end or _near_ends(found, axes, numbers[13]):
             unlike = max(unlike, beyond)

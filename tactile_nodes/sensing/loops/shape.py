@@ -135,13 +135,19 @@ def _gained_by_shift(made, shifts, left, certainty, information, limits, granted
 
 
 @compiled()
-def other_than_tips(components, contacts, information, response, shifts, numbers, moved):
+def _noise_without(explained, misfit, usual, count):
+    """As `contact_shape.Left.noise_without`."""
+    return max(1.0, (misfit - explained / count) / usual)
+
+
+@compiled()
+def other_than_tips(components, contacts, information, misfit, response, shifts, numbers, moved):
     """Whether any contact is surely wider than the training's, or drags the skin; see `contact_shape`.
 
     Fills in contacts as they are with a usual width (n, 3). `numbers` are the limits.
     """
     axes, coefficients, growth, limits = response
-    most_gain, wide, sure, usual, granted = numbers
+    most_gain, wide, sure, usual, granted, usual_misfit = numbers
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
@@ -160,6 +166,8 @@ def other_than_tips(components, contacts, information, response, shifts, numbers
     for n in range(count):
         _width(made[n], left, certainty, limits[0], column, step)
         _step(step, column, contacts[n], limits, usual, moved[n])
-        other = other or (step[3] >= wide and step[3] >= sure * math.sqrt(column[3]))
+        sigmas = step[3] / math.sqrt(column[3])
+        noise = _noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)
+        other = other or (step[3] >= wide and sigmas >= sure * math.sqrt(noise))
     gain = _gained_by_shift(made, shifts, left, certainty, information, limits, granted)
-    return other or gain > most_gain
+    return other or gain > most_gain * _noise_without(2 * gain, misfit, usual_misfit, outputs)

@@ -127,7 +127,7 @@ class Registration:
         So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
         `motion` is that of the picture when it was taken: what was learned of it since is noise, up to a knock.
         """
-        self.measure_by(rest)
+        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
         self.lost, self.found = False, 1.0
         self._base = offset or PictureMotion()
         if offset is None:
@@ -140,10 +140,6 @@ class Registration:
         self._forget_offset()
         self.dent = DentedRest()
         self._last_ns: int | None = None
-
-    def measure_by(self, rest: Registered) -> None:
-        """Take it that motion comes from other patches now, beside the same rest image."""
-        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
 
     def begin_anew(self) -> None:  # what was found since the rest image came is forgotten
         self.set_reference(self._rest, self._base, self._resting)
@@ -159,7 +155,7 @@ class Registration:
         motion = field.displacement_px
         if self._remainder is not None and self._reference is not None:
             motion = motion - self._remainder.field_px(self._reference.shape, *motion.shape[:2])
-        if self._offset is not None and self._offset.shape == motion.shape:
+        if self._offset is not None:
             motion = motion - self._offset
         return DisplacementField(motion, field.confidence)
 
@@ -233,9 +229,6 @@ class Registration:
         """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
-        if early and self._offset is not None and self._offset.shape != field.displacement_px.shape:
-            self._rested = 0  # measured by other patches from this frame on
-            self._forget_offset()
         beside = self.dent.without(left - self._still, found, settled=self.settled)
         knocked_px = 0.0 if self.settled else self.size_px  # what a knock leaves is known once it is settled
         self.maybe = loosely_quiet(beside, found, knocked_px, self.explained)

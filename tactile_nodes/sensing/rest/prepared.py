@@ -12,20 +12,14 @@ from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
 from tactile_nodes.sensing.picture.registered import Registered
 from tactile_nodes.sensing.picture.stillness import StillnessCheck
-from tactile_nodes.sensing.rest.known_texture import KnownTexture
-from tactile_nodes.sensing.rest.texture_gains import TextureGains
 
 
 @dataclass(frozen=True)
 class Measuring:
-    """How motion is measured, how it is summed up, and how far each spot of the gel goes, where that is known.
-
-    `compiled`: by compiled loops.
-    """
+    """How motion is measured, and how it is summed up; `compiled`: by compiled loops."""
 
     flow: FlowMethod
     encoding: FeatureEncoding
-    texture: TextureGains | None = None
     compiled: bool = False
 
     def flow_beside(self, image: UInt8[np.ndarray, 'h w']) -> FlowMethod:
@@ -37,8 +31,7 @@ class Measuring:
 
 @dataclass(frozen=True)
 class PreparedRest:
-    """A rest image with all that is computed of it once; `own` is what the flow finds in itself, `known`
-    takes motion beside it for that beside the first one. `finer`: motion is measured by the finer way."""
+    """A rest image with all that is computed of it once; `own` is what the flow finds in itself."""
 
     image: UInt8[np.ndarray, 'h w']
     flow: FlowMethod
@@ -46,5 +39,3 @@ class PreparedRest:
     check: StillnessCheck | None
     own: DisplacementField
     registering: Registered | None
-    known: KnownTexture | None = None
-    finer: bool = False

@@ -79,27 +79,6 @@ def test_the_page_sets_what_one_picture_tells_beside_what_was_read() -> None:
     assert 'fast, mN: first frame; hold' in text
 
 
-def test_what_is_pressed_slowly_in_noise_is_no_further_off_for_being_averaged(world: World) -> None:
-    """On the same pictures; a mean over the hold would be off by 10 to 20 mN in its last frames. Both errors are of 48
-    frames: a tenth is one standard deviation of either, and they have the frames in common. In the first ones hardly
-    anything is of the frame on the way down."""
-    plan = Plan(presses=8, before=1, rest=1, after=1, seed=5)
-    change = named('slowly')[0].at(0.2)
-    averaged, single = (follow(world, change, ['accurate'], plan, single=each)['accurate'] for each in (False, True))
-    assert averaged.first_rmse_n == pytest.approx(single.first_rmse_n, rel=0.05)
-    assert averaged.rmse_n is not None and single.rmse_n is not None
-    assert averaged.rmse_n < 1.15 * single.rmse_n
-
-
-def test_what_is_held_in_noise_is_less_far_off_for_being_averaged(world: World) -> None:
-    plan = Plan(presses=8, before=1, rest=1, after=1, seed=5)
-    averaged, single = (
-        follow(world, named('noise')[0].at(4), ['accurate'], plan, single=each)['accurate'] for each in (False, True)
-    )
-    assert averaged.rmse_n is not None and single.rmse_n is not None
-    assert averaged.rmse_n < 0.9 * single.rmse_n
-
-
 FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
 ONE = Plan(presses=1, before=1, coming=4, rest=1, after=1)
 FLOOR_N = 0.003
@@ -182,14 +161,6 @@ def test_a_response_says_of_other_contacts_than_tips_pressed_straight_down_what_
         wrong = [each for each in held if each.moment.kind == HELD and abs(each.error_n) > 2 * 0.0026]
         assert wrong
         assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in wrong)
-
-
-@pytest.mark.parametrize(('name', 'level'), [('brightness', 0.7), ('flicker', 30), ('blur', 1), ('noise', 4)])
-def test_a_network_holds_in_altered_pictures(world: World, name: str, level: float) -> None:
-    """Within 30 mN, which is its least uncertainty: its witness answers."""
-    found = follow(world, named(name)[0].at(level), ['paper'], FEW)['paper']
-    assert found.rmse_n is not None
-    assert found.rmse_n < 0.030
 
 
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

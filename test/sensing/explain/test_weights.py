@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.field.weights import (
-    CAMERA_PX,
-    Weights,
-    camera_ways,
-    inside_of,
-    noise_of,
-    region_weights,
-)
+from tactile_nodes.sensing.explain.field.weights import CAMERA_PX, Weights, camera_ways, region_weights
+from tactile_nodes.sensing.explain.noise import inside_of, noise_of
 
 NOISE_PX = 0.004
 STILL = np.zeros((4, 2))

@@ -22,8 +22,9 @@ from tactile_nodes.sensing.explain.axisymmetric.local import between
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, usual_n
 from tactile_nodes.sensing.geometry import BinGrid
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
@@ -138,12 +139,13 @@ class AxisymmetricReadout:
                 f'{self.bins} does not fit {features} features and {bins}; train it again or use another model file'
             )
 
-    def nominal_n(self, _total_n: float) -> float:
-        """Root mean square of the uncertainty that it states of presses all over its places and forces."""
-        return self._nominal_n
+    def nominal_n(self, total_n: float) -> float:
+        """What is usual of a total: see `uncertainty.usual_n`."""
+        return usual_n(self._stated_n, total_n)
 
     @cached_property
-    def _nominal_n(self) -> float:
+    def _stated_n(self) -> float:
+        """Root mean square of the uncertainty that it states of presses all over its places and forces."""
         reach_mm = self.correction.reach_mm * self.response.width
         across = np.linspace(-reach_mm, reach_mm, 2 * NOMINAL_STEPS + 1)[1::2].tolist()
         forces = [self.response.highest_n * (step + 0.5) / NOMINAL_STEPS for step in range(NOMINAL_STEPS)]
@@ -158,6 +160,15 @@ class AxisymmetricReadout:
     @cached_property
     def _known(self) -> np.ndarray:
         return np.flatnonzero(self.scaling.trusted.reshape(-1) > 0)
+
+    @cached_property
+    def _inside(self) -> np.ndarray:
+        return inside_of(self.scaling.trusted > 0)
+
+    @cached_property
+    def usual_px(self) -> float:
+        """The noise of the median region in the pictures of the training."""
+        return float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
 
     @cached_property
     def _at_rest(self) -> Float[np.ndarray, 'regions 2']:
@@ -303,8 +314,13 @@ class AxisymmetricReadout:
         """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
         return self.told(seen, self.fit(seen, most_contacts)) if seen.enough else nothing_read(self.bins)
 
-    def told(self, seen: Seen, fit: Fit, noisier: float = 1.0) -> Reading:
-        """What a fit says, of a picture so many times as noisy as those of the training."""
+    def _noisier(self, seen: Seen, fit: Fit) -> float:
+        """How many times as noisy as in the training a picture is, by what the fit leaves over; at least 1."""
+        return max(1.0, noise_of(self.left_over(seen, fit), self._inside) / FOUND_NOISE / self.usual_px)
+
+    def told(self, seen: Seen, fit: Fit) -> Reading:
+        """What a fit says, as sure as the noise of the picture lets it be."""
+        noisier = self._noisier(seen, fit)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
         unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
         if self.gain(seen, fit) < self.calibration.least_gain * noisier**2:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.reading import UNKNOWN, Contact, Region
+from tactile_nodes.sensing.explain.reading import Contact, Region
 
 TOUCHED = 0.03
 """Share of the highest force on a patch from which a patch belongs to a contact."""
@@ -54,7 +54,7 @@ def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'
     )  # fmt: skip
     return Contact(
         float(centre[0]), float(centre[1]), total, spread.place_mm(across), spread.normal_n(normal, total),
-        UNKNOWN, UNKNOWN, region,
+        region,
     )  # fmt: skip
 
 

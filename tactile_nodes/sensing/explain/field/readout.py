@@ -16,9 +16,10 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways, inside_of, noise_of
+from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways
 from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
 from tactile_nodes.sensing.explain.reading import (
     BEYOND_UNLIKENESS,
     UNKNOWN,
@@ -39,18 +40,12 @@ PEAKS, NOISE_N = (0.5, 0.25), 0.008
 """Of the linear answer: a place is no wider than a tip where it is half as high as the highest; places that are a
 quarter as high are looked for. Both above its noise."""
 
-RUBBED = 0.35
-"""Shear over pressure in the linear answer from which a contact is no tip that only presses, not even at the rim."""
-
 TABLE_SHARE = 0.8
 """Of the motion that as many tips of the table explain: of one to three tips anywhere it is 0.85 and more."""
 
 WORTH = 2.0
 """Unlikeness beyond which tips are no explanation: the first step towards one promises 1.3 at most, towards two 1.6;
 where another body presses it is 2.2 and more."""
-
-FOUND_NOISE = 0.85
-"""Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
 
 AT_RIM, OF_ALL = 0.25, 0.1
 """A contact that has this share of the force, and whose centre lies beyond the middles of the outermost patches or less
@@ -174,18 +169,11 @@ class FieldReadout:
             return None
         if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
             return None
-        worth = WORTH * max(1.0, noise_px / self._usual_px)
+        worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
         fit = self.tips.fit(seen, count, worth)
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
-        left = self.tips.left_over(seen, fit)
-        noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self._usual_px)
-        return self.tips.told(seen, fit, noisier), left
-
-    @cached_property
-    def _usual_px(self) -> float:
-        """The noise of the median region."""
-        return float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
+        return self.tips.told(seen, fit), self.tips.left_over(seen, fit)
 
     def prepare(self) -> None:
         """Make all that the first frame would wait for."""
@@ -197,8 +185,8 @@ class FieldReadout:
     def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
         """At how many places tips may press, at most; 0 where the linear answer speaks against any."""
         pressed = np.maximum(coarse[0], 0.0)
-        most, rubbed = float(pressed.max()), float(np.hypot(*coarse[1:].sum(axis=1)))
-        if most < NOISE_N or rubbed > RUBBED * float(pressed.sum()) + NOISE_N:
+        most = float(pressed.max())
+        if most < NOISE_N:
             return 0
         half, quarter = (self._together(pressed > max(share * most, NOISE_N)) for share in PEAKS)
         return min(len(quarter), MOST_TIPS) if (half <= TIP_BINS).all() else 0

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.explain.field.cone import inverse_root
 
@@ -29,18 +28,10 @@ Measured beside the true motion of each marker: 0.02 px where a twentieth is une
 UNDISTURBED = 0.75
 """Of a frame's regions in the order of how well they are explained: what blur, darkness and noise take from all."""
 
-QUIETEST, SIGMAS = 0.3, 0.3853
-"""Of the regions of a frame the quieter three tenths tell its noise: of normal noise so many differ by less than so
-many standard deviations."""
-
-CURVED, CURVED_TIMES = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32), 6.0
-"""What is left of the motion of nine regions without what is smooth (Immerkær 1996): six times the noise of each."""
-
 CERTAIN, LOST = 0.3, 0.1
 """Confidence below which a region counts less, and up to which it counts next to nothing."""
 
 LEAST_WEIGHT = 1e-3
-LEAST_DIFFERENCES = 20
 
 
 def region_weights(
@@ -58,26 +49,6 @@ def region_weights(
     variance = noise_px**2 + np.square(UNEXPLAINED_PX * left) + doubt**2 * np.square(motion).sum(axis=-1)
     certainty: np.ndarray = found * found / variance
     return certainty
-
-
-def noise_of(moved: Float32[np.ndarray, 'rows cols 2'], inside: Bool[np.ndarray, 'rows cols']) -> float:
-    """The noise of a frame's motion (px): what does not follow the neighbours where a contact changes little.
-
-    `inside` are regions that are known with all their neighbours; 0 of too few.
-    """
-    left = np.abs(cv2.filter2D(moved, -1, CURVED)[inside]).ravel()
-    if left.size < LEAST_DIFFERENCES:
-        return 0.0
-    place = int(QUIETEST * left.size)
-    return float(np.partition(left, place)[place]) / (SIGMAS * CURVED_TIMES)
-
-
-def inside_of(known: Bool[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
-    """Regions that are known with all eight neighbours."""
-    whole: np.ndarray = cv2.erode(
-        known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
-    )
-    return whole > 0
 
 
 def camera_ways(shape: tuple[int, int], known: Int[np.ndarray, ' known']) -> Float[np.ndarray, 'rows 4']:

@@ -32,6 +32,10 @@ from 0.1 and 0.15 N on.
 SURE_OF_WIDTH = 3.1
 """Standard deviations by which it must lie above none at all: noise does so to one of a thousand."""
 
+USUAL_MISFIT = 0.16
+"""Share of the largest misfit of the training's presses that the median press leaves. What a frame leaves over
+beyond it is noise or blur of its picture, and counts against what width and drag explain."""
+
 USUAL_MM2 = 0.015
 """Standard deviation of the width of contacts that are as those of the training.
 
@@ -40,6 +44,19 @@ Half of it and twice as much take less of the error away, on presses at random p
 
 SHIFT_INFORMATION = 1.0
 """Granted to a shift, per square of its unit (a pixel): keeps it finite where no region tells of one."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a fit leaves of a frame: the mean square over so many components, and what the median press leaves."""
+
+    misfit: float
+    usual: float
+    count: int
+
+    def noise_without(self, explained: float) -> float:
+        """Variance of the frame's noise over that of the training, where so much of the squares is explained."""
+        return max(1.0, (self.misfit - explained / self.count) / self.usual)
 
 
 @dataclass(frozen=True)
@@ -52,11 +69,16 @@ class Shape:
     steps: Float[np.ndarray, 'contacts 3']
     shift_gain: float
 
-    @property
-    def wide(self) -> Bool[np.ndarray, ' contacts']:
-        """Which contacts are wider than those of the training."""
-        which: np.ndarray = (self.mm2 >= WIDE_MM2) & (self.mm2 >= SURE_OF_WIDTH * self.sigma_mm2)
+    def wide(self, left: Left) -> Bool[np.ndarray, ' contacts']:
+        """Which contacts are wider than those of the training, in a frame that leaves so much over."""
+        sigmas = self.mm2 / self.sigma_mm2
+        noise = np.sqrt([left.noise_without(each**2) for each in sigmas.tolist()])
+        which: np.ndarray = (self.mm2 >= WIDE_MM2) & (sigmas >= SURE_OF_WIDTH * noise)
         return which
+
+    def dragged(self, left: Left, most_gain: float) -> bool:
+        """Whether a shift gains more than it does of the training's presses, in a frame that leaves so much over."""
+        return self.shift_gain > most_gain * left.noise_without(2 * self.shift_gain)
 
 
 def shape_of(

@@ -13,12 +13,13 @@ from jaxtyping import Bool, Float, Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.explain.likeness import Likeness
-from tactile_nodes.sensing.explain.measured.blurs import Blurs
 from tactile_nodes.sensing.explain.measured.contact_shape import (
     SHIFT_INFORMATION,
     SURE_OF_WIDTH,
+    USUAL_MISFIT,
     USUAL_MM2,
     WIDE_MM2,
+    Left,
     Shape,
     shape_of,
     with_usual_width,
@@ -34,7 +35,7 @@ from tactile_nodes.sensing.explain.reading import (
     spread_over_bins,
 )
 from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
-from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, usual_n
 from tactile_nodes.sensing.geometry import BinGrid
 
 NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
@@ -75,8 +76,8 @@ def project(
 class ResponseReadout:
     """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
 
-    `blurs` is what it knows of pictures less sharp than those of its training. Contacts that gain more than
-    `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin: that is unlike its training.
+    Contacts that gain more than `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin: that
+    is unlike its training.
     """
 
     scaling: InputScaling
@@ -86,7 +87,6 @@ class ResponseReadout:
     bins: BinGrid
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
-    blurs: Blurs | None = None
     most_shift_gain: float = math.inf
     compiled: bool = False
 
@@ -94,17 +94,9 @@ class ResponseReadout:
 
     @property
     def parameter_count(self) -> int:
-        """Coefficients of the splines, principal directions, and the scaling of the components.
-
-        Those of sharp pictures: what blur changes is not counted.
-        """
+        """Coefficients of the splines, principal directions, and the scaling of the components."""
         numbers = self.response.coefficients, self.likeness.directions, self.whitening, self.response.growth
         return sum(each.size for each in numbers)
-
-    @cached_property
-    def straight(self) -> ResponseReadout:
-        """The same that takes every press for one straight down."""
-        return self if self.most_shift_gain == math.inf else replace(self, most_shift_gain=math.inf)
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
         if self.likeness.directions.shape[1] != features or bins != self.bins:
@@ -141,7 +133,7 @@ class ResponseReadout:
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
             self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
-            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION,
+            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION, self._usual_misfit,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
@@ -214,7 +206,13 @@ class ResponseReadout:
 
     def _is_other(self, fit: Fit, shape: Shape) -> bool:
         """Whether a contact is wider than the tip of the training, drags the skin, or lies where training ends."""
-        return shape.shift_gain > self.most_shift_gain or bool(shape.wide.any()) or self.beyond(fit.contacts)
+        left = Left(fit.misfit, self._usual_misfit, len(self.whitening))
+        dragged = shape.dragged(left, self.most_shift_gain)
+        return dragged or bool(shape.wide(left).any()) or self.beyond(fit.contacts)
+
+    @property
+    def _usual_misfit(self) -> float:
+        return USUAL_MISFIT * self.calibration.misfit_limit**2
 
     def beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
         """Whether any contact lies at the end of what was trained, or near two ends at once."""
@@ -248,15 +246,16 @@ class ResponseReadout:
         sigma_n = math.hypot(sigma_n, self.response.force_slope(s) * math.sqrt(more[2]))
         return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
 
-    def nominal_n(self, _total_n: float) -> float:
+    def nominal_n(self, total_n: float) -> float:
+        """What is usual of a total: see `uncertainty.usual_n`."""
+        return usual_n(self._stated_n, total_n)
+
+    @cached_property
+    def _stated_n(self) -> float:
         """Root mean square of the uncertainty that it states of presses all over what training bears from both sides.
 
         That is less hard, and further in, than where the last intervals of the splines begin.
         """
-        return self._nominal_n
-
-    @cached_property
-    def _nominal_n(self) -> float:
         x, y, _ = self.response.axes
         places = [_inner(each) for each in (x, y)]
         hardest_n = self.response.force_n(self.response.hard)

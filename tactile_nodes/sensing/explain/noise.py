@@ -1,0 +1,39 @@
+"""How noisy a frame's motion is, as what does not follow the neighbours tells."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32
+
+QUIETEST, SIGMAS = 0.3, 0.3853
+"""Of the regions of a frame the quieter three tenths tell its noise: of normal noise so many differ by less than so
+many standard deviations."""
+
+CURVED, CURVED_TIMES = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32), 6.0
+"""What is left of the motion of nine regions without what is smooth (Immerkær 1996): six times the noise of each."""
+
+FOUND_NOISE = 0.85
+"""Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
+
+LEAST_DIFFERENCES = 20
+
+
+def noise_of(moved: Float32[np.ndarray, 'rows cols 2'], inside: Bool[np.ndarray, 'rows cols']) -> float:
+    """The noise of a frame's motion (px): what does not follow the neighbours where a contact changes little.
+
+    `inside` are regions that are known with all their neighbours; 0 of too few.
+    """
+    left = np.abs(cv2.filter2D(moved, -1, CURVED)[inside]).ravel()
+    if left.size < LEAST_DIFFERENCES:
+        return 0.0
+    place = int(QUIETEST * left.size)
+    return float(np.partition(left, place)[place]) / (SIGMAS * CURVED_TIMES)
+
+
+def inside_of(known: Bool[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
+    """Regions that are known with all eight neighbours."""
+    whole: np.ndarray = cv2.erode(
+        known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return whole > 0
