@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -15,6 +16,14 @@ import pytest
 from pauses import Pauses
 
 PAUSES = Pauses()
+
+# Each worker, and each of the hundreds of processes that tests start, would compile anew all that it imports. Whoever
+# wants no bytecode beside the sources has it apart from them.
+if sys.dont_write_bytecode:
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(Path(__file__).parents[1] / '.pytest_cache' / 'bytecode')
+    os.environ['PYTHONPYCACHEPREFIX'] = sys.pycache_prefix
+    os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 
 # Whoever starts the tests in the background may have them ignore SIGINT, and their children with them.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -39,19 +39,21 @@ class Frame:
     press: tuple[float, float, float, float]
 
 
-def frames(plan: Plan, seed: int = 11) -> Iterator[Frame]:
+def frames(plan: Plan, seed: int = 11, *, tested_only: bool = False) -> Iterator[Frame]:
     """Presses anywhere within 27x27 mm and to 2 mm, and frames at rest; rest images of training serve no test."""
     gel = Gel()
     table = contact_table(gel)
     optics, random = Optics(gel, table), np.random.default_rng(seed)
     for phase, count in enumerate((plan.train, plan.test)):
         for number in range(count):
-            noise = 1_000_000 * (phase + 1) + 100 * number
-            if number % ACROSS_REST_IMAGES == 0:
-                rest = average([_crop(optics.render((), noise + 1 + i)) for i in range(16)])
             x_mm, y_mm, depth_mm = random.uniform((-13.5, -13.5, 0.05 if phase == 0 else 0.25), (13.5, 13.5, 2.0))
             if random.random() < STILL_SHARE:
                 depth_mm = -1.0
+            if phase == 0 and tested_only:
+                continue
+            noise = 1_000_000 * (phase + 1) + 100 * number
+            if number % ACROSS_REST_IMAGES == 0:
+                rest = average([_crop(optics.render((), noise + 1 + i)) for i in range(16)])
             image = _crop(optics.render((Press(float(x_mm), float(y_mm), float(depth_mm)),), noise))
             yield Frame(image, rest, (x_mm, y_mm, depth_mm, table.force_at(float(depth_mm))))
 

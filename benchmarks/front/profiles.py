@@ -114,9 +114,12 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
 
 def _turns(plan: Plan) -> list[list[Frame]]:
     """The test's frames, by rest image and ten at a time."""
-    tested = [frame for number, frame in enumerate(frames(plan)) if number >= plan.train]
-    same_rest = (list(group) for _, group in itertools.groupby(tested, key=lambda frame: id(frame.rest)))
+    same_rest = (list(group) for _, group in itertools.groupby(frames(plan, tested_only=True), key=_rest_of))
     return [group[start : start + TURN] for group in same_rest for start in range(0, len(group), TURN)]
+
+
+def _rest_of(frame: Frame) -> int:
+    return id(frame.rest)
 
 
 _FLOORS: Mapping[str, Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], object]] = {

@@ -18,7 +18,7 @@ from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
 from benchmarks.harness.running import Run
 from benchmarks.harness.workers import own_bus
 from benchmarks.system_faults.bus import SPOILT, WATCH_S, garbage, spoil
-from benchmarks.system_faults.crowd import many_nodes, many_sensors
+from benchmarks.system_faults.crowd import IDLE_S, many_nodes, many_sensors
 from benchmarks.system_faults.files import bag_cuts, model_bytes
 from benchmarks.system_faults.kills import VICTIMS, kills
 from benchmarks.system_faults.page import complaints, page
@@ -46,8 +46,8 @@ def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Pr
     if part == 'bus':
         return _bus(folder, 20, list(SPOILT)[:1], 1.0) if arguments.quick else _bus(folder, 200, list(SPOILT), WATCH_S)
     if part == 'crowd':
-        count, sensors, rates = (4, 2, RATES_HZ[:1]) if arguments.quick else (100, 16, RATES_HZ)
-        return {'nodes': many_nodes(count, progress), 'sensors': many_sensors(sensors, rates, 5.0, progress)}
+        count, idle_s, sensors, rates = (4, 0.5, 2, RATES_HZ[:1]) if arguments.quick else (100, IDLE_S, 16, RATES_HZ)
+        return {'nodes': many_nodes(count, idle_s, progress), 'sensors': many_sensors(sensors, rates, 5.0, progress)}
     models = {'portable': 20} if arguments.quick else MODELS
     return {
         'bags': bag_cuts(folder, progress, 199 if arguments.quick else 1),
@@ -57,7 +57,7 @@ def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Pr
 
 def _bus(folder: Path, frames: int, faults: Sequence[str], watch_s: float) -> dict[str, Any]:
     with sensor(folder, 4.0) as running:
-        sent = garbage(running, frames)
+        sent = garbage(running, frames, watch_s)
         return {'garbage': sent, 'spoilt': [asdict(spoil(running, fault, watch_s)) for fault in faults]}
 
 

@@ -91,14 +91,14 @@ def _newcomer(running: Sensor) -> float:
         bus.close()
 
 
-def garbage(running: Sensor, frames: int, seed: int = 1) -> dict[str, Any]:
+def garbage(running: Sensor, frames: int, watch_s: float = WATCH_S, seed: int = 1) -> dict[str, Any]:
     """Random frames to every socket of a running sensor, and random messages of every topic; what became of it."""
     chance = random.Random(seed)  # noqa: S311 - garbage
     alive = _alive(running)
     sockets = _to_sockets(frames, chance)
     running.watch(running.clock.now_ns() + NS_PER_S // 2)
     messages = _to_topics(frames, chance)
-    after = running.watch(running.clock.now_ns() + round(WATCH_S * NS_PER_S))
+    after = running.watch(running.clock.now_ns() + round(watch_s * NS_PER_S))
     told = [line for _, line in list(running.launch.lines) if 'dropped a message' in line]
     bugs = [line for _, line in list(running.launch.lines) if 'Traceback' in line or 'a bug in the thread' in line]
     return {

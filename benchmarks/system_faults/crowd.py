@@ -42,7 +42,7 @@ class LightNode(Node):
     NAME = 'light'
 
 
-def many_nodes(count: int, progress: Progress) -> dict[str, Any]:
+def many_nodes(count: int, idle_s: float, progress: Progress) -> dict[str, Any]:
     """So many processes of one node each: how long until one of them knows all, and what they cost at rest."""
     clock, bus = SystemClock(), ZmqBus()
     try:
@@ -56,7 +56,7 @@ def many_nodes(count: int, progress: Progress) -> dict[str, Any]:
             _until(clock, lambda: wanted <= {name for each in bus.graph().participants for name in each.nodes})
             known_ns = clock.now_ns()
             before_s = _cpu_s(children)
-            clock.sleep_until(known_ns + round(IDLE_S * NS_PER_S))
+            clock.sleep_until(known_ns + round(idle_s * NS_PER_S))
             spent_s = (_cpu_s(children) - before_s) / (clock.now_ns() - known_ns) * NS_PER_S
             memory_mb = [psutil.Process(child.pid).memory_full_info().uss / 2**20 for child in children]
             bar.advance()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import sys
 from typing import Any
 
 import cv2
@@ -9,11 +11,12 @@ import numpy as np
 import pytest
 
 from benchmarks import front
-from benchmarks.front.contenders import WAYS, Measuring, Way, contenders
+from benchmarks.front.contenders import WAYS, Contender, Measuring, Way, contenders
 from benchmarks.front.flows import SmallPixels
 from benchmarks.front.frames import Plan
 from benchmarks.front.page import page
 from benchmarks.harness.report import surroundings
+from tactile_nodes.learning.config import ResponseConfig
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.patches import moved_image
@@ -49,11 +52,14 @@ def test_small_pixels_are_how_much_brighter_a_region_is() -> None:
 
 
 def test_frames_of_the_test_have_rest_images_of_their_own() -> None:
-    seen = list(front.frames(Plan(train=4, test=3)))
+    plan = Plan(train=4, test=3)
+    seen, tested = list(front.frames(plan)), list(front.frames(plan, tested_only=True))
     assert len(seen) == 7
     assert len({id(each.rest) for each in seen[:4]}) == 1
     assert (seen[0].rest != seen[4].rest).any()
     assert all((each.press[3] > 0) == (each.press[2] > 0) for each in seen)
+    assert [each.press for each in tested] == [each.press for each in seen[4:]]
+    assert all((one.image == two.image).all() for one, two in zip(tested, seen[4:], strict=True))
 
 
 def test_contenders_have_names_of_their_own() -> None:
@@ -62,11 +68,15 @@ def test_contenders_have_names_of_their_own() -> None:
     assert sum(each.readout == 'network' for each in every) == 4
 
 
-def test_a_short_run_scores_and_times_all_and_finds_the_front() -> None:
+def test_a_short_run_scores_and_times_all_and_finds_the_front(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With coarser responses than those of the chart, which need fewer frames to learn from; of these more at rest."""
+    usual, coarse = Contender.config, ResponseConfig(components=24, spacing_mm=3.5)
+    monkeypatch.setattr(Contender, 'config', lambda contender: dataclasses.replace(usual(contender), response=coarse))
+    monkeypatch.setattr(sys.modules[Plan.__module__], 'STILL_SHARE', 0.2)
     ways = [way for way in WAYS if way.name in ('ours, quarter size', 'small pixels')]
-    ways = [Way(way.name, way.make, way.grids[:1], way.by_grid) for way in ways]
-    result = front.measure(ways, Plan(train=260, test=12, compiled=False), Progress())
-    ours, pixels = result['contenders']['ours, quarter size, 10x10'], result['contenders']['small pixels, 20x20']
+    ways = [Way(way.name, way.make, (10,), way.by_grid) for way in ways]
+    result = front.measure(ways, Plan(train=110, test=12, compiled=False), Progress())
+    ours, pixels = result['contenders']['ours, quarter size, 10x10'], result['contenders']['small pixels, 10x10']
     assert ours['armse_n'] < 0.03
     assert ours['armse_n'] < pixels['armse_n']
     assert 0 < ours['stages_cpu_ms']['flow and features'] < ours['cpu_ms']['median']

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -26,14 +27,15 @@ class Block:
         return f'{self.file.relative_to(ROOT)}:{self.line}'
 
 
-def blocks() -> list[Block]:
+@cache
+def blocks() -> tuple[Block, ...]:
     """All code blocks, fenced or indented."""
-    return [
+    return tuple(
         Block(file, (token.map or [0])[0] + 1, token.info.strip() if token.type == 'fence' else '', token.content)
         for file in FILES
         for token in MarkdownIt().parse(file.read_text(encoding='utf-8'))
         if token.type in {'fence', 'code_block'}
-    ]
+    )
 
 
 def script(block: Block) -> str:

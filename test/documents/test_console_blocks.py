@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -53,15 +54,20 @@ TELLS = re.compile(r'topic (echo|delay|hz|bw)|force_distribution$')
 """Those of them whose first line on the standard output shows that they work."""
 PLACES = {'pen_01': (-8.0, 3.0), 'pen_02': (8.0, 4.0), 'pen_03': (0.0, -9.0)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
-RECORDED_S = 12 if LONG else 3
+RECORDED_S = 12 if LONG else 1
 """Only figures that `make documents` draws need a whole press in it. It is also played, once at half its rate."""
+NAMED = re.compile(
+    r'\b((run1|press1|press1_again|replayed|touch|robot|lab|collected_\d)\b ?|(collection|gel_7)[^ ]* ?)+'
+)
+"""Bags, keys and folders, which a reader names. Of commands that differ in nothing else one is run."""
 
 
 def chosen() -> list[str]:
     shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
     found = dict.fromkeys(command for each in shells for command in commands(each))
     skipped = [ELSEWHERE, WITH_A_RIG] + ([] if LONG else [MINUTES])
-    return [command for command in found if not any(each.search(command) for each in skipped)]
+    kept = [command for command in found if not any(each.search(command) for each in skipped)]
+    return kept if LONG else list({NAMED.sub('', command): command for command in reversed(kept)}.values())[::-1]
 
 
 @pytest.fixture(scope='module')
@@ -70,7 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp('reader')
     for name in ('config', 'examples', 'constraints.txt', 'docs'):
         (made / name).symlink_to(ROOT / name)
-    number = 48 if LONG else 16  # the paper's layer asks for 40
+    number = 48 if LONG else 6  # the paper's layer asks for 40
     presses = spread_collection(made / 'collected_1', Sensor(OTHER), number)
     for name in ('collected', 'collected_2', 'new_gel_bag', 'collection/rosbag2_a', 'gel_7/rosbag2_a'):
         (made / name).parent.mkdir(exist_ok=True)
@@ -110,7 +116,7 @@ def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
             for line in process.stdout:
                 if 'new rest image' in line:
                     break
-            record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '3']
+            record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '2']
             subprocess.run(record, cwd=folder, env=environment, check=True, capture_output=True)
             for name in ('run1', 'press1_again', 'replayed', 'grasp1', 'grasp2', 'touch'):
                 shutil.copytree(folder / 'press1', folder / name)
@@ -151,16 +157,25 @@ def test_a_command_of_the_documents_runs(command: str, folder: Path, environment
 
 
 def run_until_ended(command: str, around: dict[str, Any]) -> subprocess.CompletedProcess[bytes]:
-    """Ctrl-C ends it after its first line, some seconds after a recording has begun, or else after its time."""
-    tells, records = TELLS.search(command) and '>' not in command, 'bag record' in command
-    longest_s = 60 if tells or records else 30 if 'tactile launch' in command else 4
+    """Ctrl-C ends it after its first line, a while after a recording has begun; a launch ends after its time."""
+    tells, records = TELLS.search(command), 'bag record' in command
+    into = Path(around['cwd'], command.rpartition(' > ')[2]) if ' > ' in command else None
+    longest_s = 30 if 'tactile launch' in command else 60
     words = ['bash', '-c', f'exec timeout --signal=INT --preserve-status {longest_s} {command}']
     with subprocess.Popen(words, bufsize=0, **around) as process:
         first, begun = b'', b''
         assert process.stdout is not None and process.stderr is not None
-        if tells:
+        if into is not None:
+            while process.poll() is None and not (into.exists() and into.stat().st_size):
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(0.05)
+            process.send_signal(signal.SIGINT)
+        elif tells:
             first = process.stdout.readline()
             assert first, process.stderr.read()
+            process.send_signal(signal.SIGINT)
+        elif 'tactile launch' not in command and not records:
+            select.select([process.stdout, process.stderr], [], [])
             process.send_signal(signal.SIGINT)
         elif records:
             begun = process.stderr.readline()

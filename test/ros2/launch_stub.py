@@ -22,6 +22,7 @@ _STUB = """\
 import json, os, pathlib, signal, sys
 signal.signal(signal.SIGINT, lambda *_: os._exit(0))
 signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+signal.pthread_sigmask(signal.SIG_UNBLOCK, {{signal.SIGINT}})  # our launcher has it wait until a node can be asked
 words = sys.argv[1:]
 files = [words[place + 1] for place, word in enumerate(words) if word == '--params-file']
 noted = dict(name=os.path.basename(sys.argv[0]), words=words, files=[open(file).read() for file in files])
@@ -54,15 +55,17 @@ def required_arguments(file: Path) -> list[str]:
     return [f'{entry["name"]}:=given' for entry in entries if 'default' not in entry]
 
 
-def started_by(launcher: list[str], prefix: Path, notes: Path, environment: dict[str, str]) -> list[dict[str, Any]]:
-    """How `launcher` starts programs, sorted; it is ended when no new one has come for a while."""
+def started_by(
+    launcher: list[str], prefix: Path, notes: Path, environment: dict[str, str], count: int | None = None
+) -> list[dict[str, Any]]:
+    """How `launcher` starts programs, sorted; it is ended when `count` have come, or no new one for a while."""
     notes.mkdir()
     before = environment.get('AMENT_PREFIX_PATH', '')
     env = {**environment, 'AMENT_PREFIX_PATH': f'{prefix}:{before}'.rstrip(':'), 'LAUNCH_NOTES': str(notes)}
     said = notes / 'said.txt'
     program = Program(launcher, said, env=env)
     try:
-        _wait_until_quiet(notes, program.process)
+        _wait_until_quiet(notes, program.process, count)
     finally:
         program.end(signal.SIGINT, 20.0)
     found = [json.loads(file.read_text()) for file in notes.glob('*.json')]
@@ -70,10 +73,12 @@ def started_by(launcher: list[str], prefix: Path, notes: Path, environment: dict
     return sorted((plain(entry, prefix) for entry in found), key=json.dumps)
 
 
-def _wait_until_quiet(notes: Path, program: subprocess.Popen[str]) -> None:
+def _wait_until_quiet(notes: Path, program: subprocess.Popen[str], all_there: int | None) -> None:
     count, since_s, begin_s = 0, time.monotonic(), time.monotonic()
     while program.poll() is None and time.monotonic() - begin_s < 60.0:
         found = len(list(notes.glob('*.json')))
+        if all_there is not None and found >= all_there:
+            return
         if found > count:
             count, since_s = found, time.monotonic()
         if count and time.monotonic() - since_s > _QUIET_S:

@@ -49,8 +49,8 @@ def test_stubs_note_how_our_launcher_starts_them(tmp_path: Path) -> None:
     """The half of the check that needs no ROS 2."""
     prefix = make_prefix(tmp_path / 'prefix')
     file = ROOT / 'launch/live.launch.yaml'
-    noted = started_by([*_OURS, str(file)], prefix, tmp_path / 'ours', _environment())
-    assert len(noted) >= 3
+    noted = started_by([*_OURS, str(file)], prefix, tmp_path / 'ours', _environment(), count=5)
+    assert len(noted) == 5
     sensing = next(entry for entry in noted if '__node:=camera' in entry['words'] or 'camera' in entry['name'])
     assert sensing['words'].count('--ros-args') >= 1
     assert str(ROOT / 'config/live.yaml') in sensing['words']
@@ -61,7 +61,8 @@ def test_stubs_are_started_also_by_a_file_with_an_argument_that_has_no_default(t
     prefix = make_prefix(tmp_path / 'prefix')
     file = ROOT / 'launch/replay.launch.yaml'
     assert required_arguments(file) == ['bag:=given']
-    noted = started_by([*_OURS, str(file), *required_arguments(file)], prefix, tmp_path / 'ours', _environment())
+    words = [*_OURS, str(file), *required_arguments(file)]
+    noted = started_by(words, prefix, tmp_path / 'ours', _environment(), count=3)
     assert {entry['name'] for entry in noted} == {'composed_node', 'recorder_node', 'player_node'}
 
 

@@ -9,6 +9,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ pytestmark = [
 BINS = BinGrid(9, 9, 32.0, 32.0)
 PRESS_N, PLACE_MM = 0.73, (4.0, -2.0)  # in the bin of row 3, column 5: its middle is at (3.56, -3.56) mm
 PATIENCE_MS = 15_000
+SIZE = {'width': 1280, 'height': 720}
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -139,8 +141,52 @@ def running() -> Iterator[Running]:
     made.bus.close()
 
 
+@contextmanager
+def opened(chromium: Any, url: str) -> Iterator[Any]:
+    """The page, and what went wrong on it."""
+    with chromium.new_context(viewport=SIZE, color_scheme='dark') as context:
+        made = context.new_page()
+        made.faults = []
+        made.on('pageerror', lambda error: made.faults.append(str(error)))
+        made.on('console', lambda said: made.faults.append(said.text) if said.type == 'error' else None)
+        made.goto(url)
+        yield made
+
+
+@pytest.fixture(scope='module')
+def shared(chromium: Any) -> Iterator[tuple[Sensor, Any]]:
+    """A sensor and its page, for all tests that leave nothing behind on it."""
+    running = Running(InProcessBus())
+    sensor, node = Sensor(running.bus), running.start(LiveViewNode, port=0)
+    with opened(chromium, node.server.url) as page:
+        yield sensor, page
+    sensor.close()
+    running.end()
+    running.bus.close()
+
+
 @pytest.fixture
-def sensor(running: Running) -> Iterator[Sensor]:
+def sensor(shared: tuple[Sensor, Any]) -> Sensor:
+    """As it was in the beginning."""
+    made = shared[0]
+    made.total_n, made.status, made.reasons = PRESS_N, types.ForceDistribution.STATUS_OK, 0
+    made.sending, made.has_field = True, False
+    return made
+
+
+@pytest.fixture
+def page(shared: tuple[Sensor, Any], sensor: Sensor) -> Any:
+    """The page of that sensor, which shows its force."""
+    made = shared[1]
+    made.set_viewport_size(SIZE)
+    text(made, '#map-title').to_have_text('Force on each bin')
+    text(made, '#total').to_have_text('0.730')
+    text(made, '#status').to_have_text('OK')
+    return made
+
+
+@pytest.fixture
+def own_sensor(running: Running) -> Iterator[Sensor]:
     made = Sensor(running.bus)
     yield made
     made.close()
@@ -152,13 +198,9 @@ def url(running: Running) -> str:
 
 
 @pytest.fixture
-def page(chromium: Any, url: str, sensor: Sensor) -> Iterator[Any]:
-    with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
-        made = context.new_page()
-        made.faults = []
-        made.on('pageerror', lambda error: made.faults.append(str(error)))
-        made.on('console', lambda said: made.faults.append(said.text) if said.type == 'error' else None)
-        made.goto(url)
+def own_page(chromium: Any, url: str, own_sensor: Sensor) -> Iterator[Any]:
+    """Of a node of the test's own."""
+    with opened(chromium, url) as made:
         yield made
 
 
@@ -291,16 +333,18 @@ def test_when_nothing_comes_no_number_stays_and_when_it_comes_again_it_is_shown(
     text(page, '#status').to_have_text('OK')
 
 
-def test_the_page_comes_back_by_itself_when_its_node_is_started_again(page: Any, running: Running, url: str) -> None:
-    text(page, '#total').to_have_text('0.730')
+def test_the_page_comes_back_by_itself_when_its_node_is_started_again(
+    own_page: Any, running: Running, url: str
+) -> None:
+    text(own_page, '#total').to_have_text('0.730')
     running.end()
-    text(page, '#status').to_have_text('NO CONNECTION')
-    text(page, '#total').to_have_text('–')
+    text(own_page, '#status').to_have_text('NO CONNECTION')
+    text(own_page, '#total').to_have_text('–')
     running.start(LiveViewNode, port=int(url.rstrip('/').rpartition(':')[2]))
-    text(page, '#total').to_have_text('0.730')
+    text(own_page, '#total').to_have_text('0.730')
 
 
-def test_a_rest_image_is_refused_under_a_touch_unless_a_person_insists(page: Any, running: Running) -> None:
+def test_a_rest_image_is_refused_under_a_touch_unless_a_person_insists(own_page: Any, running: Running) -> None:
     called = threading.Event()
 
     def answer(_: types.Trigger_Request, reply: Callable[[Any], None]) -> None:
@@ -308,28 +352,28 @@ def test_a_rest_image_is_refused_under_a_touch_unless_a_person_insists(page: Any
         reply(types.Trigger_Response(success=True, message='capturing it'))
 
     running.bus.serve('/flow_features/capture_reference', services.TRIGGER, answer)
-    text(page, '#total').to_have_text('0.730')
-    page.click('#rest')
-    text(page, '#answer').to_contain_text('Something seems to touch the gel (0.730 N)')
+    text(own_page, '#total').to_have_text('0.730')
+    own_page.click('#rest')
+    text(own_page, '#answer').to_contain_text('Something seems to touch the gel (0.730 N)')
     assert not called.is_set()
-    page.click('#answer button')
-    text(page, '#answer').to_have_text('capturing it')
+    own_page.click('#answer button')
+    text(own_page, '#answer').to_have_text('capturing it')
     assert called.is_set()
 
 
-def test_a_bag_is_recorded_from_the_page(page: Any, running: Running, tmp_path: Path) -> None:
+def test_a_bag_is_recorded_from_the_page(own_page: Any, running: Running, tmp_path: Path) -> None:
     running.start(RecorderNode, autostart=False, bag=f'{tmp_path}/')
-    page.click('#record')
-    text(page, '#recording-mark').to_be_visible()
-    text(page, '#bag').to_contain_text('recording into')
-    page.click('#record')
-    text(page, '#recording-mark').to_be_hidden()
+    own_page.click('#record')
+    text(own_page, '#recording-mark').to_be_visible()
+    text(own_page, '#bag').to_contain_text('recording into')
+    own_page.click('#record')
+    text(own_page, '#recording-mark').to_be_hidden()
     (bag,) = tmp_path.glob('rosbag2_*')
-    expect(page.locator('#bag li').first).to_contain_text(f'into {bag}')
+    expect(own_page.locator('#bag li').first).to_contain_text(f'into {bag}')
     assert len(list(bag.glob('*.mcap'))) == 1
 
 
-def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(page: Any, running: Running) -> None:
+def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(own_page: Any, running: Running) -> None:
     said = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
     lines = [
         'wrote 7283 messages (118.3 MB, 12.2 s) into /home/somebody/recordings/of/the/day/rosbag2_2030_01_31-13_59_59',
@@ -343,9 +387,9 @@ def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(page: Any, 
         values=[types.KeyValue(key=key, value=value) for key, value in values.items()],
     )  # fmt: skip
     said.publish(types.DiagnosticArray(status=[status]))
-    expect(page.locator('#bag li')).to_have_text(lines)
-    expect(page.locator('#nodes')).not_to_contain_text('lost on the way')  # once is enough
-    assert is_whole(page, '#bag')
+    expect(own_page.locator('#bag li')).to_have_text(lines)
+    expect(own_page.locator('#nodes')).not_to_contain_text('lost on the way')  # once is enough
+    assert is_whole(own_page, '#bag')
 
 
 WARNING = (
@@ -354,22 +398,22 @@ WARNING = (
 )
 
 
-@pytest.mark.parametrize('width', [1280, 390])
-def test_a_warning_shows_its_remedy_whole(page: Any, running: Running, sensor: Sensor, width: int) -> None:
-    page.set_viewport_size({'width': width, 'height': 720})
+def test_a_warning_shows_its_remedy_whole(own_page: Any, running: Running, own_sensor: Sensor) -> None:
     health = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
     health.publish(
         types.DiagnosticArray(status=[types.DiagnosticStatus(level=1, name='camera: camera', message=WARNING)])
     )
     said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
     said.publish(types.Log(level=30, name='camera', msg=WARNING))
-    sensor.status = types.ForceDistribution.STATUS_DEGRADED
-    sensor.reasons = (1 << 20) - 1  # all there are
-    text(page, '#reason').to_contain_text(sentences(sensor.reasons)[-1])
-    text(page, '#nodes').to_contain_text(WARNING)
-    text(page, '#logs').to_contain_text(WARNING)
-    assert [place for place in ('#reason', '#nodes', '#logs') if not is_whole(page, place)] == []
-    assert page.evaluate('document.documentElement.scrollWidth') == width
+    own_sensor.status = types.ForceDistribution.STATUS_DEGRADED
+    own_sensor.reasons = (1 << 20) - 1  # all there are
+    text(own_page, '#reason').to_contain_text(sentences(own_sensor.reasons)[-1])
+    text(own_page, '#nodes').to_contain_text(WARNING)
+    text(own_page, '#logs').to_contain_text(WARNING)
+    for width in (1280, 390):
+        own_page.set_viewport_size({'width': width, 'height': 720})
+        own_page.wait_for_function('(width) => document.documentElement.scrollWidth === width', arg=width)
+        assert [place for place in ('#reason', '#nodes', '#logs') if not is_whole(own_page, place)] == []
 
 
 def is_whole(page: Any, place: str) -> bool:
@@ -394,17 +438,11 @@ def is_whole(page: Any, place: str) -> bool:
     )
 
 
-def test_a_touch_of_a_twentieth_of_a_newton_is_seen_without_choosing_a_scale(page: Any, sensor: Sensor) -> None:
-    sensor.total_n = 0.05
-    text(page, '#total').to_have_text('0.050')
+def test_the_scale_follows_a_press_down_to_a_twentieth_of_a_newton(page: Any, sensor: Sensor) -> None:
     expect(page.locator('#scale')).to_have_value('auto')
-    page.wait_for_function(bin_is_bright(), arg=0.5)
-
-
-def test_the_scale_follows_a_stronger_press_and_comes_back_after_it(page: Any, sensor: Sensor) -> None:
-    text(page, '#total').to_have_text('0.730')
     page.wait_for_function(bin_is_bright(), arg=0.5)  # on 0 to 1 N: beyond the middle of the colours
     sensor.total_n = 0.05
+    text(page, '#total').to_have_text('0.050')
     page.wait_for_function(bin_is_bright(), arg=0.5)
 
 
@@ -424,13 +462,13 @@ def bin_is_bright() -> str:
 
 
 def test_the_course_of_the_force_begins_before_the_page_was_opened(
-    chromium: Any, running: Running, sensor: Sensor
+    chromium: Any, running: Running, own_sensor: Sensor
 ) -> None:
     node = running.start(LiveViewNode, port=0)
     assert isinstance(node, LiveViewNode)
     while len(node.server._audience._history) < 30:
         threading.Event().wait(0.05)
-    sensor.total_n = 0.0
+    own_sensor.total_n = 0.0
     with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
         page = context.new_page()
         page.goto(node.server.url)
@@ -447,7 +485,7 @@ def test_the_course_of_the_force_begins_before_the_page_was_opened(
         )
 
 
-@pytest.mark.usefixtures('sensor')
+@pytest.mark.usefixtures('own_sensor')
 def test_a_guest_watches_and_finds_the_buttons_closed(
     chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -473,13 +511,17 @@ def test_another_account_reads_why_it_sees_nothing(
         text(page, 'body').to_contain_text('This is served to the account that started it')
 
 
-@pytest.mark.parametrize(('width', 'height'), [(1280, 720), (1920, 1080), (390, 844)])
-def test_nothing_lies_beyond_the_edge(page: Any, width: int, height: int) -> None:
-    page.set_viewport_size({'width': width, 'height': height})
-    text(page, '#total').to_have_text('0.730')
-    found = page.evaluate('[document.documentElement.scrollWidth, document.documentElement.scrollHeight]')
-    assert found[0] == width
-    assert found[1] == height or width < 500  # one screen, but on a telephone
+def test_nothing_lies_beyond_the_edge(page: Any) -> None:
+    for width, height in ((1280, 720), (1920, 1080), (390, 844)):
+        page.set_viewport_size({'width': width, 'height': height})
+        page.wait_for_function(
+            """([width, height]) => {
+                const { scrollWidth, scrollHeight } = document.documentElement;
+                return scrollWidth === width && (scrollHeight === height || width < 500);
+            }""",
+            arg=[width, height],
+            timeout=PATIENCE_MS,
+        )  # one screen, but on a telephone
 
 
 def test_the_page_of_a_sensor_in_a_namespace_says_which(chromium: Any, running: Running) -> None:
@@ -491,8 +533,8 @@ def test_the_page_of_a_sensor_in_a_namespace_says_which(chromium: Any, running: 
         text(page, '#status').to_have_text('WAITING')
 
 
-def test_what_nodes_say_cannot_become_part_of_the_page(page: Any, running: Running) -> None:
+def test_what_nodes_say_cannot_become_part_of_the_page(own_page: Any, running: Running) -> None:
     said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
     said.publish(types.Log(level=40, name='camera', msg='<img src=x onerror=alert(1)>'))
-    text(page, '#logs').to_contain_text('<img src=x onerror=alert(1)>')
-    expect(page.locator('#logs img')).to_have_count(0)
+    text(own_page, '#logs').to_contain_text('<img src=x onerror=alert(1)>')
+    expect(own_page.locator('#logs img')).to_have_count(0)

@@ -34,7 +34,7 @@ def test_a_ball_on_a_thin_layer_bears_what_dimitriadis_found() -> None:
 
 def test_a_ball_touches_over_hertzs_disc_with_hertzs_pressure() -> None:
     """a³ = 3 F R / (16 G), and p = 3 F / (2 pi a²) sqrt(1 - r² / a²)."""
-    layer, radius_mm, force_n = surface(30.0, 0.1), 4.0, 0.05
+    layer, radius_mm, force_n = surface(12.0, 0.1), 4.0, 0.05
     found = Indenter(layer, ball(layer, radius_mm)).pressed(force_n)
     a = np.cbrt(3 * force_n * radius_mm / (16 * MODULUS_MPA))
     away = np.hypot(*found.place_mm.T)
