@@ -119,7 +119,7 @@ def _pressed(
 
 
 def _optics(gel: Gel):  # type: ignore[no-untyped-def]
-    from tactile_nodes.gel_tables import contact_table
+    from tactile_nodes.contact_tables.gel_tables import contact_table
     from tactile_nodes.simulation.optics import Optics
 
     return Optics(gel, contact_table(gel))
@@ -127,7 +127,7 @@ def _optics(gel: Gel):  # type: ignore[no-untyped-def]
 
 def _weighed(loaded: LoadedModel, gel: Gel, count: int) -> Dataset:
     """Weights on a gel, one after the other, and images of it untouched, as `Dataset` holds them."""
-    from tactile_nodes.gel_tables import contact_table
+    from tactile_nodes.contact_tables.gel_tables import contact_table
     from tactile_nodes.learning.datasets.simulated import Dataset
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.sensing.geometry import centre_crop

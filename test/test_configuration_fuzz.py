@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from tactile_nodes import params
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.collection.plan.plan import load_plan_settings, make_plan
+from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.errors import ConfigurationError, TactileError
-from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.launching.reading import read_file
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.transfer.layer import load_layer_config

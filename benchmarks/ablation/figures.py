@@ -192,7 +192,7 @@ def transfer(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
 def _transferred(switch: Switch, progress: Progress) -> list[Score]:
     from benchmarks.transfer import measure
     from benchmarks.transfer.scores import CALIBRATED
-    from tactile_nodes.estimating import Ready
+    from tactile_nodes.pipeline.estimating import Ready
 
     with switch():
         loaded = Ready.read('portable').loaded

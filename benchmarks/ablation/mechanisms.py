@@ -81,7 +81,9 @@ def without(change: Callable[[Any], Any]) -> Switch:
             loaded, model=dataclasses.replace(loaded.model, readout=change(loaded.model.readout))
         )
 
-    return all_of(*(instead(f'{PACKAGE}.{module}:load_model', read) for module in ('methods', 'estimating')))
+    return all_of(
+        *(instead(f'{PACKAGE}.{module}:load_model', read) for module in ('pipeline.methods', 'pipeline.estimating'))
+    )
 
 
 def _first(*given: Any, **_: Any) -> Any:
@@ -136,19 +138,19 @@ MECHANISMS = (
     Mechanism(
         'look at stillness', 'frames in which nothing touches are answered without measuring motion',
         ('sensing/picture/stillness.py', 'sensing/picture/touch_places.py', 'sensing/loops/stillness.py'),
-        instead(f'{PACKAGE}.following:make_check', _nothing), CORE,
+        instead(f'{PACKAGE}.pipeline.following:make_check', _nothing), CORE,
     ),
     Mechanism(
         'registration', "the motion of the whole picture is taken out",
         ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
          'sensing/picture/registered.py', 'sensing/picture/quietness.py'),
-        instead(f'{PACKAGE}.following:make_registration', _nothing),
+        instead(f'{PACKAGE}.pipeline.following:make_registration', _nothing),
         (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
     ),
     Mechanism(
         'rest image taken anew', 'while nothing touches, where light or sharpness changed',
         ('sensing/rest/renewal.py', 'sensing/coming.py', 'sensing/rest/prepared.py'),
-        instead(f'{PACKAGE}.rest_images:RestImages._offer_renewal', _nothing),
+        instead(f'{PACKAGE}.pipeline.rest_images:RestImages._offer_renewal', _nothing),
         (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
     ),
     Mechanism(

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.harness.report import in_turn, spread
 from tactile_nodes.clock import perf_ns
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.model import ForceEstimator

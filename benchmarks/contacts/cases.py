@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_nodes import paths
+from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS, known_table, write_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
@@ -17,7 +18,6 @@ from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.families import FAMILIES, make_body, rectangle
 from tactile_nodes.simulation.touch.table import SPACING_MM, Touch, TouchTable
 from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
-from tactile_nodes.touch_tables import CELL_MM, CELLS, known_table, write_table
 
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
 HARDEST_OF = {'tip': 1.0}

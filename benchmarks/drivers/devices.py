@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
@@ -30,7 +31,6 @@ from tactile_nodes.emulators.force_torque.serial_ft_text import TextLineSensor
 from tactile_nodes.emulators.serial_device import SerialDevice
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings, Wrench
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
 

@@ -30,7 +30,7 @@ from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, SteppedClock
-from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorNode

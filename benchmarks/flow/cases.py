@@ -10,9 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.reference import average

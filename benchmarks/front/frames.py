@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel

@@ -25,8 +25,8 @@ def at_once(_: str, make: Callable[[], Any]) -> Any:
     return make()
 
 
-SENSING = 'tactile_nodes/sensing/**', 'tactile_nodes/*.py', 'models/**'
-SIMULATED = ('tactile_nodes/simulation/**',)
+SENSING = 'tactile_nodes/sensing/**', 'tactile_nodes/pipeline/**', 'tactile_nodes/*.py', 'models/**'
+SIMULATED = 'tactile_nodes/simulation/**', 'tactile_nodes/contact_tables/**'
 RIG = 'tactile_nodes/collection/**', 'tactile_nodes/drivers/**', 'tactile_nodes/emulators/**'
 LIVE = *SENSING, 'tactile_nodes/nodes/**', 'tactile_nodes/bus/**', 'launch/**'
 

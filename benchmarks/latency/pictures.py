@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.simulation.optics import Optics, Press
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.drifting import Calibrated, Told, usable
-from tactile_nodes.estimating import Estimating
-from tactile_nodes.following import Following, FollowingParams
-from tactile_nodes.force_status import calibration_reasons
 from tactile_nodes.messages import types
+from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
+from tactile_nodes.pipeline.estimating import Estimating
+from tactile_nodes.pipeline.following import Following, FollowingParams
+from tactile_nodes.pipeline.force_status import calibration_reasons
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 

@@ -22,7 +22,7 @@ from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, 
 from benchmarks.harness.report import in_turn
 from benchmarks.harness.running import Run
 from benchmarks.untouched.page import page
-from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.model import ForceEstimator

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
-from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS, indenter_name

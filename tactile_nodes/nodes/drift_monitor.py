@@ -20,9 +20,9 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.drifting import Calibrated, Told, state_message, usable
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion

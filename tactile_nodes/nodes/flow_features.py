@@ -24,10 +24,10 @@ from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
-from tactile_nodes.following import Following, FollowingParams
-from tactile_nodes.loop_choice import choose
 from tactile_nodes.messages import decode, encode, stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.following import Following, FollowingParams
+from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.geometry import middle_square
 
 _KEPT = 'rest_image'

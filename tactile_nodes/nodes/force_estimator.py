@@ -20,11 +20,11 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.estimating import Estimating, Ready
-from tactile_nodes.force_status import calibration_reasons
-from tactile_nodes.loop_choice import choose
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.estimating import Estimating, Ready
+from tactile_nodes.pipeline.force_status import calibration_reasons
+from tactile_nodes.pipeline.loop_choice import choose
 
 _PREVIOUS = ''
 

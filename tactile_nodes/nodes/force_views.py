@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from tactile_nodes import force_shapes
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
@@ -20,6 +19,7 @@ from tactile_nodes.bus.protocol import Bus, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
+from tactile_nodes.viewing import force_shapes
 
 REPORT_PERIOD_S = 1.0
 LOOK_PERIOD_S = 0.5

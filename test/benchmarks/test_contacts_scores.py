@@ -11,12 +11,12 @@ from benchmarks.contacts.cases import Case
 from benchmarks.contacts.page import page
 from benchmarks.contacts.scores import Score, by_family, score, summed
 from tactile_nodes import conversions
+from tactile_nodes.contact_tables.touch_tables import ready_contacts
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.scene import truth_of_touch
 from tactile_nodes.simulation.touch.table import Touch
-from tactile_nodes.touch_tables import ready_contacts
 
 GEL, BINS = Gel(), BinGrid()
 

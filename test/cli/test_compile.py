@@ -13,7 +13,7 @@ import pytest
 from running_system import wait_until
 
 from tactile_nodes.cli.compile import compile_all
-from tactile_nodes.loop_choice import NEXT_TIME
+from tactile_nodes.pipeline.loop_choice import NEXT_TIME
 from tactile_nodes.sensing.compiling import PARTS
 
 pytestmark = pytest.mark.timeout(400)
@@ -28,7 +28,7 @@ def test_the_second_time_all_is_there(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 STARTED = """
-from tactile_nodes.loop_choice import choose
+from tactile_nodes.pipeline.loop_choice import choose
 print(choose(None, print, print))
 """
 

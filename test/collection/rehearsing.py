@@ -18,9 +18,9 @@ from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.calibrating.hand_presses import HandPresses, outline_between
 from tactile_nodes.learning.datasets.press_tables import NEWTON_PER_GRAM
 from tactile_nodes.learning.field.body import body_of_card

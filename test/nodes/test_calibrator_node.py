@@ -21,11 +21,11 @@ from tactile_nodes.bus.protocol import Publisher, Qos, Reply
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.errors import ConfigurationError, ModelError
-from tactile_nodes.estimating import Inputs
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.model_file import load_model
 from tactile_nodes.nodes.calibrator import CalibratorNode
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+from tactile_nodes.pipeline.estimating import Inputs
 
 Advertise = Callable[[Topic], Publisher]
 PRESSES = 10

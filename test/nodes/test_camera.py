@@ -12,7 +12,6 @@ import pytest
 from feeding import PATTERN
 from stream_server import plugged_in
 
-from tactile_nodes import touch_tables
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
@@ -21,6 +20,7 @@ from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.contact_tables import touch_tables
 from tactile_nodes.errors import AskedToEndError, ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.nodes.camera import CameraNode

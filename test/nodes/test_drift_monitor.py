@@ -18,9 +18,9 @@ from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drifting import FILE, FIRST, GEL, rest_picture
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorNode, DriftMonitorParams
+from tactile_nodes.pipeline.drifting import FILE, FIRST, GEL, rest_picture
 from tactile_nodes.simulation.gel import Gel
 
 Listen = Callable[[Topic], Subscription]

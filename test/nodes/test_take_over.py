@@ -23,8 +23,8 @@ from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import services, stamp_ns, types
-from tactile_nodes.methods import told
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
+from tactile_nodes.pipeline.methods import told
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.flow.choice import make_flow
 

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 from responding import COMPONENTS, components, features, readout
 
-from tactile_nodes.loop_choice import choose
 from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, told_of_compiling
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
@@ -300,7 +300,7 @@ def told_by(part: object) -> set[bool]:
 WITHOUT_NUMBA = """
 import sys
 sys.modules['numba'] = None  # as if it were not installed: to import it fails
-from tactile_nodes.loop_choice import choose
+from tactile_nodes.pipeline.loop_choice import choose
 print(choose({asked}, print, print))
 """
 

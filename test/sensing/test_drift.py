@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.capture import RestCapture
 from tactile_nodes.simulation.gel import Gel

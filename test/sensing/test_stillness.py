@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError, ImageError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions, steady

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.scene import Scene

@@ -21,11 +21,12 @@ from benchmarks.collection import CNC, SAFE_Z_MM, named
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import find_surface
 from tactile_nodes.collection.run.rehearsal import Rehearsal
+from tactile_nodes.contact_tables.gel_tables import contact_table, solution_of
+from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS
 from tactile_nodes.drivers.camera.contract import SceneSettings
 from tactile_nodes.drivers.camera.simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table, solution_of
 from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import Mesh, graded
 from tactile_nodes.simulation.finite_strain import Indentation
@@ -38,7 +39,6 @@ from tactile_nodes.simulation.solution import Problem, solve_problem
 from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.families import make_body
 from tactile_nodes.simulation.touch.track import Way, solve_track
-from tactile_nodes.touch_tables import CELL_MM, CELLS
 
 DEPTHS = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5)
 MARKERS_R, MARKERS_Z = np.linspace(0, 6, 31), np.linspace(-6, -1.5, 19)

@@ -6,12 +6,12 @@ import itertools
 import numpy as np
 import pytest
 
-from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.touch_tables import ready_contacts
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.scene import PressSchedule, Scene, TouchSchedule, smooth
 from tactile_nodes.simulation.touch.table import Touch
-from tactile_nodes.touch_tables import ready_contacts
 
 SECOND = 1_000_000_000
 DWELL = 11 * SECOND // 10  # the middle of the first press of the default schedule

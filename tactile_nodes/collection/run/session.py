@@ -24,12 +24,12 @@ from tactile_nodes.collection.run.recall import recalled
 from tactile_nodes.collection.run.voice import Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import NOT_UP_YET, Station
+from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
-from tactile_nodes.gel_tables import load_gel
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 

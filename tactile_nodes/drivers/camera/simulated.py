@@ -12,17 +12,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
-from tactile_nodes.gel_tables import contact_table, load_gel
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldScene
 from tactile_nodes.simulation.touch.table import TouchTable
-from tactile_nodes.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
 
 NAME = 'the simulated camera'
 TIP, MIXED = 'tip', 'mixed'

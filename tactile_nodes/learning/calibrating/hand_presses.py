@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from tactile_nodes import __version__, clock
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.press_tables import read_table

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import ClassVar
 
 from tactile_nodes.errors import ModelError, TactileError
-from tactile_nodes.estimating import Inputs
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule
 from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.live_model import LiveModel
@@ -20,6 +19,7 @@ from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.paths import check_output
+from tactile_nodes.pipeline.estimating import Inputs
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from itertools import islice
 
 import numpy as np
 
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.datasets.simulated import (

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float16, Float32, Int
 
 from tactile_nodes import paths
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress

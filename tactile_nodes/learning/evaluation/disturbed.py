@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_nodes import paths
-from tactile_nodes.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import random_presses
 from tactile_nodes.learning.datasets.simulated import Dataset, recipe_id

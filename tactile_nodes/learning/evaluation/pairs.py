@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes import paths
-from tactile_nodes.gel_tables import contact_table
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.config import DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import recipe_id
 from tactile_nodes.learning.evaluation.scores import percentile, share

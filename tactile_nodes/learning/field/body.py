@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.contact_tables.touch_bodies import FARTHEST_MM, body_of
+from tactile_nodes.contact_tables.touch_tables import Contact
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
 from tactile_nodes.simulation.touch.families import ball
-from tactile_nodes.touch_bodies import FARTHEST_MM, body_of
-from tactile_nodes.touch_tables import Contact
 
 BODY, BALL_MM = 'body', 'ball_mm'
 """What a card says of the body; and of the radius of a ball, before there were others."""

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 from jaxtyping import UInt8
 
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.network.scores import Validation

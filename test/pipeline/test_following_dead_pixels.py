@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from tactile_nodes import conversions
-from tactile_nodes.following import Following, FollowingParams
 from tactile_nodes.messages import types
+from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.judge.drift_alarm import Level
 from tactile_nodes.sensing.rest.reference import average
 
-sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
+sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
 from dots import SIDE, picture, press
 
 FORCE = types.ForceDistribution

@@ -12,14 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactile_nodes import conversions
-from tactile_nodes.estimating import Estimating
-from tactile_nodes.following import Following, FollowingParams
-from tactile_nodes.force_status import judged
 from tactile_nodes.messages import types
-from tactile_nodes.methods import InverseCompositionalParams
+from tactile_nodes.pipeline.estimating import Estimating
+from tactile_nodes.pipeline.following import Following, FollowingParams
+from tactile_nodes.pipeline.force_status import judged
+from tactile_nodes.pipeline.methods import InverseCompositionalParams
 from tactile_nodes.sensing.explain.model import ForceMap
 
-sys.path.insert(0, str(Path(__file__).parent / 'sensing'))
+sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
 from dots import DOTS, grow, picture, press, shift
 
 FORCE = types.ForceDistribution

@@ -13,11 +13,11 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
-from tactile_nodes.force_status import ALTERED, INVALID, UNMEASURED, judged
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.methods import told
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import is_file
+from tactile_nodes.pipeline.force_status import ALTERED, INVALID, UNMEASURED, judged
+from tactile_nodes.pipeline.methods import told
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes import gel_tables, paths
+from tactile_nodes import paths
+from tactile_nodes.contact_tables import gel_tables
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import load_mapping
 from tactile_nodes.simulation.gel import Gel

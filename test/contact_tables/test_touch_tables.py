@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes import paths, touch_tables
+from tactile_nodes import paths
+from tactile_nodes.contact_tables import touch_tables
+from tactile_nodes.contact_tables.gel_tables import load_gel
+from tactile_nodes.contact_tables.touch_bodies import body_of
+from tactile_nodes.contact_tables.touch_tables import Contact, ready_contacts, solved_contact, usual_contact
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import load_gel
-from tactile_nodes.touch_bodies import body_of
-from tactile_nodes.touch_tables import Contact, ready_contacts, solved_contact, usual_contact
 
 
 @pytest.fixture(autouse=True)

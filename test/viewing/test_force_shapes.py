@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tactile_nodes import force_shapes
 from tactile_nodes.messages import decode, encode, stamp_ns, types
+from tactile_nodes.viewing import force_shapes
 
 FORCE = types.ForceDistribution
 HEAD = types.Header(stamp=types.Time(sec=7, nanosec=9), frame_id='gel_surface')

@@ -7,8 +7,8 @@ from jaxtyping import UInt8
 
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.gel_tables import contact_table
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.network import NetworkReadout

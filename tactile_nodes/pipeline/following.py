@@ -16,7 +16,8 @@ from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.methods import (
+from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.methods import (
     MethodParams,
     RegistrationParams,
     StillnessParams,
@@ -25,8 +26,7 @@ from tactile_nodes.methods import (
     make_registration,
     told,
 )
-from tactile_nodes.params import parameter
-from tactile_nodes.rest_images import RestImages
+from tactile_nodes.pipeline.rest_images import RestImages
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
 from tactile_nodes.sensing.flow.overlay import overlay

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tactile_nodes.drifting import Told, limits_of
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.pipeline.drifting import Told, limits_of
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level

@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tactile_nodes import paths
+from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import check_size, read_text
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.table import SPACING_MM, TouchTable
-from tactile_nodes.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
