@@ -29,7 +29,7 @@ from benchmarks.stability.floor import floor_n
 from benchmarks.stability.page import FAMILIES, page
 from benchmarks.stability.plots import draw
 from benchmarks.stability.scores import Answer, Score, score
-from benchmarks.stability.stream import Change, Plan, World
+from benchmarks.stability.stream import Change, Plan, World, force_n
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Bar, Progress
 
@@ -115,7 +115,8 @@ def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> d
         values = change.values if change.acts(moment) else None
         for name, chain in chains.items():
             message = chain.read(moment.stamp_ns, picture, moment.age_s, values)
-            answers[name].append(Answer.of(moment, message, world.tables))
+            nominal_n = chain.nominal_n(force_n(moment, world.tables))
+            answers[name].append(Answer.of(moment, message, world.tables, nominal_n))
     return answers
 
 

@@ -35,15 +35,15 @@ A simulated sensor takes its rest image (16 frames); something goes wrong at res
 objects that the live nodes run, drift monitor and all. All of it is simulation.
 
 *Error* is the root mean square of total force minus truth on held frames, in N, and in brackets what it is of the
-undisturbed stream's; *while ok* the same over those frames whose status is ok; *place* the median distance of a
-contact; *missed* the share of contacts that none was told for; *false* the largest force told as a contact while
-nothing touches, and the share of frames at rest in which one was; *status* the shares of frames that say ok, degraded
-and invalid (in every stream the first frame of each contact is degraded, as it may have been caught moving, which is
-one in ten, and does not count as said); *sigma* the median uncertainty over the undisturbed one, and in brackets the
-error in units of it; *said after* and *invalid after* the number of the first frame after the cause that is not ok, and
-is invalid (1: at once; of light that fades from where a seventh of it is left); *left after* the last one after its end
-that is still invalid. Bold: a force more than twice as wrong as undisturbed, or a false contact above 20 mN, with
-status ok."""
+undisturbed stream's; *while ok* the same over those frames whose status is ok, in units of the nominal error, which
+`ok` is measured by (docs/stability.md); *place* the median distance of a contact; *missed* the share of contacts that
+none was told for; *false* the largest force told as a contact while nothing touches, and the share of frames at rest in
+which one was; *status* the shares of frames that say ok, degraded and invalid (in every stream the first frame of each
+contact is degraded, as it may have been caught moving, which is one in ten, and does not count as said); *sigma* the
+median uncertainty over the undisturbed one, and in brackets the error in units of it; *said after* and *invalid after*
+the number of the first frame after the cause that is not ok, and is invalid (1: at once; of light that fades from where
+a seventh of it is left); *left after* the last one after its end that is still invalid. Bold: a force that is off by
+more than twice the nominal error, or a false contact above 20 mN, with status ok."""
 
 FLOOR = """\
 Least standard deviation of the force that any unbiased method could read from one such picture with its noise (the
@@ -51,8 +51,7 @@ Cramér-Rao bound, place, depth and rest image's noise included, all else known:
 what was measured in one picture: the first that is held of each press. In brackets, by how much each profile's error
 would grow if it grew by no more than that: the nearer a profile is to the floor undisturbed, the more of its error is
 noise, and the more times noise makes it worse. At the floor itself four times the noise is four times the error. After
-the semicolon the error over the whole hold, over which forces in altered pictures are averaged (`docs/stability.md`),
-and what that is of the undisturbed one's."""
+the semicolon the error over the whole hold, and what that is of the undisturbed one's."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -151,7 +150,7 @@ def _family(points: Sequence[Point], family: str, profile: str) -> str:
 
 def _row(point: Point) -> list[str]:
     score = point.score
-    while_ok = _times(point.ratio_ok)
+    while_ok = _times(point.times_ok)
     false = f'{score["false_n"]:.3f} ({score["false_share"]:.0%})' if score['false_share'] else '0'
     return [
         point.what,

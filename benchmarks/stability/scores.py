@@ -33,19 +33,31 @@ class Answer:
     sigma_n: float
     in_contact: bool
     contacts_mm: tuple[tuple[float, float], ...]
+    nominal_n: float = math.nan
 
     @classmethod
-    def of(cls, moment: Moment, message: types.ForceDistribution, tables: ForceTables) -> Answer:
-        """From a force message."""
+    def of(
+        cls,
+        moment: Moment,
+        message: types.ForceDistribution,
+        tables: ForceTables,
+        nominal_n: float = math.nan,
+    ) -> Answer:
+        """From a force message, beside the error that is usual of such a force."""
         places = tuple((each.position.x * 1e3, each.position.y * 1e3) for each in message.contacts)
         return cls(
             moment, force_n(moment, tables), message.status, message.reasons, message.total, message.total_sigma,
-            message.in_contact, places,
+            message.in_contact, places, nominal_n,
         )  # fmt: skip
 
     @property
     def error_n(self) -> float:
         return self.total_n - self.true_n
+
+    @property
+    def times(self) -> float:
+        """The error in units of the nominal one."""
+        return self.error_n / self.nominal_n
 
     @property
     def said(self) -> bool:
@@ -62,6 +74,7 @@ class Score:
     """A stream in numbers, of the time in which the disturbance was there. None: there is nothing to tell it from.
 
     `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of these.
+    `times` and `times_ok` are the same in units of the nominal error (root mean square).
     `first_rmse_n` is over the first held frame of each press, which is as good as one picture by itself. `error_sigmas`
     is the error in units of the uncertainty told. `place_mm` is the median over contacts, `missed` the share of true
     contacts that no reported one answers to. `rest_n` is the largest force told at rest, `false_n` the largest of those
@@ -94,6 +107,8 @@ class Score:
     until_invalid: int | None
     until_left: int | None
     reasons: dict[str, float]
+    times: float | None = None
+    times_ok: float | None = None
 
 
 def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
@@ -132,6 +147,8 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
         until_invalid=_first(since[beyond:], (INVALID,)),
         until_left=None if endless else _last(after, (INVALID,)),
         reasons=_reasons(during),
+        times=_rms_of([each.times for each in held]),
+        times_ok=_rms_of([each.times for each in held_ok]),
     )
 
 
