@@ -1,4 +1,7 @@
-"""CPU time of whole frames, from image to force, of several configurations in turn on the same images."""
+"""CPU time of whole frames, from image to force, of several configurations in turn on the same images.
+
+By compiled loops where numba can compile them, as nodes compute.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,9 @@ from jaxtyping import UInt8
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.compiling import can_compile
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceModel
+from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import centre_crop
 
 ROUNDS = 7
@@ -22,10 +27,11 @@ WARM_UP = 1
 class _Frames:
     """One configuration with its rest image set."""
 
-    def __init__(self, model: ForceModel, config: TrainConfig, images: Sequence[np.ndarray]) -> None:
+    def __init__(self, model: ForceModel, config: TrainConfig, images: Sequence[np.ndarray], *, compiled: bool) -> None:
         side = config.data.crop
         rest, *self._pressed = (np.ascontiguousarray(centre_crop(image, side, side)) for image in images)
-        self._flow, self._encoding, self._estimator = config.make_flow(), config.make_encoding(), ForceEstimator(model)
+        self._flow = make_flow(config.flow.name, config.flow.options, compiled=compiled)
+        self._encoding, self._estimator = config.make_encoding(), ForceEstimator(model, compiled=compiled)
         self._flow.set_reference(rest)
         self._encoding.set_reference(rest)
 
@@ -55,7 +61,8 @@ def cpu_times_ms(
     if len(images) < 2:
         raise DatasetError('there is no image of a press to measure times with; give bags that hold some')
     cv2.setNumThreads(1)
-    contenders = [_Frames(model, config, images) for model, config in configurations]
+    compiled = can_compile()
+    contenders = [_Frames(model, config, images, compiled=compiled) for model, config in configurations]
     taken: list[list[float]] = [[] for _ in contenders]
     with progress.bar('taking times', ROUNDS + WARM_UP) as bar:
         for number in range(ROUNDS + WARM_UP):
