@@ -90,13 +90,21 @@ def port() -> int:
     return _free_port()
 
 
-@pytest.fixture
-def joined(machine: Callable[[], Machine], port: int) -> tuple[Machine, Machine]:
-    """Two machines with a bridge between them, with keys."""
-    robot, lab = machine(), machine()
-    robot.bridge(f'listen:={HERE}:{port}', 'key:=robot', 'peers:=[lab]')
-    lab.bridge(f'connect:={HERE}:{port}', 'key:=lab', 'peers:=[robot]')
-    return robot, lab
+@pytest.fixture(scope='module')
+def joined_at() -> int:
+    """The port of the bridge between those that are joined."""
+    return _free_port()
+
+
+@pytest.fixture(scope='module')
+def joined(keys: Path, joined_at: int) -> Iterator[tuple[Machine, Machine]]:
+    """Two machines with a bridge between them, with keys, which tests share: each has topics of its own."""
+    robot, lab = Machine(keys), Machine(keys)
+    robot.bridge(f'listen:={HERE}:{joined_at}', 'key:=robot', 'peers:=[lab]')
+    lab.bridge(f'connect:={HERE}:{joined_at}', 'key:=lab', 'peers:=[robot]')
+    yield robot, lab
+    robot.close()
+    lab.close()
 
 
 def _heard(talker: Other, listener: Other, topic: str) -> None:
@@ -371,10 +379,12 @@ def _listeners(pid: int) -> list[Any]:
     return [entry.laddr for entry in psutil.Process(pid).net_connections('inet') if entry.status == 'LISTEN']
 
 
-def test_bridge_listens_at_one_port_and_the_connecting_one_at_none(joined: tuple[Machine, Machine], port: int) -> None:
+def test_bridge_listens_at_one_port_and_the_connecting_one_at_none(
+    joined: tuple[Machine, Machine], joined_at: int
+) -> None:
     here = joined[0].agent()
     until(lambda: here.nodes().count('/bridge') == 2)
-    (robot,), (lab,) = (machine.programs for machine in joined)
-    assert [tuple(entry) for entry in _listeners(robot.process.pid or 0)] == [(HERE, port)]
+    robot, lab = (machine.programs[0] for machine in joined)
+    assert [tuple(entry) for entry in _listeners(robot.process.pid or 0)] == [(HERE, joined_at)]
     assert _listeners(lab.process.pid or 0) == []
     assert os.getpid() != robot.process.pid

@@ -39,17 +39,14 @@ def publish_forces(bus: ZmqBus, repeating: Repeating, namespace: str = '') -> No
     repeating(act)
 
 
-def test_the_plain_view_ends_in_a_summary(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
-    publish_forces(other, repeating)
-    ended = tactile('view', '--plain', '--duration', '4.1')
+def test_the_plain_view_of_a_namespace_sees_its_forces_and_ends_in_a_summary(
+    other: ZmqBus, tactile: Tactile, repeating: Repeating
+) -> None:
+    publish_forces(other, repeating, '/left')
+    ended = tactile('view', '--plain', '--duration', '4.1', '--namespace', 'left')
     assert ended.status == 0
     assert ' fps  force  0.000 N' in ended.out
     assert 'lost on the way here' in ended.out
-
-
-def test_the_view_of_a_namespace_sees_its_forces(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
-    publish_forces(other, repeating, '/left')
-    assert ' fps  force' in tactile('view', '--plain', '--duration', '4.1', '--namespace', 'left').out
 
 
 def test_a_view_of_nothing_says_what_is_missing(tactile: Tactile) -> None:

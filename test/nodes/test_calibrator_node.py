@@ -28,7 +28,7 @@ from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
 from tactile_nodes.pipeline.estimating import Inputs
 
 Advertise = Callable[[Topic], Publisher]
-PRESSES = 10
+PRESSES = 6
 
 
 @pytest.fixture(autouse=True)
@@ -136,7 +136,7 @@ def test_the_running_force_estimator_takes_over_and_answers_every_frame(
     rig = Rig(bus, clock, publisher)
     node = make(**{'rule.most': PRESSES, 'rule.first': PRESSES})
     frame()
-    rig.press(other_bag, node)
+    rig.press(other_bag, node, most=PRESSES)
     ended(node, frame)
     frame()
 

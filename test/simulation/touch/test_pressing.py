@@ -83,7 +83,7 @@ def test_contact_forces_press_and_stay_within_the_cone():
 def test_large_strain_agrees_with_an_axisymmetric_solution_of_its_own(ball_5_mm: tuple[np.ndarray, np.ndarray]):
     """Depths at which a sphere of 5 mm takes forces on the layer of 6 mm, from rings of nine-node elements."""
     force_mm2, depth_mm = ball_5_mm
-    bricks = Bricks(Layer(cells=80, spacing_mm=0.5, rows=8))
+    bricks = Bricks(Layer(cells=56, spacing_mm=0.6, rows=6))
     pressing = Pressing(bricks, Body.of_heights('sphere', ball(5.0, *grid(8.0))), friction=10.0)
     for force, depth in zip(force_mm2, depth_mm, strict=True):
         assert pressing.advance(Pose(), float(force)).depth_mm == pytest.approx(depth, rel=0.04)
@@ -91,7 +91,7 @@ def test_large_strain_agrees_with_an_axisymmetric_solution_of_its_own(ball_5_mm:
 
 def test_a_finer_mesh_changes_little():
     found = []
-    for cells, rows in ((48, 6), (72, 8)):
+    for cells, rows in ((32, 5), (48, 6)):
         bricks = Bricks(Layer(cells=cells, spacing_mm=30.0 / cells, rows=rows))
         stands = Pressing(bricks, make_body('ball')).advance(Pose(), 9.0)
         sinks = np.abs(stands.state.moved[:, 2]).max(axis=(1, 2))
@@ -114,7 +114,7 @@ def test_what_no_gel_bears_is_refused_in_a_sentence():
 
 
 def test_pressed_to_a_depth_it_takes_the_force_that_leads_there():
-    bricks = Bricks(Layer(cells=48, spacing_mm=0.6, rows=6))
-    by_force = Pressing(bricks, make_body('ball')).advance(Pose(), 6.0)
+    bricks = Bricks(Layer(cells=40, spacing_mm=0.7, rows=6))
+    by_force = Pressing(bricks, make_body('ball')).advance(Pose(), 3.0)
     by_depth = Pressing(bricks, make_body('ball')).advance(Pose(), depth_mm=by_force.depth_mm)
-    assert by_depth.normal == pytest.approx(6.0, rel=0.01)
+    assert by_depth.normal == pytest.approx(3.0, rel=0.01)
