@@ -22,7 +22,7 @@ from safetensors import SafetensorError
 from tactile_nodes.errors import ModelError
 from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.paths import is_file, share_directory, write_whole
-from tactile_nodes.sensing.explain.arrays import RESIDUALS, readout_arrays, readout_from
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
@@ -125,8 +125,7 @@ def load_model(path: Path | str) -> LoadedModel:
     """Read a model and check every byte of it.
 
     Raises:
-        ModelError: the file is missing, damaged, no model of ours, of a newer format, or a calibration of an earlier
-            release that would be read otherwise now.
+        ModelError: the file is missing, damaged, no model of ours, or of a newer format.
     """
     path = Path(path)
     data = _read(path)
@@ -199,7 +198,6 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
         bins = BinGrid(**card['bins'])
         arrays = safetensors.numpy.load(data)
         _check_finite(arrays)
-        _require_no_residuals(path, arrays)
         model = ForceModel(
             layout=FeatureLayout(**card['layout']),
             bins=bins,
@@ -234,15 +232,6 @@ def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
     for name, array in arrays.items():
         if array.dtype.kind == 'f' and not np.isfinite(array).all():
             raise ValueError(f'{name} holds what is no number')
-
-
-def _require_no_residuals(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """A calibration that held them would read other forces without them, and nobody would know."""
-    if any(name in arrays for name in RESIDUALS):
-        raise ModelError(
-            f'{path} is a calibration of an earlier release, with a table of residuals that is no longer read; '
-            'calibrate it again with: tactile calibrate'
-        )
 
 
 def _in_a_line(error: Exception) -> str:

@@ -329,16 +329,6 @@ def test_numbers_that_no_gel_has_are_refused(part: str, name: str, value: float,
         load_model(tmp_path / 'absurd.safetensors')
 
 
-@pytest.mark.parametrize(('shipped', 'table'), [('portable', 'local'), ('field', 'tips.local')])
-def test_a_calibration_with_a_table_that_nothing_reads_any_more_is_refused(shipped: str, table: str, tmp_path: Path):
-    """It would read other forces without the table than it did."""
-    file, content = tmp_path / 'gel-7.safetensors', find_model(shipped).read_bytes()
-    file.write_bytes(_with_card(content, lambda _: None, {table: np.zeros((29, 29, 3), np.float32)}))
-    with pytest.raises(ModelError, match=r'gel-7\.safetensors is a calibration .* calibrate it again with') as refused:
-        load_model(file)
-    assert '\n' not in str(refused.value)
-
-
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path):
     with pytest.raises(ModelError, match=r'there is no model file .* tactile train'):
         load_model(tmp_path / 'none.safetensors')

@@ -71,6 +71,7 @@ def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(sourc
     correction = other.readout(other.start, source.doubt, 'whole').correction
     assert correction.terms[:, :2] == pytest.approx(own[:, :2])
     assert not correction.terms[:, 2].any()
+    assert correction.local is None
 
 
 def test_a_gel_of_recorded_presses_learns_nothing_from_others(source: AxisymmetricReadout) -> None:

@@ -130,6 +130,15 @@ def test_an_outline_tells_where_the_camera_looks_without_a_press(source: Axisymm
     assert HARDNESS_HELD in made.held
 
 
+def test_an_outline_does_not_take_over_what_one_gel_gets_wrong_at_its_places(source: AxisymmetricReadout) -> None:
+    correction = dataclasses.replace(source.correction, local=np.full((29, 29, 3), 0.5))
+    outline = OutlineMap(np.eye(2), np.zeros(2), np.eye(6), 0.0)
+    assert (
+        transfer_outline(dataclasses.replace(source, correction=correction), outline, 100.0).readout.correction.local
+        is None
+    )
+
+
 def test_pictures_of_one_hold_are_one_weight(source: AxisymmetricReadout) -> None:
     single = scattered(10, seed=3, force_n=0.5)
     rows = np.r_[np.repeat(np.arange(10), 4), np.arange(10, len(single.presses))]

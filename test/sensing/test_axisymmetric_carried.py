@@ -37,6 +37,7 @@ def test_a_table_beside_it_in_a_file_of_before_is_left_aside() -> None:
     arrays, said = readout_arrays(whole)
     again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, said, whole.bins)
     assert again.carried.after(10) == pytest.approx(TERMS[0])
+    assert again.correction.local is None
 
 
 def test_a_file_without_it_carries_nothing() -> None:

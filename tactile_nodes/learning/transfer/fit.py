@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged
+from tactile_nodes.learning.axisymmetric.local import with_local
 from tactile_nodes.learning.axisymmetric.regions import (
     Presses,
     Shared,
@@ -122,11 +123,14 @@ def transfer(
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
         whole, doubt = wholes[form], other.doubt(folds[form], fold)
         response = whole.response if form != 'regions' else other.regions(whole.response)
-        readout = other.readout(response, doubt, form)
+        readout = other.locally(other.readout(response, doubt, form))
         held = [
-            Judged.of(other.readout(made, doubt, form), dataset, other.rows[fold == number])
+            Judged.of(
+                other.locally(other.readout(made, doubt, form), np.flatnonzero(fold != number)),
+                dataset, other.rows[fold == number],
+            )
             for number, made in zip(np.unique(fold), folds[form], strict=True)
-        ]
+        ]  # fmt: skip
         bar.advance()
     held = [each for each in held if each.fits]
     if not held:
@@ -156,6 +160,7 @@ class OtherGel:
     untouched: np.ndarray
     typical: Typical
     view: Float[np.ndarray, 'regions 2']
+    pictures: Int[np.ndarray, ' presses']
 
     @classmethod
     def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
@@ -170,7 +175,8 @@ class OtherGel:
         holds, untouched = still_holds(dataset, np.flatnonzero(touched), scaling.trusted), np.flatnonzero(~touched)
         typical = Typical.of(source.response, views(source.scaling.trusted))
         presses, rows = Presses.of_holds(dataset, holds, scaling), np.array([each[0] for each in holds])
-        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted))
+        pictures = np.array([len(each) for each in holds])
+        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted), pictures)
 
     @property
     def start(self) -> AxisymmetricResponse:
@@ -275,11 +281,15 @@ class OtherGel:
         terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
         if source.carried is not None and form == 'regions':
             terms = source.carried.after(presses)
-        correction = replace(source.correction, terms=terms)
+        correction = replace(source.correction, terms=terms, local=None)
         return replace(
             source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None,
             pressed_n=self.pressed_n,
         )  # fmt: skip
+
+    def locally(self, readout: AxisymmetricReadout, chosen: np.ndarray | slice = slice(None)) -> AxisymmetricReadout:
+        """The readout without what it gets wrong at some of the presses, or all, which it was fitted to."""
+        return with_local(readout, self.presses.take(chosen), self.pictures[chosen])
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:

@@ -146,7 +146,7 @@ def transfer_outline(source: AnyReadout, outline: OutlineMap, half_px: float) ->
     view = views(known.scaling.trusted)
     response = seen_through(Typical.of(known.response, view), view, outline, half_px)
     nothing = Errors(math.nan, math.nan, math.nan)
-    readout = replace(known, response=response, doubt=FIRST_DOUBT)
+    readout = replace(known, response=response, doubt=FIRST_DOUBT, correction=replace(known.correction, local=None))
     readout = replace(readout, calibration=_calibration(readout, np.full((0, 3), np.nan), True))
     held = (HARDNESS_HELD, 'places follow the outline of the gel alone')
     return PartialTransfer(readout, 'outline', {}, nothing, nothing, 0, 0, True, held, dict.fromkeys(SIZES, 0.0))
@@ -227,7 +227,7 @@ class _Gel:
         source = self.other.source
         return replace(
             source, scaling=self.other.scaling, response=response, doubt=FIRST_DOUBT, carried=None,
-            pressed_n=self.other.pressed_n,
+            correction=replace(source.correction, local=None), pressed_n=self.other.pressed_n,
         )  # fmt: skip
 
     @staticmethod

@@ -36,8 +36,6 @@ from tactile_nodes.sensing.geometry import BinGrid
 Arrays = dict[str, np.ndarray]
 WITNESS, TIPS = 'witness.', 'tips.'
 FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
-RESIDUALS = 'local', TIPS + 'local'
-"""Tables that calibrations of earlier releases added to places and forces. Nothing reads them any more."""
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
 RANGES['pressed_n'] = RANGES['hardest_n']
@@ -178,6 +176,8 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     if response.unsure is not None:
         arrays['unsure'] = response.unsure.astype(np.float16)
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
+    if correction.local is not None:
+        arrays['local'] = np.asarray(correction.local, np.float32)
     carried = {}
     if readout.carried is not None:
         arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
@@ -204,12 +204,13 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
     streak = Streak(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
+    local = arrays['local'].astype(float) if 'local' in arrays else None
     carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
         arrays['doubt'].astype(float),
-        Correction(arrays['correction'].astype(float), **said['correction']),
+        Correction(arrays['correction'].astype(float), **said['correction'], local=local),
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],

@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.local import between
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -51,11 +52,13 @@ class Correction:
 
     Of the fourth degree in x and y, of the second where they are multiplied with the force; `reach_mm` and `hardest_n`
     are what counts as 1, in distances and forces of the gel that they were measured on. A place beyond counts as there.
+    `local` is added after that by the place alone, x, y and share alike: a table from minus to plus the reach.
     """
 
     terms: Float[np.ndarray, 'terms 3']
     reach_mm: float
     hardest_n: float
+    local: Float[np.ndarray, 'rows cols 3'] | None = None
 
     @classmethod
     def none(cls, reach_mm: float, hardest_n: float) -> Correction:
@@ -75,6 +78,10 @@ class Correction:
         added = self.powers(contacts, self.reach_mm, self.hardest_n) @ self.terms
         added[:, 2] *= contacts[:, 2]
         corrected: np.ndarray = contacts + added
+        if self.local is not None:
+            further = between(self.local, corrected[:, :2] / self.reach_mm)
+            further[:, 2] *= corrected[:, 2]
+            corrected += further
         return corrected
 
 
@@ -121,7 +128,7 @@ class AxisymmetricReadout:
     @property
     def parameter_count(self) -> int:
         """Profiles, places and couplings, correction, doubt, and the scaling of the regions."""
-        correction = self.correction.terms.size
+        correction = self.correction.terms.size + (0 if self.correction.local is None else self.correction.local.size)
         return self.response.parameter_count + correction + self.doubt.size + 2 * self.scaling.mean.size
 
     def require_fit(self, features: int, bins: BinGrid) -> None:

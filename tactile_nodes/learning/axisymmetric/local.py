@@ -1,0 +1,73 @@
+"""The local residuals of a calibrated readout, at its own presses, interpolated to places nearby.
+
+Every press of a calibration has a known place and force, so how far off the readout is there is known but for noise.
+Part of it is the gel's own: single markers, which profiles that are alike everywhere cannot follow. Presses nearby
+share it. It is interpolated as a Gaussian process (Rasmussen and Williams, Gaussian Processes for Machine Learning,
+2006, section 2.2) with a table as the result, and fades away from presses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from tactile_nodes.learning.axisymmetric.calibration import LEAST_FORCE_N
+from tactile_nodes.learning.axisymmetric.regions import Presses
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Seen
+from tactile_nodes.sensing.explain.uncertainty import Calibration
+
+ALIKE_MM = 2.5
+"""Distance at which errors are alike by 0.61; 1.5 to 4 mm are about as good on development gels."""
+OWN, OF_A_PICTURE = 0.3, 0.7
+"""Variances beside that of what is alike nearby: of each press, and of the noise of one picture."""
+FARTHEST = 4.0
+"""Times the median: what is further off counts as so far, since it may be the press that is wrong."""
+NODES = 29
+
+
+def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.ndarray, ' n']) -> AxisymmetricReadout:
+    """The readout with a table that takes away what it gets wrong at presses, which are means of so many pictures.
+
+    A table that it has already is added to.
+    """
+    raw = replace(readout, calibration=Calibration(), most_contacts=1)
+    seen = [Seen(*each) for each in zip(presses.motion, raw.certainty_of(presses.certainty > 0), strict=True)]
+    usable = np.flatnonzero([each.enough for each in seen])
+    if not len(usable):
+        return readout
+    found = np.stack([raw.fit(seen[number]).contacts[0] for number in usable.tolist()])
+    # In distances and forces of the gel that the profiles were measured on, as corrections are.
+    truth, told = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
+    table = interpolated(truth[:, :2], wrong_by(told, truth), pictures[usable], readout.correction.reach_mm)
+    if readout.correction.local is not None:
+        table = readout.correction.local + table
+    return replace(readout, correction=replace(readout.correction, local=table))
+
+
+def wrong_by(told: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+    """What is to be added to contacts as told: x, y and a share of the force; what is far off counts as less far."""
+    wrong = truth - told
+    wrong[:, 2] /= np.maximum(told[:, 2], LEAST_FORCE_N)
+    farthest = FARTHEST * np.median(np.abs(wrong), axis=0)
+    return np.asarray(np.clip(wrong, -farthest, farthest))
+
+
+def interpolated(
+    places: Float[np.ndarray, 'n 2'],
+    values: Float[np.ndarray, 'n values'],
+    pictures: Int[np.ndarray, ' n'],
+    reach_mm: float,
+) -> Float[np.ndarray, 'nodes nodes values']:
+    """What values at places are expected to be on a grid, from minus to plus the reach along x and y."""
+    along = np.linspace(-reach_mm, reach_mm, NODES)
+    grid = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    own = np.diag(OWN + OF_A_PICTURE / pictures)
+    table: np.ndarray = _alike(grid, places) @ np.linalg.solve(_alike(places, places) + own, values)
+    return table.reshape(NODES, NODES, -1)
+
+
+def _alike(some: Float[np.ndarray, 'm 2'], others: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'm n']:
+    squared = np.square(some[:, None] - others).sum(axis=-1)
+    return np.asarray(np.exp(-squared / (2 * ALIKE_MM**2)))

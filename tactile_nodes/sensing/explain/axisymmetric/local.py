@@ -1,0 +1,20 @@
+"""What is added to contacts by their places alone: a table over the surface, linear between its entries."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+
+def between(
+    table: Float[np.ndarray, 'rows cols values'], places: Float[np.ndarray, 'n 2']
+) -> Float[np.ndarray, 'n values']:
+    """The values at places, x and y from -1 (first column and row) to 1 (last ones). A place beyond counts as there."""
+    rows, cols = table.shape[:2]
+    x, y = ((np.clip(places, -1.0, 1.0) + 1) / 2 * np.array([cols - 1, rows - 1])).T
+    col, row = (np.minimum(each.astype(int), count - 2) for each, count in ((x, cols), (y, rows)))
+    right, down = (x - col)[:, None], (y - row)[:, None]
+    above = (1 - right) * table[row, col] + right * table[row, col + 1]
+    below = (1 - right) * table[row + 1, col] + right * table[row + 1, col + 1]
+    values: np.ndarray = (1 - down) * above + down * below
+    return values
