@@ -226,7 +226,7 @@ class RestImages:
         if image is not None:
             image = self._tracker.dead.renewed(image) if registration.straightening is None else image
             due_ns = at_ns + round(PREPARE_S * NS_PER_S)
-            self._coming = Coming(self._tracker, image, due_ns, self._renewal.noise)
+            self._coming = Coming(self._tracker, image, due_ns)
 
     @property
     def _beside_another(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.rest.prepared import PreparedRest
@@ -15,7 +15,7 @@ from tactile_nodes.sensing.tracking import FeatureTracker
 class Coming:
     """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
 
-    `offset` is where it lies beside the first rest image; `noise` is what it has more of than one of many frames.
+    `offset` is where it lies beside the first rest image.
     """
 
     def __init__(
@@ -23,16 +23,14 @@ class Coming:
         tracker: FeatureTracker,
         image: UInt8[np.ndarray, 'h w'],
         due_ns: int,
-        noise: Float32[np.ndarray, 'h w'] | None = None,
     ) -> None:
         self.due_ns = due_ns
         registration = tracker.registration
         self.offset = registration.beside_frame if registration else None
         self.motion = registration.motion if registration else None
         self._found: PreparedRest | ImageError | None = None
-        made_of = tracker, image, noise
         # Some 0.1 s that a process waits for when it ends: to end within compiled code would abort it.
-        self._thread = threading.Thread(target=self._prepare, args=made_of, name='rest image')
+        self._thread = threading.Thread(target=self._prepare, args=(tracker, image), name='rest image')
         self._thread.start()
 
     def prepared(self) -> PreparedRest:
@@ -47,8 +45,8 @@ class Coming:
         assert self._found is not None
         return self._found
 
-    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w'], noise: np.ndarray | None) -> None:
+    def _prepare(self, tracker: FeatureTracker, image: UInt8[np.ndarray, 'h w']) -> None:
         try:
-            self._found = tracker.prepared(image, noise=noise)
+            self._found = tracker.prepared(image)
         except ImageError as error:
             self._found = error

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
-from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod, require_like
 from tactile_nodes.sensing.picture.dead_pixels import DeadPixels
 from tactile_nodes.sensing.picture.motion import PictureMotion
@@ -122,12 +121,8 @@ class FeatureTracker:
         """
         self.use(self.prepared(image))
 
-    def prepared(
-        self, image: UInt8[np.ndarray, 'h w'], *, noise: Float32[np.ndarray, 'h w'] | None = None
-    ) -> PreparedRest:
+    def prepared(self, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
         """All that is computed of a rest image beforehand, some 0.1 s; in any thread, beside the one in use.
-
-        `noise` is what it has more of than those of a training.
 
         Raises:
             ImageError: it shows nothing that can be measured against.
@@ -140,8 +135,6 @@ class FeatureTracker:
         if check is not None:
             check.set_reference(image)
         flow = self._measuring.flow_beside(image)
-        if noise is not None and isinstance(flow, InverseCompositionalFlow):
-            flow.allow_for_noise(noise)
         own = flow.displacement(image)
         registering = None if self.registration is None else Registered(image, own, compiled=self.compiled)
         return PreparedRest(image, flow, encoding, check, own, registering)

@@ -135,22 +135,6 @@ def test_one_who_computes_compiled_changes_no_bit_of_one_who_does_not(speckle: n
 
 
 @needs_numba
-def test_the_same_motion_is_seen_beside_a_rest_image_whose_noise_is_allowed_for(speckle: np.ndarray):
-    moving, noise = moved(speckle, 0.4, -0.3), np.random.default_rng(0).normal(0, 3, speckle.shape)
-
-    def seen(compiled: bool) -> tuple[np.ndarray, np.ndarray]:
-        flow = InverseCompositionalFlow(compiled=compiled)
-        flow.set_reference(speckle)
-        beside = flow.displacement(moving).displacement_px
-        flow.allow_for_noise(noise.astype(np.float32))
-        return flow.displacement(moving).displacement_px, beside
-
-    (plain, beside), (compiled, _) = both(seen)
-    assert abs(plain.mean(axis=(0, 1)) / beside.mean(axis=(0, 1)) - 1).max() > 0.01
-    np.testing.assert_allclose(compiled, plain, atol=2e-3)
-
-
-@needs_numba
 @pytest.mark.parametrize('about_none', [True, False])
 def test_the_same_common_motion_is_found(about_none: bool):
     fits = [MotionFit((440, 400), 10, 10, compiled=compiled) for compiled in (False, True)]

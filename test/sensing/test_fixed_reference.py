@@ -9,7 +9,6 @@ import pytest
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 
 NAME = 'inverse_compositional'
@@ -159,28 +158,3 @@ def test_somebody_elses_speckle_moves_as_commanded(shared_data: Path, frame: str
     )
     found = middle_of(flow_of(rest, **SMALL), image)
     np.testing.assert_allclose(np.median(found, axis=(0, 1)), [shift, -shift], atol=0.01 if shift < 2 else 0.05)
-
-
-@pytest.mark.parametrize(('options', 'grey'), [({}, 3), (SMALL, 6)])
-def test_noise_of_a_rest_image_that_is_allowed_for_takes_nothing_of_the_motion(speckle: np.ndarray, options, grey):
-    """Noise does not move: beside pattern of S (squared gradients) motion is read by S / (S + N) as far."""
-    noise = np.random.default_rng(4).normal(0, grey, speckle.shape).astype(np.float32)
-    rest = np.clip(np.round(speckle + noise), 0, 255).astype(np.uint8)
-    told = np.random.default_rng(5).normal(0, grey, speckle.shape).astype(np.float32)  # as strong, pixels are others
-    flow, moved = make_flow(NAME, options), shifted(speckle, 0.3, -0.2)
-    assert isinstance(flow, InverseCompositionalFlow)
-    flow.set_reference(rest)
-    short = middle_of(flow, moved).mean(axis=(0, 1))
-    flow.allow_for_noise(told)
-    mended = middle_of(flow, moved).mean(axis=(0, 1))
-    assert (np.abs(short) < 0.98 * np.array([0.3, 0.2])).all()
-    np.testing.assert_allclose(mended, [0.3, -0.2], rtol=0.025)
-
-
-def test_no_noise_changes_no_motion(speckle: np.ndarray):
-    flow, moved = make_flow(NAME, {}), shifted(speckle, 0.3, -0.2)
-    assert isinstance(flow, InverseCompositionalFlow)
-    flow.set_reference(speckle)
-    before = flow.displacement(moved).displacement_px
-    flow.allow_for_noise(np.zeros(speckle.shape, np.float32))
-    np.testing.assert_allclose(flow.displacement(moved).displacement_px, before, atol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.rest.reference import RestAccumulator, average, content_id
+from tactile_nodes.sensing.rest.reference import average, content_id
 
 
 def test_frames_are_averaged_and_rounded():
@@ -42,24 +42,3 @@ def test_one_changed_pixel_changes_the_name():
 
 def test_the_same_pixels_in_another_size_have_another_name():
     assert content_id(np.zeros((4, 6), np.uint8)) != content_id(np.zeros((6, 4), np.uint8))
-
-
-def noisy(number: int, grey: np.ndarray) -> np.ndarray:
-    noise = np.random.default_rng(number).normal(0, 6, grey.shape)
-    return np.clip(np.round(grey + noise), 0, 255).astype(np.uint8)
-
-
-@pytest.mark.parametrize(('frames', 'grey'), [(4, 6 / 2), (5, 6 * (1 / 2 + 1 / 3) ** 0.5 / 2), (16, 6 / 4)])
-def test_frames_tell_how_noisy_their_mean_is(frames: int, grey: float):
-    """Half of the difference of two means has the variance of the noise times (1/n + 1/m) / 4, with n + m frames."""
-    accumulator = RestAccumulator()
-    for number in range(frames):
-        accumulator.add(noisy(number, np.full((200, 200), 100.0)))
-    assert accumulator.noise().std() == pytest.approx(grey, rel=0.05)
-
-
-def test_light_that_flickers_is_no_noise_of_a_mean():
-    accumulator, picture = RestAccumulator(), np.random.default_rng(9).uniform(40, 160, (200, 200))
-    for number in range(4):
-        accumulator.add(noisy(number, picture * (1 + 0.1 * (number % 2))))
-    assert accumulator.noise().std() == pytest.approx(6 / 2, rel=0.05)

@@ -92,16 +92,3 @@ def test_a_captured_rest_image_and_a_refined_one_are_not_taken_once_more() -> No
     renewal = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=(6,)))
     renewal.taken(0, renewed=True)  # the captured one, which has returned
     assert all(renewal.offer(IMAGE, number * S // 30, STILL) is None for number in range(1, 60))
-
-
-def test_a_rest_image_of_few_frames_tells_the_noise_that_many_would_not_have() -> None:
-    """Of 4 frames the variance is 1/4 of a frame's, of 16 it is 1/16: 3/16 more, 2.6 grey for noise of 6."""
-    renewal, random = Renewal(RenewalOptions(frames=4, least_s=0.1, refined=(8, 16))), np.random.default_rng(2)
-    renewal.taken(0, renewed=False)
-    told = []
-    for number, each in enumerate([DIMMER] * 4 + [STILL] * 16, 1):
-        frame = np.clip(np.round(random.normal(100, 6, (200, 200))), 0, 255).astype(np.uint8)
-        if renewal.offer(frame, number * S // 30, each) is not None:
-            renewal.taken(number * S // 30, renewed=True)
-            told.append(None if renewal.noise is None else round(float(renewal.noise.std()), 1))
-    assert told == [2.6, 1.5, None]

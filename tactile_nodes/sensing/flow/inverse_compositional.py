@@ -118,11 +118,6 @@ class InverseCompositionalFlow:
             (OWN_WORTH, LEAST_AROUND, 2.0**options.finest_scale),
         )  # fmt: skip
 
-    def allow_for_noise(self, noise: Float32[np.ndarray, 'h w']) -> None:
-        """Measure as beside a rest image without this noise, which counts as pattern that does not move."""
-        self._templates.allow_for_noise(self._moving(noise))
-        self._for_loops = (*self._for_loops[:2], self._templates.for_loops, *self._for_loops[3:])
-
     def _moving(self, image: np.ndarray) -> Moved:
         """A picture, at the resolution that is measured, moved right and down."""
         full, scale = image.astype(np.float32), self._options.finest_scale

@@ -32,9 +32,6 @@ LEAST_GAIN = 0.1
 MARKER_FREE_GREY = 0.05
 """Root mean square gradient (grey levels per pixel) below which a patch counts as if it had this one."""
 
-MOST_NOISE = 0.2
-"""No more of what a patch shows is taken for noise."""
-
 SINC_REACH_PX = 8
 
 Moved = Callable[[float, float], Float32[np.ndarray, 'h w']]
@@ -95,21 +92,8 @@ class Templates:
             np.float32
         )
         self._unmix = _inverse(triangle, MARKER_FREE_GREY * grid.window_px)
-        self._reading = self._unmix
         self._mend = self._calibrated(moved)
         self._numbers = np.arange(len(self._basis))
-
-    def allow_for_noise(self, moved: Moved) -> None:
-        """Take noise of the rest image, moved as it was, for no pattern: it does not move, and motion is read short.
-
-        Of the patterns' products among each other, which motion is read by, it takes those of the noise away.
-        """
-        noise = self._model(moved)
-        inverse = self._reading.transpose(2, 0, 1).astype(np.float64)
-        share = inverse @ inverse.transpose(0, 2, 1) @ (noise.transpose(0, 2, 1) @ noise)
-        share *= np.minimum(1, MOST_NOISE / np.maximum(np.abs(share).sum(axis=2).max(axis=1), 1e-9))[:, None, None]
-        without = np.linalg.solve(np.eye(3) - share, inverse)
-        self._reading = np.ascontiguousarray(without.transpose(1, 2, 0), np.float32)
 
     def _model(self, moved: Moved) -> np.ndarray:
         """T, dT/du and dT/dv of each patch, (patches, pixels, 3), each without its mean."""
@@ -142,7 +126,7 @@ class Templates:
         total = np.einsum('pn->p', pixels)
         contrast = np.einsum('pn,pn->p', pixels, pixels) - total * total / np.float32(pixels.shape[1])
         explained = np.einsum('kp,kp->p', part, part) / np.maximum(contrast, 1)
-        unmixed = np.einsum('jkp,kp->jp', self._reading[:, :, which], part)
+        unmixed = np.einsum('jkp,kp->jp', self._unmix[:, :, which], part)
         answer = unmixed[1:] / np.maximum(unmixed[0], LEAST_GAIN)
         return np.clip(answer, -LARGEST_ANSWER_PX, LARGEST_ANSWER_PX, out=answer), explained
 
@@ -178,7 +162,7 @@ class Templates:
     @property
     def for_loops(self) -> tuple[np.ndarray, ...]:
         """Templates as whole numbers, what one of them is, and how motion follows: see `loops.patches`."""
-        return self._whole, self._unit, self._reading, self._mend
+        return self._whole, self._unit, self._unmix, self._mend
 
 
 def rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches some pixels'], Float32[np.ndarray, 'patches some']]:

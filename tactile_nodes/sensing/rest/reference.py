@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from tactile_nodes.errors import ImageError
 
@@ -31,7 +31,6 @@ class RestAccumulator:
 
     def __init__(self) -> None:
         self._sum: np.ndarray | None = None
-        self._others: np.ndarray
         self.count = 0
 
     def add(self, frame: UInt8[np.ndarray, 'h w']) -> None:
@@ -41,15 +40,13 @@ class RestAccumulator:
             ImageError: it has another size than the frames before.
         """
         if self._sum is None:
-            self._sum, self._others = np.zeros((2, *frame.shape), np.uint32)
+            self._sum = np.zeros(frame.shape, np.uint32)
         if frame.shape != self._sum.shape:
             raise ImageError(
                 f'the frames for the rest image differ in size, {frame.shape[::-1]} after {self._sum.shape[::-1]}; '
                 'leave the camera settings alone while the rest image is captured'
             )
         self._sum += frame
-        if self.count % 2:
-            self._others += frame
         self.count += 1
 
     def image(self) -> UInt8[np.ndarray, 'h w']:
@@ -62,24 +59,6 @@ class RestAccumulator:
             raise ImageError('there is no frame to make a rest image of; check that the camera delivers images')
         mean: np.ndarray = ((2 * self._sum + self.count) // (2 * self.count)).astype(np.uint8)
         return mean
-
-    def noise(self) -> Float32[np.ndarray, 'h w']:
-        """Half of what every other frame differs by from the rest, of two frames at least: as noisy as the mean, of
-        which it shows nothing. What changes evenly over the picture (a lamp that flickers) is taken out."""
-        assert self._sum is not None and self.count > 1
-        many = self.count // 2
-        others, rest, mean = (
-            (each / np.float32(count)).astype(np.float32)
-            for each, count in (
-                (self._others, many),
-                (self._sum - self._others, self.count - many),
-                (self._sum, self.count),
-            )
-        )
-        apart, varies = rest - others, mean - mean.mean()
-        apart -= apart.mean() + varies * (np.vdot(varies, apart) / max(float(np.vdot(varies, varies)), 1.0))
-        noise: np.ndarray = apart / np.float32(2)
-        return noise
 
 
 def content_id(image: UInt8[np.ndarray, 'h w']) -> str:

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from tactile_nodes.sensing.rest.reference import RestAccumulator
 
@@ -26,7 +26,7 @@ class RenewalOptions:
     and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
     for `after_s`. The noise of few frames makes motion seem less, in a picture that lost contrast by a hundredth, so a
     renewed rest image is taken once more, of the first `refined` frames that are surely at rest beside it, touches
-    between them or not, and again of more of them. Until then motion is measured with that noise allowed for.
+    between them or not, and again of more of them.
     """
 
     frames: int = 4
@@ -51,11 +51,7 @@ class Rested:
 
 
 class Renewal:
-    """Collects frames at rest, and gives their mean when a new rest image is due.
-
-    `noise` is what the last one has more of than one of the most frames that are averaged, pixel by pixel; None where
-    it has no more.
-    """
+    """Collects frames at rest, and gives their mean when a new rest image is due."""
 
     def __init__(self, options: RenewalOptions | None = None) -> None:
         self._options = options or RenewalOptions()
@@ -65,7 +61,6 @@ class Renewal:
         self._apart_s = 0.0
         self._straightening: object = None
         self._begin()
-        self.noise: Float32[np.ndarray, 'h w'] | None = None
         self._offered, self._refining, self._again = 0, False, False
         self._finer = RestAccumulator()
 
@@ -117,10 +112,8 @@ class Renewal:
         return self._finished(self._finer)
 
     def _finished(self, frames: RestAccumulator) -> UInt8[np.ndarray, 'h w']:
-        """Their mean; its noise is kept."""
+        """Their mean."""
         self._offered = frames.count
-        beyond = 1 - frames.count / self._options.refined[-1]
-        self.noise = frames.noise() * np.float32(math.sqrt(beyond)) if beyond > 0 and frames.count > 1 else None
         return frames.image()
 
     def _fits(self, stamp_ns: int, rested: Rested) -> bool:
