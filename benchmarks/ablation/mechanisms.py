@@ -95,6 +95,11 @@ def _never(*_: Any, **__: Any) -> bool:
     return False
 
 
+def _uncalibrated(self: Any, _: Any) -> Any:
+    """No polynomial: nothing is added to the linear answers."""
+    return np.zeros((2, 9, len(self._basis)), np.float32)
+
+
 def _nothing(*_: Any, **__: Any) -> None:
     return None
 
@@ -154,6 +159,21 @@ MECHANISMS = (
         (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
     ),
     Mechanism(
+        'a new rest image refined', 'averaged again over more frames at rest',
+        (), instead(f'{SENSING}.rest.renewal:Renewal._refined', _nothing),
+        ('none', 'blur 1', 'brightness 0.7', 'markers gone 20', 'gel re-seated 1', 'camera shifted 1'),
+    ),
+    Mechanism(
+        'what patches are off by after a knock', 'averaged over the first frames at rest, and subtracted',
+        (), instead(f'{SENSING}.picture.registration:Registration._take_offset', _nothing),
+        ('none', 'camera shifted 1', 'camera turned 1', 'gel re-seated 0.1', 'gel swollen 0.1'),
+    ),
+    Mechanism(
+        'calibrated patches', 'a polynomial makes the linear answer of each patch true',
+        (), instead(f'{SENSING}.flow.patches:Templates._calibrated', _uncalibrated),
+        ('none', 'camera shifted 1'), contacts=True,
+    ),
+    Mechanism(
         'dead pixels', 'filled in from their neighbours',
         ('sensing/picture/dead_pixels.py',),
         all_of(
@@ -172,7 +192,7 @@ MECHANISMS = (
         'dented rest image', 'told by what the first frames beside it move towards',
         ('sensing/picture/dented_rest.py',),
         instead(f'{SENSING}.picture.dented_rest:DentedRest._take', _nothing),
-        ('none', 'taken while touched 0.3', 'taken while touched 1'),
+        ('none', 'taken while touched 0.1', 'taken while touched 0.3', 'touched in its first frames 2'),
     ),
     Mechanism(
         'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as unlike',
