@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -154,11 +153,6 @@ class Timeline:
     def end_ns(self) -> int:
         """When it comes to rest; 0 if it never moved."""
         return self._segments[-1].end_ns if self._segments else 0
-
-    @property
-    def segments(self) -> Sequence[Segment]:
-        """All lines that are kept."""
-        return self._segments
 
     def append(self, segment: Segment) -> None:
         """Go on along a line, which starts when the last has come to rest and where it ended."""

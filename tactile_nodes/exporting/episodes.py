@@ -13,7 +13,6 @@ from tactile_nodes.exporting.source import Source
 from tactile_nodes.messages import stamp_ns, types
 
 BAG, PRESSES = 'bag', 'presses'
-CUTS = (BAG, PRESSES)
 
 
 def find_episodes(source: Source, cut: str) -> list[Episode]:

@@ -16,7 +16,6 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S
 
 PREVIOUS, NEAREST = 'previous', 'nearest'
-PICKS = (PREVIOUS, NEAREST)
 _NEVER_NS = 2**63 - 1
 WAIT_NS = 2 * NS_PER_S
 """A frame waits for messages of so much later: that which is nearest may be one of them."""

@@ -31,10 +31,9 @@ LOOK_EVERY, NO_TOUCH = 4, 40.0
 MOST_LIGHT_SHARE = 0.05
 """A dense search takes light for motion: where any block of the picture is brighter or darker by more, it is off."""
 
-MOST_NOISE, NOISE_GONE = 1.3, 1.15
+MOST_NOISE = 1.3
 """What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
-within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3. What was above the
-first is noisy until it is below the second."""
+within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3."""
 
 BEYOND_NOISE = 4.5
 """So many times as much is another picture: noise of four times leaves 3.7, of eight 7.1, JPEG of quality 30 leaves 5.0
@@ -68,7 +67,7 @@ class RestImages:
         self._changed = self._blurred = False
         self._added: float | None = None
         self._seen, self._gone, self._noise_grey, self._unlooked = 0, False, 0.0, 0
-        self._odd = self._noisy = self._soft = False
+        self._odd = self._soft = False
         self._coming: Coming | None = None
         self._announced: types.Image | None = None
         self.trouble, self.renewed = '', False
@@ -150,7 +149,6 @@ class RestImages:
         usual = self._noise_grey = self._noise_grey or seen.noise_grey
         noisy = seen.noise_grey > MOST_NOISE * usual
         self._odd = seen.unexplained or noisy
-        self._noisy = seen.noise_grey > (NOISE_GONE if self._noisy else MOST_NOISE) * usual
         other_light = self._dense and seen.light_share > MOST_LIGHT_SHARE
         self._changed |= other_light
         # What blur takes of the pattern no lamp brings back.
@@ -203,7 +201,6 @@ class RestImages:
         beside = self._now.near(level, sharp)
         self._changed, self._blurred = beside.light or beside.blurred, beside.blurred
         told = beside | self._captured.far(level, sharp)
-        self._noisy |= told.noisy
         self._soft = told.blurred
         other = beside or self._captured.as_sharp(sharp, of=self._now.sharpness)
         if other and self._beside_another and not self._captured.near(level, sharp):
@@ -263,7 +260,7 @@ class RestImages:
         if not renewed:
             self._coming, self._captured, self._first = None, self._now, self._tracker.rest
             self._seen, self._noise_grey = 0, 0.0
-            self._gone = self._odd = self._noisy = self._soft = False
+            self._gone = self._odd = self._soft = False
         if self._renewal is not None:
             self._renewal.taken(stamp_ns(head.stamp), renewed=renewed)
         self._announced = conversions.image_message(image, head)

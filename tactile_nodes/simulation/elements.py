@@ -40,16 +40,6 @@ class Mesh:
     def unknowns(self) -> int:
         return 2 * self.nodes[0] * self.nodes[1]
 
-    @property
-    def node_across_mm(self) -> Float[np.ndarray, ' nodes']:
-        """Where the columns of nodes are."""
-        return with_middles(self.across_mm)
-
-    @property
-    def node_z_mm(self) -> Float[np.ndarray, ' nodes']:
-        """Where the rows of nodes are."""
-        return with_middles(self.z_mm)
-
 
 def with_middles(lines: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' m']:
     """The lines and the middles between them, in order."""

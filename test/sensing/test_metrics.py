@@ -39,16 +39,6 @@ def test_total_errors_are_predicted_minus_true():
     assert errors.tolist() == [-0.25]
 
 
-def test_latencies_are_summarised_in_milliseconds():
-    summary = metrics.summarise_latencies([1_000_000, 2_000_000, 3_000_000])
-    assert (summary.count, summary.p50_ms, summary.largest_ms) == (3, 2.0, 3.0)
-    assert summary.p99_ms == pytest.approx(2.98)
-
-
-def test_no_latencies_have_no_summary():
-    assert np.isnan(metrics.summarise_latencies([]).p50_ms)
-
-
 def test_the_interval_of_ninety_per_cent_reaches_1_645_standard_deviations():
     assert metrics.interval_factor() == pytest.approx(1.645, abs=1e-3)
 

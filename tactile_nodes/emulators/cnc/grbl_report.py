@@ -32,10 +32,6 @@ class StatusReports:
         self._until_offset = 0
         self._until_overrides = 0
 
-    def offset_changed(self) -> None:
-        """The next report tells the work offset."""
-        self._until_offset = 0
-
     def text(self, now: Snapshot, mask: int, inches: bool) -> str:
         """One report, without its line end."""
         return '<' + '|'.join(self._fields(now, mask, inches)) + '>'

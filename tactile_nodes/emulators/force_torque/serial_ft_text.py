@@ -8,7 +8,6 @@ from tactile_nodes.emulators.world import WrenchSource
 
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 HX711_MAX, HX711_MIN = 0x7F_FFFF, -0x80_0000
-HX711_RATES_HZ = (10.0, 80.0)
 SETTLING = 4  # conversions of an HX711 until a step is fully seen
 
 

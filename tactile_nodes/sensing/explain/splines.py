@@ -99,19 +99,6 @@ def value_and_slopes(
     return result
 
 
-def value_of(
-    axes: tuple[SplineAxis, SplineAxis, SplineAxis],
-    coefficients: Float32[np.ndarray, 'nx ny ns outputs'],
-    at: Sequence[float],
-) -> Float[np.ndarray, ' outputs']:
-    """The function alone."""
-    (i, t), (j, u), (k, v) = (axis.place(value) for axis, value in zip(axes, at, strict=True))
-    x, y, s = (_CUBIC @ np.array([[1.0, 1.0, 1.0], [t, u, v], [t * t, u * u, v * v], [t**3, u**3, v**3]])).T
-    block = coefficients[i : i + 4, j : j + 4, k : k + 4].reshape(64, -1)
-    value: np.ndarray = (x[:, None, None] * y[:, None] * s).reshape(64).astype(np.float32) @ block
-    return value
-
-
 def laplacian(
     axes: tuple[SplineAxis, SplineAxis, SplineAxis],
     coefficients: Float32[np.ndarray, 'nx ny ns outputs'],
