@@ -166,7 +166,8 @@ def _answer(
     writer, calibration, response = components.writer, readout.calibration, readout.response
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
-    noise = _gained(response, components, place, misfit) < calibration.least_gain
+    noisier = (misfit / (USUAL_MISFIT * calibration.misfit_limit**2)).most(1)
+    noise = _gained(response, components, place, misfit) < noisier * calibration.least_gain
     told, other = _told(readout, components, place, cofactors / determinant, misfit.cast(np.float64))
     told = noise.where(place, told)
     height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power

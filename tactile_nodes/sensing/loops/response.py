@@ -255,7 +255,8 @@ def read(
     )
     count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
-    touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3]
+    noisier = max(1.0, misfit / numbers[19])
+    touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noisier
     if touching:
         told = np.empty_like(found)
         other = other_than_tips(components, found, information, misfit, response, shifts, numbers[14:], told)

@@ -195,7 +195,8 @@ class ResponseReadout:
         fit, limits = self.fit(components), self.likeness
         left_over = seen.left_over / (limits.floor + limits.share * seen.size)
         unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
-        if self.gain(components, fit) < self.calibration.least_gain:
+        noisier = Left(fit.misfit, self._usual_misfit, len(self.whitening)).noise_without(0.0)
+        if self.gain(components, fit) < self.calibration.least_gain * noisier:
             contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
             shape = shape_of(self.response, self.shifts, components, fit)
