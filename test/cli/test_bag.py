@@ -18,7 +18,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli import bag as command
-from tactile_nodes.cli.bag import sessions as bag_sessions
+from tactile_nodes.cli.session import ended_by_signals
 from tactile_nodes.messages import types
 
 FORCE = 'tactile_nodes/msg/ForceDistribution'
@@ -165,8 +165,8 @@ def test_a_recording_that_a_bug_ends_has_exit_status_1(tmp_path: Path) -> None:
     assert process.returncode == 1
 
 
-def test_a_signal_that_comes_in_the_middle_of_waiting_for_one_is_heard(run_folder: Path) -> None:
-    with bag_sessions._bus_and_end() as (_, done):
+def test_a_signal_that_comes_in_the_middle_of_waiting_for_one_is_heard() -> None:
+    with ended_by_signals() as done:
         with done._cond:  # as the main thread holds it for an instant whenever it begins to wait, or is told again
             signal.raise_signal(signal.SIGINT)
         assert done.wait(20.0)

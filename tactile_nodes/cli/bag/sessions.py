@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 import select
-import signal
 import sys
 import termios
 import threading
@@ -13,13 +12,12 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from queue import SimpleQueue
 
 from tactile_nodes.bag.recording import describe
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.node import Node
-from tactile_nodes.bus.node.runtime import open_bus, run_until
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.node.runtime import run_until
+from tactile_nodes.cli.session import ended_by_signals, joined
 from tactile_nodes.clock import NS_PER_S, monotonic_s
 from tactile_nodes.errors import BagError
 from tactile_nodes.nodes.player import PlayerNode
@@ -43,7 +41,7 @@ def record(arguments: argparse.Namespace) -> int:
         'max_file_bytes': arguments.max_bag_size,
         'max_file_s': arguments.max_bag_duration,
     }
-    with _bus_and_end() as (bus, done):
+    with ended_by_signals() as done, joined() as bus:
         node = RecorderNode(bus, _node_arguments(parameters))
         end_s = monotonic_s() + arguments.duration if arguments.duration > 0 else float('inf')
 
@@ -67,7 +65,7 @@ def play(arguments: argparse.Namespace) -> int:
         'topics': arguments.topics,
         'remap': arguments.remap,
     }
-    with _bus_and_end() as (bus, done):
+    with ended_by_signals() as done, joined() as bus:
         node = PlayerNode(bus, _node_arguments(parameters))
         with _keys(node, done), _watched(done, lambda: _playing_line(node)):
             return run_until([node], done)  # the node has said why
@@ -76,26 +74,6 @@ def play(arguments: argparse.Namespace) -> int:
 def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
     located = {name: Located(value, 'command line') for name, value in parameters.items()}
     return NodeArguments(parameters=(NodeParameters('/**', located),))
-
-
-@contextmanager
-def _bus_and_end() -> Iterator[tuple[Bus, threading.Event]]:
-    done = threading.Event()
-    asked: SimpleQueue[None] = SimpleQueue()  # a signal may come while this thread holds the lock of `done`
-
-    def end() -> None:
-        asked.get()
-        done.set()
-
-    threading.Thread(target=end, name='ending', daemon=True).start()
-    before = {number: signal.signal(number, lambda *_: asked.put(None)) for number in (signal.SIGINT, signal.SIGTERM)}
-    bus = open_bus()
-    try:
-        yield bus, done
-    finally:
-        bus.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _recording_line(node: RecorderNode) -> str:

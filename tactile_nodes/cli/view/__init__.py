@@ -9,12 +9,12 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import completed, joined, own_name, positive_float
+from tactile_nodes.cli.session import completed, ended_by_signals, joined, own_name, positive_float
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,17 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Show until interrupted or the time is over; then say how it went."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     plain = arguments.plain or not can_draw(sys.stdout)
-    with joined() as bus:
+    with joined() as bus, ended_by_signals() as stop:
         state = new_state(bus, absolute_namespace(arguments.namespace))
-        with suppress(KeyboardInterrupt):  # how one leaves it
-            run_view(
-                bus,
-                state,
-                plain=plain,
-                stop=threading.Event(),
-                duration_s=arguments.duration,
-                full_scale_n=arguments.scale,
-            )
+        run_view(bus, state, plain=plain, stop=stop, duration_s=arguments.duration, full_scale_n=arguments.scale)
         print_summary(state, bus.clock.now_ns())
     return 0
 
