@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.ablation.mechanisms import BY_NAME
@@ -40,7 +39,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
     return {
         'does': mechanism.does,
         'files': list(mechanism.files),
-        'lines': mechanism.lines(Path(share_directory())),
+        'lines': mechanism.lines(share_directory()),
         'stays': mechanism.stays,
         'figures': found,
     }

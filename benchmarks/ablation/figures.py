@@ -5,9 +5,10 @@ Both chains of a stream get every picture in turn, so that their times can be co
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -15,21 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.ablation.mechanisms import Mechanism, Switch
-from benchmarks.stability import chain as chains
 from benchmarks.stability.cases import CASES, Case
-from benchmarks.stability.chain import Chain
-from benchmarks.stability.scores import OK, Answer
-from benchmarks.stability.stream import HELD, REST, Change, Plan, World
+from benchmarks.stability.chain import Chain, fresh
+from benchmarks.stability.scores import OK, Answer, score
+from benchmarks.stability.stream import HELD, REST, Change, Plan, World, force_n
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.model import OK_TIMES
 
 if TYPE_CHECKING:
     from benchmarks.transfer.scores import Score
 
 PLAN = Plan(presses=16)
 WITH, WITHOUT = 'with', 'without'
-WRONG_TIMES = 2.0
-"""A force that is further off than so many times the nominal error, and ok, is wrong while it says ok."""
-
 CONTACTS_SEED, CONTACTS_EACH = 101, 8
 """Not those of the page of contacts: nothing is decided on a test set."""
 
@@ -52,7 +50,7 @@ class Side:
     @classmethod
     def begun(cls, switch: Switch, profile: str) -> Side:
         """Made under its switch: models and options are read then."""
-        chains._fresh.cache_clear()
+        fresh.cache_clear()
         with switch():
             return cls(switch, Chain(profile), [], [])
 
@@ -64,11 +62,8 @@ class Side:
             self.spent_ms.append(1e3 * (time.process_time() - begun))
             if (coming := self.chain._following._rest_images._coming) is not None:
                 coming._thread.join()  # under the same switch
-        self.answers.append(Answer.of(moment, message, world.tables))
-
-
-def _as_it_is() -> AbstractContextManager[Any]:
-    return nullcontext()
+        nominal_n = self.chain.nominal_n(force_n(moment, world.tables))
+        self.answers.append(Answer.of(moment, message, world.tables, nominal_n))
 
 
 def change_of(stream: str) -> Change:
@@ -89,14 +84,15 @@ def streams(mechanism: Mechanism, world: World, progress: Progress, plan: Plan =
     with progress.bar(mechanism.name, len(mechanism.streams)) as bar:
         for stream in mechanism.streams:
             for profile, sides in _read(mechanism, stream, world, plan).items():
-                found[f'{profile}, {stream}'] = _compared(sides, change_of(stream))
+                told = {name: _figures(side, change_of(stream)) for name, side in sides.items()}
+                found[f'{profile}, {stream}'] = _beside(told)
             bar.advance(1, stream)
     return found
 
 
 def _read(mechanism: Mechanism, stream: str, world: World, plan: Plan) -> dict[str, dict[str, Side]]:
     change = change_of(stream)
-    switches = {WITH: _as_it_is, WITHOUT: mechanism.off}
+    switches = {WITH: nullcontext, WITHOUT: mechanism.off}
     sides = {
         profile: {name: Side.begun(switch, profile) for name, switch in switches.items()}
         for profile in mechanism.profiles
@@ -106,43 +102,39 @@ def _read(mechanism: Mechanism, stream: str, world: World, plan: Plan) -> dict[s
         for both in sides.values():
             for side in both.values():
                 side.read(moment, picture, values, world)
-    chains._fresh.cache_clear()
+    fresh.cache_clear()
     return sides
 
 
-def _compared(sides: Mapping[str, Side], change: Change) -> Figures:
-    told = {name: _figures(side, change) for name, side in sides.items()}
-    return {figure: {name: told[name][figure] for name in sides} for figure in told[WITH]}
+def _beside(told: Mapping[str, dict[str, float]]) -> Figures:
+    """Figures of both sides, figure by figure."""
+    return {figure: {name: told[name][figure] for name in told} for figure in told[WITH]}
 
 
 def _figures(side: Side, change: Change) -> dict[str, float]:
-    """Of a stream, while its disturbance is there: errors, what was wrong while ok, and the time of a frame."""
+    """Of a stream, while its disturbance is there: its score, what was wrong while ok, and the time of a frame."""
+    found = score(side.answers, change)
     timed = list(zip(side.answers, side.spent_ms, strict=True))
-    acts = [pair for pair in timed if change.endless or change.acts(pair[0].moment)]
-    held = [pair for pair in acts if pair[0].moment.kind == HELD]
-    rest = [pair for pair in acts if pair[0].moment.kind == REST]
-    errors = np.array([answer.error_n for answer, _ in held])
-    known, ok = errors[np.isfinite(errors)], np.array([answer.status == OK for answer, _ in held])
-    limits = np.array([WRONG_TIMES * side.chain.nominal_n(answer.true_n) for answer, _ in held])
-    places = [
-        min((float(np.hypot(place[0] - x, place[1] - y)) for x, y in answer.contacts_mm), default=np.nan)
-        for answer, _ in held for place in answer.true_mm
-    ]  # fmt: skip
+    held, rest = (
+        [pair for pair in timed if pair[0].moment.kind == kind and (change.endless or change.acts(pair[0].moment))]
+        for kind in (HELD, REST)
+    )
+    wrong = [answer.status == OK and not abs(answer.times) <= OK_TIMES for answer, _ in held]
     return {
-        'force error, mN': 1e3 * float(np.sqrt(np.square(known).mean())) if known.size else np.nan,
-        'place, mm': float(np.nanmedian(places)) if np.isfinite(places).any() else np.nan,
-        'frames ok': float(ok.mean()) if ok.size else np.nan,
-        'wrong while ok': float((ok & ~(np.abs(errors) <= limits)).mean()) if ok.size else np.nan,
-        'false contacts': float(np.mean([answer.in_contact for answer, _ in rest])) if rest else np.nan,
-        'CPU in contact, ms': float(np.median([spent for _, spent in held])) if held else np.nan,
-        'CPU at rest, ms': float(np.median([spent for _, spent in rest])) if rest else np.nan,
+        'force error, mN': 1e3 * (math.nan if found.rmse_n is None else found.rmse_n),
+        'place, mm': math.nan if found.place_mm is None else found.place_mm,
+        'frames ok': found.held_ok,
+        'wrong while ok': float(np.mean(wrong)),
+        'false contacts': found.false_share,
+        'CPU in contact, ms': float(np.median([spent for _, spent in held])),
+        'CPU at rest, ms': float(np.median([spent for _, spent in rest])),
     }
 
 
 def contacts(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
     """Of any contact, told by `field` as it ships."""
-    told = {WITH: _contacts_told(_as_it_is, progress), WITHOUT: _contacts_told(mechanism.off, progress)}
-    return {'field, any contact': {figure: {name: told[name][figure] for name in told} for figure in told[WITH]}}
+    told = {WITH: _contacts_told(nullcontext, progress), WITHOUT: _contacts_told(mechanism.off, progress)}
+    return {'field, any contact': _beside(told)}
 
 
 @cache
@@ -155,10 +147,10 @@ def _contacts_told(switch: Switch, progress: Progress) -> dict[str, float]:
 
     gel = Gel(seed=1)
     chosen = cases(gel, CONTACTS_SEED, CONTACTS_EACH, progress)
-    chains._fresh.cache_clear()
+    fresh.cache_clear()
     with switch():
         scores, _ = read({'field': 'field'}, gel, chosen, CONDITIONS[0], progress)
-    chains._fresh.cache_clear()
+    fresh.cache_clear()
     found = summed(scores['field'])
     return {
         'misplaced': found['misplaced'], 'total, mN': 1e3 * found['total_rms_n'],
@@ -177,16 +169,19 @@ TRANSFERRED = {
 
 def transfer(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
     """Of `portable`, calibrated for other gels by some presses: means over the gels."""
-    told = {WITH: _transferred(_as_it_is, progress), WITHOUT: _transferred(mechanism.off, progress)}
+    told = {WITH: _transferred(nullcontext, progress), WITHOUT: _transferred(mechanism.off, progress)}
     return {
-        f'portable, another gel, {count} presses': {
-            figure: {
-                name: unit * float(np.mean([getattr(each, measure) for each in scores if each.presses == count]))
-                for name, scores in told.items()
-            }
-            for figure, (measure, unit) in TRANSFERRED.items()
-        }
+        f'portable, another gel, {count} presses': _beside({
+            name: _means([each for each in scores if each.presses == count]) for name, scores in told.items()
+        })
         for count in COUNTS
+    }  # fmt: skip
+
+
+def _means(scores: Sequence[Score]) -> dict[str, float]:
+    return {
+        figure: unit * float(np.mean([getattr(each, measure) for each in scores]))
+        for figure, (measure, unit) in TRANSFERRED.items()
     }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from tactile_nodes.model_file import LoadedModel, load_model
 
-PACKAGE = 'tactile_nodes'
+PACKAGE, PIPELINE = 'tactile_nodes', 'tactile_nodes.pipeline'
 SENSING, LEARNING, EXPLAIN = f'{PACKAGE}.sensing', f'{PACKAGE}.learning', f'{PACKAGE}.sensing.explain'
 Switch = Callable[[], AbstractContextManager[Any]]
 
@@ -81,9 +81,7 @@ def without(change: Callable[[Any], Any]) -> Switch:
             loaded, model=dataclasses.replace(loaded.model, readout=change(loaded.model.readout))
         )
 
-    return all_of(
-        *(instead(f'{PACKAGE}.{module}:load_model', read) for module in ('pipeline.methods', 'pipeline.estimating'))
-    )
+    return all_of(*(instead(f'{PIPELINE}.{module}:load_model', read) for module in ('methods', 'estimating')))
 
 
 def _first(*given: Any, **_: Any) -> Any:
@@ -143,19 +141,19 @@ MECHANISMS = (
     Mechanism(
         'look at stillness', 'frames in which nothing touches are answered without measuring motion',
         ('sensing/picture/stillness.py', 'sensing/picture/touch_places.py', 'sensing/loops/stillness.py'),
-        instead(f'{PACKAGE}.pipeline.following:make_check', _nothing), CORE,
+        instead(f'{PIPELINE}.following:make_check', _nothing), CORE,
     ),
     Mechanism(
         'registration', "the motion of the whole picture is taken out",
         ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
          'sensing/picture/registered.py', 'sensing/picture/quietness.py'),
-        instead(f'{PACKAGE}.pipeline.following:make_registration', _nothing),
+        instead(f'{PIPELINE}.following:make_registration', _nothing),
         (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
     ),
     Mechanism(
         'rest image taken anew', 'while nothing touches, where light or sharpness changed',
         ('sensing/rest/renewal.py', 'sensing/coming.py', 'sensing/rest/prepared.py'),
-        instead(f'{PACKAGE}.pipeline.rest_images:RestImages._offer_renewal', _nothing),
+        instead(f'{PIPELINE}.rest_images:RestImages._offer_renewal', _nothing),
         (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
     ),
     Mechanism(
@@ -200,7 +198,7 @@ MECHANISMS = (
         all_of(
             instead(f'{EXPLAIN}.measured.readout:with_usual_width', lambda _, fit, __: fit),
             instead(f'{EXPLAIN}.measured.readout:ResponseReadout._is_other',
-                    lambda self, fit, _: self.beyond(fit.contacts)),
+                    lambda self, fit, *_: self.beyond(fit.contacts)),
         ),
         ('none', 'dragged 0.3', 'dragged 1', 'ball of 6 mm 1', 'flat punch of 3 mm 1', 'camera shifted 1'),
         ('fast',),

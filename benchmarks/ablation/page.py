@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from benchmarks.ablation.mechanisms import BY_NAME
@@ -30,15 +29,14 @@ without it on the same pictures: in streams of the [failure bench](stability.md)
 ten families (of a seed that no page shows), of `portable` calibrated for two other gels, and the time of a frame (the
 whole chain in numpy, both in turn). A mechanism pays if a figure gets worse by more than a tenth without it. Of each
 the {SHOWN} figures are shown that get worst; times are of CPU. *Wrong while ok* is the share of frames in contact that
-are ok and off by more than twice the nominal error. What is marked *gone* was removed after it had been measured here,
-at the commit that the JSON file names."""
+are ok and off by more than twice the nominal error. What is marked *gone* was removed after it had been measured here.
+The JSON file names the command and the commit of each row: they are of several runs."""
 
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     told = {name: each for name, each in result.items() if isinstance(each, Mapping) and 'figures' in each}
-    rows = [_row(name, told[name]) for name in [*BY_NAME, *told] if name in told]
-    rows = list({row[0]: row for row in rows}.values())
+    rows = [_row(name, told[name]) for name in dict.fromkeys([*BY_NAME, *told]) if name in told]
     heads = ['mechanism', 'what it does', 'files', 'lines', 'without it', 'pays']
     first = next(iter(told.values()), {})
     return '\n\n'.join([*opening('Which mechanisms pay', first, ABOUT), table(heads, rows)])
@@ -47,11 +45,18 @@ def page(result: Mapping[str, Any]) -> str:
 def _row(name: str, each: Mapping[str, Any]) -> list[str]:
     worse = sorted(worsened(each['figures']), reverse=True)
     shown = '; '.join(f'{where}: {figure} {_plain(a)} to {_plain(b)}' for _, where, figure, a, b in worse[:SHOWN])
-    gone = name not in BY_NAME
     return [
         name, each['does'], str(len(each['files'])), str(each['lines']), shown or 'nothing gets worse by a tenth',
-        'gone' if gone else 'yes' if worse else f'no; stays: {each["stays"]}' if each.get('stays') else '**no**',
+        _verdict(name, each, pays=bool(worse)),
     ]  # fmt: skip
+
+
+def _verdict(name: str, each: Mapping[str, Any], *, pays: bool) -> str:
+    if name not in BY_NAME:
+        return 'gone'
+    if pays:
+        return 'yes'
+    return f'no; stays: {each["stays"]}' if each.get('stays') else '**no**'
 
 
 def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, float, float]]:
@@ -59,23 +64,21 @@ def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, floa
     for where, measured in figures.items():
         for figure, both in measured.items():
             a, b = float(both['with']), float(both['without'])
-            if not math.isfinite(a):
-                continue
-            if math.isfinite(b):
-                off = (a - b) if figure in HIGHER_IS_BETTER else (b - a)
-                if off < LEAST[figure]:
-                    continue
-                times = a / max(b, 1e-3) if figure in HIGHER_IS_BETTER else b / max(a, LEAST[figure])
-            else:
-                times = math.inf
-            if times > PAYS:
+            if (times := _times(figure, a, b)) > PAYS:
                 yield times, where, figure, a, b
+
+
+def _times(figure: str, a: float, b: float) -> float:
+    """How many times as bad `b` is as `a`; 0 of what nobody sees, and of what was no number before."""
+    if not math.isfinite(a):
+        return 0.0
+    if not math.isfinite(b):
+        return math.inf
+    good = figure in HIGHER_IS_BETTER
+    if (a - b if good else b - a) < LEAST[figure]:
+        return 0.0
+    return a / max(b, 1e-3) if good else b / max(a, LEAST[figure])
 
 
 def _plain(value: float) -> str:
     return f'{value:.3g}'
-
-
-def lines_of(name: str, root: Path) -> int:
-    """Of the files of a mechanism."""
-    return BY_NAME[name].lines(root)

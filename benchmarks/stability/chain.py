@@ -68,7 +68,7 @@ class Watching:
 
 
 @cache
-def _fresh(model: str, compiled: bool) -> tuple[Estimating, Watching]:
+def fresh(model: str, compiled: bool) -> tuple[Estimating, Watching]:
     """Both before their first frame: reading a model and rendering its gel takes as long as many frames."""
     estimating = Estimating(model, compiled=compiled)
     return estimating, Watching(model, estimating.now.provenance)
@@ -81,7 +81,7 @@ class Chain:
         params = FollowingParams(model=model, reference_frames=REST_FRAMES)
         self._following = Following(params, compiled=compiled)
         self._following.begin_capture()
-        self._estimating, self._watching = copy.deepcopy(_fresh(model, compiled))
+        self._estimating, self._watching = copy.deepcopy(fresh(model, compiled))
 
     def read(
         self, stamp_ns: int, image: np.ndarray, age_s: float = 0.0, values: Values | None = None
