@@ -28,7 +28,7 @@ from tactile_nodes.pipeline.methods import (
 )
 from tactile_nodes.pipeline.rest_images import RestImages
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
+from tactile_nodes.sensing.flow.methods import DisplacementField
 from tactile_nodes.sensing.flow.overlay import overlay
 from tactile_nodes.sensing.judge.freshness import Freshness
 from tactile_nodes.sensing.picture.quality import picture_faults
@@ -59,18 +59,6 @@ class FollowingParams(MethodParams):
     stale_after_s: float = parameter(0.2, 'age from which a frame is called stale', minimum=0.001)
 
 
-class Told:
-    """A flow method in words, found once."""
-
-    def __init__(self, flow: FlowMethod) -> None:
-        self._flow, self._words = flow, told(flow)
-
-    def __call__(self, flow: FlowMethod) -> str:
-        if flow is not self._flow:
-            self._flow, self._words = flow, told(flow)
-        return self._words
-
-
 class Following:
     """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
 
@@ -81,7 +69,7 @@ class Following:
         self._compiled = compiled
         measuring = make_measuring(params, compiled=compiled)
         flow, encoding = measuring.flow, measuring.encoding
-        self._encoding, self._method = encoding, Told(flow)
+        self._encoding, self._method = encoding, told(flow)
         self._tracker = FeatureTracker(
             flow,
             encoding,
@@ -212,7 +200,7 @@ class Following:
 
     def _beside(self) -> dict[str, Any]:
         """What a message says of the rest image in use, and of how motion is measured beside it."""
-        return {'method': self._method(self._tracker.flow), 'reference_id': self._tracker.reference_id}
+        return {'method': self._method, 'reference_id': self._tracker.reference_id}
 
     def _message(
         self,

@@ -33,9 +33,9 @@ WITHOUT_A_NUMBER = (
 KNOCKED_SHARE = 0.1
 """Share of the total, and of the least force called a contact, that it may be off by after a knock."""
 
-ALTERED_SHARE, BOTH_ALTERED_SHARE = 0.02, 0.15
-"""The same of a picture that is less sharp or noisier, or of other light, and of one that is both. Of the first a blur
-of 1 px reads 2 % too little; of the second JPEG of quality 30 reads a seventh too little."""
+ALTERED_SHARE = {FORCE.REASON_LIGHT_CHANGED: 0.02, FORCE.REASON_BLURRED: 0.02, ALTERED: 0.15}
+"""The same of a picture of other light, of one that is less sharp or noisier, and of one that is both. A blur of 1 px
+reads 2 % too little, JPEG of quality 30, which is both, a seventh."""
 
 BEGINNING_SHARE = 0.1
 """Share of the force by which it is off where contact began within the exposure, as a standard deviation.
@@ -65,12 +65,11 @@ def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: in
     """
     stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N
-    knocked = bool(reasons & FORCE.REASON_FOREIGN_MOTION)
-    altered = BOTH_ALTERED_SHARE if reasons & ALTERED == ALTERED else ALTERED_SHARE
+    knocked, altered = bool(reasons & FORCE.REASON_FOREIGN_MOTION), reasons & ALTERED
     off_n = {
         FORCE.REASON_LOW_CONFIDENCE: max(0.0, KNOWN_SHARE - found.confidence) * at_most_n,
         FORCE.REASON_FOREIGN_MOTION: KNOCKED_SHARE * at_most_n * knocked,
-        reasons & ALTERED: altered * at_most_n * bool(reasons & ALTERED),
+        altered: ALTERED_SHARE.get(altered, 0.0) * at_most_n,
         FORCE.REASON_BEGINNING: BEGINNING_SHARE * begun_n,
     }
     sigma_n, limit_n = math.hypot(stated_n, *off_n.values()), OK_TIMES * found.nominal_n

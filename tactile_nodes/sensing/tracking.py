@@ -70,11 +70,6 @@ class FeatureTracker:
         self.unsteady = self.still = False
 
     @property
-    def flow(self) -> FlowMethod:
-        """How motion is measured beside the rest image in use."""
-        return self._flow
-
-    @property
     def capturing(self) -> bool:
         """Whether the next images go into a rest image."""
         return self._capture is not None
@@ -147,17 +142,14 @@ class FeatureTracker:
         `offset`: it was made of straightened images, and lies so far beside the first one. None: it is a first one.
         `motion` is that of the whole picture when they were taken.
         """
-        self._measure_by(rest)
-        self.reference, self.reference_id = rest.image, content_id(rest.image)
-        self._bands = RollingBands(rest.image)
-        if self.registration and rest.registering:
-            self.registration.set_reference(rest.registering, offset, motion)
-
-    def _measure_by(self, rest: PreparedRest) -> None:
         self._flow, self._encoding, self._check = rest.flow, rest.encoding, rest.check
         self.rest, self._still, self._seen = rest, None, None
         sure = rest.own.confidence
         self._least_sure = 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
+        self.reference, self.reference_id = rest.image, content_id(rest.image)
+        self._bands = RollingBands(rest.image)
+        if self.registration and rest.registering:
+            self.registration.set_reference(rest.registering, offset, motion)
 
     def field(self, image: UInt8[np.ndarray, 'h w'], stamp_ns: int = 0) -> DisplacementField:
         """The displacement of `image`, taken at `stamp_ns`, against the rest image.

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from responding import COMPONENTS, GRID, components, features, readout, response
 
-from tactile_nodes.sensing.explain.measured.contact_shape import USUAL_MM2, Left, Shape, shape_of, with_usual_width
+from tactile_nodes.sensing.explain.measured.contact_shape import USUAL_MM2, Residual, Shape, shape_of, with_usual_width
 from tactile_nodes.sensing.explain.measured.response import Fit, Response, locate
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
 from tactile_nodes.sensing.explain.uncertainty import Calibration
@@ -59,9 +59,9 @@ def test_what_is_wide_but_may_be_noise_is_not_called_wide() -> None:
     """From 3.1 standard deviations on, which noise exceeds once in a thousand times."""
     mm2, sigma_mm2 = np.array([[0.2, 0.063], [0.2, 0.066], [0.05, 0.001], [-0.5, 0.01]]).T
     shape = Shape(mm2, sigma_mm2, np.zeros((4, 3)), 0.0)
-    assert shape.wide(Left(1.0, 1.0, 40)).tolist() == [True, False, False, False]
+    assert shape.wide(Residual(1.0, 1.0, 40)).tolist() == [True, False, False, False]
     # The width of 3.17 standard deviations explains 10.1 / 40 of it; what is left is 1.1 times as much as usual.
-    assert not shape.wide(Left(1.352, 1.0, 40)).any()
+    assert not shape.wide(Residual(1.352, 1.0, 40)).any()
 
 
 def test_contacts_of_a_usual_width_are_read_better_with_it_than_without() -> None:

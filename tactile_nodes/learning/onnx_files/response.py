@@ -166,9 +166,15 @@ def _answer(
     writer, calibration, response = components.writer, readout.calibration, readout.response
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
-    noisier = (misfit / (USUAL_MISFIT * calibration.misfit_limit**2)).most(1)
-    noise = _gained(response, components, place, misfit) < noisier * calibration.least_gain
-    told, other = _told(readout, components, place, cofactors / determinant, misfit.cast(np.float64))
+    usual = USUAL_MISFIT * calibration.misfit_limit**2
+
+    def noise_without(explained: Value | float) -> Value:
+        """See `contact_shape.Residual.noise_without`."""
+        return ((misfit.cast(np.float64) - explained / len(readout.whitening)) / usual).most(1)
+
+    gained = _gained(response, components, place, misfit).cast(np.float64)
+    noise = gained < noise_without(0.0) * calibration.least_gain
+    told, other = _told(readout, components, place, cofactors / determinant, noise_without)
     told = noise.where(place, told)
     height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
@@ -188,11 +194,11 @@ def _answer(
 
 
 def _told(
-    readout: ResponseReadout, components: Value, place: Value, inverse: Value, misfit: Value
+    readout: ResponseReadout, components: Value, place: Value, inverse: Value, noise_without: Callable[[Value], Value]
 ) -> tuple[Value, Value]:
     """The contact with a usual width, and whether it is another than a tip pressed straight down, or at an end.
 
-    See `ResponseReadout`; `inverse` is that of the information with its damping, `misfit` what the fit leaves over.
+    See `ResponseReadout`; `inverse` is that of the information with its damping.
     """
     response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
@@ -200,15 +206,9 @@ def _told(
     made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
     left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
-    usual, count = USUAL_MISFIT * readout.calibration.misfit_limit**2, len(readout.whitening)
-
-    def noise(explained: Value) -> Value:
-        """See `contact_shape.Left.noise_without`."""
-        return ((misfit - explained / count) / usual).most(1)
-
-    step, wide = _width(response, place, inverse, slopes, left, certainty, noise)
+    step, wide = _width(response, place, inverse, slopes, left, certainty, noise_without)
     gain = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty)
-    dragged = gain >= noise(gain * 2) * readout.most_shift_gain
+    dragged = gain >= noise_without(gain * 2) * readout.most_shift_gain
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
     moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
     other = ~(~at_end & ~wide & ~dragged & ~_near_ends(response, place))
@@ -232,7 +232,7 @@ def _width(
     slopes: Value,
     left: Value,
     certainty: Value,
-    noise: Callable[[Value], Value],
+    noise_without: Callable[[Value], Value],
 ) -> tuple[Value, Value]:
     """What x, y and s are another by with a usual width, and whether the contact is surely wide; see `contact_shape`.
 
@@ -244,7 +244,7 @@ def _width(
     own = (bend * bend * certainty).sum() - shared @ known
     width = (bend @ left - known @ (slopes @ left)) / own
     usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
-    wide = (width >= WIDE_MM2) & (width >= (noise(width * width * own) / own).sqrt() * SURE_OF_WIDTH)
+    wide = (width >= WIDE_MM2) & (width >= (noise_without(width * width * own) / own).sqrt() * SURE_OF_WIDTH)
     step: Value = inverse @ (slopes @ left) - known * usual
     return step, wide
 

@@ -36,14 +36,14 @@ def factor_at(factors: tuple[float, ...], height: float) -> float:
     return factors[below] + (along - below) * (factors[above] - factors[below])
 
 
-USUAL_FLOOR_N, USUAL_SHARE = 0.005, 0.02
+NOMINAL_FLOOR_N, NOMINAL_SHARE = 0.005, 0.02
 """What a force is usually off by in pictures that are dark, blurred or noisy within reason, too: a blur of 1 px reads
 2 % too little."""
 
 
-def usual_n(stated_n: float, total_n: float) -> float:
-    """The error that is usual of a total (N), where a readout states so much of presses all over: 11 mN of 0.5 N.
+def nominal_error_n(stated_n: float, total_n: float) -> float:
+    """The nominal error of a total (N), where a readout states so much of presses all over: 11 mN of 0.5 N.
 
     It is what `ok` is measured by. In sharp, quiet pictures most models are several times better.
     """
-    return max(stated_n, math.hypot(USUAL_FLOOR_N, USUAL_SHARE * total_n))
+    return max(stated_n, math.hypot(NOMINAL_FLOOR_N, NOMINAL_SHARE * total_n))

@@ -21,7 +21,7 @@ from tactile_nodes.sensing.loops.common import (
     variances,
 )
 from tactile_nodes.sensing.loops.scores import seen, whitened
-from tactile_nodes.sensing.loops.shape import other_than_tips, value_and_slopes
+from tactile_nodes.sensing.loops.shape import noise_without, other_than_tips, value_and_slopes
 
 
 @compiled()
@@ -255,8 +255,8 @@ def read(
     )
     count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
-    noisier = max(1.0, misfit / numbers[19])
-    touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noisier
+    noise = noise_without(0.0, misfit, numbers[19], components.shape[0])
+    touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noise
     if touching:
         told = np.empty_like(found)
         other = other_than_tips(components, found, information, misfit, response, shifts, numbers[14:], told)

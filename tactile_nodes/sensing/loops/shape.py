@@ -135,8 +135,8 @@ def _gained_by_shift(made, shifts, left, certainty, information, limits, granted
 
 
 @compiled()
-def _noise_without(explained, misfit, usual, count):
-    """As `contact_shape.Left.noise_without`."""
+def noise_without(explained, misfit, usual, count):
+    """As `contact_shape.Residual.noise_without`."""
     return max(1.0, (misfit - explained / count) / usual)
 
 
@@ -167,7 +167,7 @@ def other_than_tips(components, contacts, information, misfit, response, shifts,
         _width(made[n], left, certainty, limits[0], column, step)
         _step(step, column, contacts[n], limits, usual, moved[n])
         sigmas = step[3] / math.sqrt(column[3])
-        noise = _noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)
+        noise = noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)
         other = other or (step[3] >= wide and sigmas >= sure * math.sqrt(noise))
     gain = _gained_by_shift(made, shifts, left, certainty, information, limits, granted)
-    return other or gain > most_gain * _noise_without(2 * gain, misfit, usual_misfit, outputs)
+    return other or gain > most_gain * noise_without(2 * gain, misfit, usual_misfit, outputs)

@@ -11,7 +11,7 @@ from benchmarks.stability import read
 from benchmarks.stability.cases import named
 from benchmarks.stability.scores import FORCE, OK, Answer, score
 from benchmarks.stability.stream import HELD, Change, Plan, World
-from tactile_nodes.sensing.explain.uncertainty import usual_n
+from tactile_nodes.sensing.explain.uncertainty import nominal_error_n
 
 FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
 
@@ -51,7 +51,7 @@ def held_of(answers: list[Answer]) -> list[Answer]:
 
 def beyond_twice_the_usual(answers: list[Answer]) -> list[Answer]:
     """Of presses that are held: those off by more than twice the nominal error of a tip's force."""
-    return [each for each in held_of(answers) if abs(each.error_n) > 2 * usual_n(0.0, each.true_n)]
+    return [each for each in held_of(answers) if abs(each.error_n) > 2 * nominal_error_n(0.0, each.true_n)]
 
 
 @pytest.mark.parametrize(('name', 'level'), GUARDED)

@@ -24,7 +24,7 @@ from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
-from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, usual_n
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
@@ -140,8 +140,8 @@ class AxisymmetricReadout:
             )
 
     def nominal_n(self, total_n: float) -> float:
-        """What is usual of a total: see `uncertainty.usual_n`."""
-        return usual_n(self._stated_n, total_n)
+        """What is usual of a total: see `uncertainty.nominal_error_n`."""
+        return nominal_error_n(self._stated_n, total_n)
 
     @cached_property
     def _stated_n(self) -> float:
@@ -312,15 +312,14 @@ class AxisymmetricReadout:
 
     def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
         """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
-        return self.told(seen, self.fit(seen, most_contacts)) if seen.enough else nothing_read(self.bins)
+        if not seen.enough:
+            return nothing_read(self.bins)
+        fit = self.fit(seen, most_contacts)
+        return self.told(seen, fit, self.left_over(seen, fit))
 
-    def _noisier(self, seen: Seen, fit: Fit) -> float:
-        """How many times as noisy as in the training a picture is, by what the fit leaves over; at least 1."""
-        return max(1.0, noise_of(self.left_over(seen, fit), self._inside) / FOUND_NOISE / self.usual_px)
-
-    def told(self, seen: Seen, fit: Fit) -> Reading:
-        """What a fit says, as sure as the noise of the picture lets it be."""
-        noisier = self._noisier(seen, fit)
+    def told(self, seen: Seen, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
+        """What a fit says that leaves so much over, as sure as the noise of the picture lets it be."""
+        noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self.usual_px)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
         unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
         if self.gain(seen, fit) < self.calibration.least_gain * noisier**2:

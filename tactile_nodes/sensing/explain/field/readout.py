@@ -173,7 +173,8 @@ class FieldReadout:
         fit = self.tips.fit(seen, count, worth)
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
-        return self.tips.told(seen, fit), self.tips.left_over(seen, fit)
+        left = self.tips.left_over(seen, fit)
+        return self.tips.told(seen, fit, left), left
 
     def prepare(self) -> None:
         """Make all that the first frame would wait for."""

@@ -47,7 +47,7 @@ SHIFT_INFORMATION = 1.0
 
 
 @dataclass(frozen=True)
-class Left:
+class Residual:
     """What a fit leaves of a frame: the mean square over so many components, and what the median press leaves."""
 
     misfit: float
@@ -69,16 +69,16 @@ class Shape:
     steps: Float[np.ndarray, 'contacts 3']
     shift_gain: float
 
-    def wide(self, left: Left) -> Bool[np.ndarray, ' contacts']:
+    def wide(self, residual: Residual) -> Bool[np.ndarray, ' contacts']:
         """Which contacts are wider than those of the training, in a frame that leaves so much over."""
         sigmas = self.mm2 / self.sigma_mm2
-        noise = np.sqrt([left.noise_without(each**2) for each in sigmas.tolist()])
+        noise = np.sqrt([residual.noise_without(each**2) for each in sigmas.tolist()])
         which: np.ndarray = (self.mm2 >= WIDE_MM2) & (sigmas >= SURE_OF_WIDTH * noise)
         return which
 
-    def dragged(self, left: Left, most_gain: float) -> bool:
+    def dragged(self, residual: Residual, most_gain: float) -> bool:
         """Whether a shift gains more than it does of the training's presses, in a frame that leaves so much over."""
-        return self.shift_gain > most_gain * left.noise_without(2 * self.shift_gain)
+        return self.shift_gain > most_gain * residual.noise_without(2 * self.shift_gain)
 
 
 def shape_of(

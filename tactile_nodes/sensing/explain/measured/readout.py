@@ -19,7 +19,7 @@ from tactile_nodes.sensing.explain.measured.contact_shape import (
     USUAL_MISFIT,
     USUAL_MM2,
     WIDE_MM2,
-    Left,
+    Residual,
     Shape,
     shape_of,
     with_usual_width,
@@ -35,7 +35,7 @@ from tactile_nodes.sensing.explain.reading import (
     spread_over_bins,
 )
 from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
-from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, usual_n
+from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
 
 NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
@@ -195,21 +195,20 @@ class ResponseReadout:
         fit, limits = self.fit(components), self.likeness
         left_over = seen.left_over / (limits.floor + limits.share * seen.size)
         unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
-        noisier = Left(fit.misfit, self._usual_misfit, len(self.whitening)).noise_without(0.0)
-        if self.gain(components, fit) < self.calibration.least_gain * noisier:
+        residual = Residual(fit.misfit, self._usual_misfit, len(self.whitening))
+        if self.gain(components, fit) < self.calibration.least_gain * residual.noise_without(0.0):
             contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
             shape = shape_of(self.response, self.shifts, components, fit)
             contacts = self.contacts(with_usual_width(self.response, fit, shape))
-            unlike = max(unlike, BEYOND_UNLIKENESS) if self._is_other(fit, shape) else unlike
+            unlike = max(unlike, BEYOND_UNLIKENESS) if self._is_other(fit, shape, residual) else unlike
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
-    def _is_other(self, fit: Fit, shape: Shape) -> bool:
+    def _is_other(self, fit: Fit, shape: Shape, residual: Residual) -> bool:
         """Whether a contact is wider than the tip of the training, drags the skin, or lies where training ends."""
-        left = Left(fit.misfit, self._usual_misfit, len(self.whitening))
-        dragged = shape.dragged(left, self.most_shift_gain)
-        return dragged or bool(shape.wide(left).any()) or self.beyond(fit.contacts)
+        dragged = shape.dragged(residual, self.most_shift_gain)
+        return dragged or bool(shape.wide(residual).any()) or self.beyond(fit.contacts)
 
     @property
     def _usual_misfit(self) -> float:
@@ -248,8 +247,8 @@ class ResponseReadout:
         return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
 
     def nominal_n(self, total_n: float) -> float:
-        """What is usual of a total: see `uncertainty.usual_n`."""
-        return usual_n(self._stated_n, total_n)
+        """What is usual of a total: see `uncertainty.nominal_error_n`."""
+        return nominal_error_n(self._stated_n, total_n)
 
     @cached_property
     def _stated_n(self) -> float:
