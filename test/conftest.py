@@ -17,6 +17,8 @@ from pauses import Pauses
 
 PAUSES = Pauses()
 
+TESTS = Path(__file__).parent
+
 # Each worker, and each of the hundreds of processes that tests start, would compile anew all that it imports. Whoever
 # wants no bytecode beside the sources has it apart from them.
 if sys.dont_write_bytecode:
@@ -55,7 +57,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, o
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Switch the checks on or off, fixtures included; begin to look for pauses anew."""
-    jaxtyping.config.update('jaxtyping_disable', item.path.parent.name not in CHECKED)
+    jaxtyping.config.update('jaxtyping_disable', item.path.relative_to(TESTS).parts[0] not in CHECKED)
     PAUSES.longest_s = 0.0
     return (yield)
 

@@ -223,7 +223,7 @@ def _combs(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int
 
 def _between(
     combs: np.ndarray, node: np.ndarray, part: np.ndarray, shape: tuple[int, int]
-) -> Float32[np.ndarray, 'fields patches']:
+) -> Float32[np.ndarray, 'fields rows columns']:
     """Fields as a ray sees them from every patch: each between four nodes."""
     (rows, cols), (column, row), (right, down) = shape, node.tolist(), part.tolist()
     high, wide = combs.shape[3] - rows - 1, combs.shape[4] - cols - 1

@@ -36,13 +36,13 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Waves:
-    """The five functions, mm per MPa, at wave numbers (1/mm) and depths."""
+    """The five functions, mm per MPa, at wave numbers (1/mm) in a row or on a grid, and depths."""
 
-    pressed: Float[np.ndarray, 'waves depths']
-    sinking: Float[np.ndarray, 'waves depths']
-    sheared: Float[np.ndarray, 'waves depths']
-    dipping: Float[np.ndarray, 'waves depths']
-    across: Float[np.ndarray, 'waves depths']
+    pressed: Float[np.ndarray, '*waves depths']
+    sinking: Float[np.ndarray, '*waves depths']
+    sheared: Float[np.ndarray, '*waves depths']
+    dipping: Float[np.ndarray, '*waves depths']
+    across: Float[np.ndarray, '*waves depths']
 
 
 def waves_in(

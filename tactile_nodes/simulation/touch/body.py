@@ -31,7 +31,9 @@ class Body:
     spacing_mm: float = SPACING_MM
 
     @classmethod
-    def of_heights(cls, name: str, height_mm: Float[np.ndarray, 'n n'], spacing_mm: float = SPACING_MM) -> Body:
+    def of_heights(
+        cls, name: str, height_mm: Float[np.ndarray, 'rows columns'], spacing_mm: float = SPACING_MM
+    ) -> Body:
         """A body from any heights: the lowest becomes 0, NaN and infinity mean that there is none, walls become slopes.
 
         Raises:

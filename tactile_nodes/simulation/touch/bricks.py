@@ -94,8 +94,8 @@ class Bricks:
         slopes = self._slopes(state.moved)
         sums: list[dict[tuple[int, int], np.ndarray]] = [{}, {}, {}]
         volume, least = np.zeros_like(state.pressure), np.inf
-        for point in np.ndindex(2, 2, 2):
-            pairs = [tuple(np.delete(point, axis)) for axis in range(3)]
+        for i, j, k in np.ndindex(2, 2, 2):
+            pairs = [(j, k), (i, k), (i, j)]
             f = [slopes[axis][pairs[axis]] for axis in range(3)]
             stress, ratio = self._stress(f, state.pressure)
             volume += ratio

@@ -28,7 +28,9 @@ def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -
         point = np.array([0, 0, -PUPIL_MM]) + ray * (PUPIL_MM - at_mm) / ray[2]
         away = point[:2] - place[0]
         distance = float(np.hypot(*away))
-        outward, upward = (float(each[0, 0]) for each in layer.displacement_mm(0.8, [distance], np.array([-at_mm])))
+        outward, upward = (
+            float(each[0, 0]) for each in layer.displacement_mm(0.8, np.array([distance]), np.array([-at_mm]))
+        )
         moved = np.array([*away / distance * outward, upward])
         start = point + np.array([0, 0, PUPIL_MM])
         told = camera.project(np.stack([start + moved * 1e-3, start]))

@@ -62,21 +62,21 @@ def test_a_turned_and_shifted_touch_is_the_same_seen_from_elsewhere(table: Touch
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]], np.float32)
     elsewhere = points.copy()
     elsewhere[:, :2] = points[:, :2] @ rotation.T + np.array([2.0, -1.0], np.float32)
-    here = Placed(table, points, Touch('ball', 0, 0)).moved_mm(2.5)
+    here = Placed(table, points, Touch('ball', 0.0, 0.0)).moved_mm(2.5)
     there = Placed(table, elsewhere, Touch('ball', 2.0, -1.0, turn)).moved_mm(2.5)
     np.testing.assert_allclose(there[:, :2], here[:, :2] @ rotation.T, atol=2e-5)
     np.testing.assert_allclose(there[:, 2], here[:, 2], atol=2e-5)
-    force = node_forces(table, Touch('ball', 0, 0, 0.0, 3.0))[1].sum(axis=0)
+    force = node_forces(table, Touch('ball', 0.0, 0.0, 0.0, 3.0))[1].sum(axis=0)
     turned = node_forces(table, Touch('ball', 2.0, -1.0, turn, 3.0))[1].sum(axis=0)
     np.testing.assert_allclose(turned[:2], rotation @ force[:2], rtol=1e-5)
 
 
 def test_between_stages_motion_and_force_go_together(table: TouchTable):
     points = np.array([[1.0, 0.5, -2.0]], np.float32)
-    placed = Placed(table, points, Touch('ball', 0, 0))
+    placed = Placed(table, points, Touch('ball', 0.0, 0.0))
     half = placed.moved_mm(0.5)
     np.testing.assert_allclose(half, placed.moved_mm(1.0) / 2, rtol=1e-5)
-    force = node_forces(table, Touch('ball', 0, 0, stage=0.5))[1]
+    force = node_forces(table, Touch('ball', 0.0, 0.0, stage=0.5))[1]
     assert force[:, 2].sum() == pytest.approx(table.force[1, 2] / 2, rel=1e-5)
     assert table.stage_of(table.force[1, 2] / 2) == pytest.approx(0.5, rel=1e-5)
 

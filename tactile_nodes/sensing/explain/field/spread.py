@@ -43,9 +43,9 @@ class FieldSpread:
         """With deviations that are so much larger."""
         if factor == 1:
             return self
-        names = 'normal', 'shear', 'bins', 'place', 'wide', 'response', 'floor_n'
-        larger: dict[str, Any] = {name: factor * np.array(getattr(self, name)) for name in names}
-        return replace(self, **larger)
+        pairs, numbers = ('normal', 'shear', 'bins', 'place'), ('wide', 'response', 'floor_n')
+        larger: dict[str, Any] = {name: tuple(factor * each for each in getattr(self, name)) for name in pairs}
+        return replace(self, **larger, **{name: factor * getattr(self, name) for name in numbers})
 
     def normal_n(self, fitted: float, force_n: float) -> float:
         """Of a normal force."""
