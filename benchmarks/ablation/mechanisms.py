@@ -193,12 +193,11 @@ MECHANISMS = (
         ('none', 'taken while touched 0.1', 'taken while touched 0.3', 'touched in its first frames 2'),
     ),
     Mechanism(
-        'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as unlike',
+        'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as less sure',
         ('sensing/explain/measured/contact_shape.py', 'sensing/loops/shape.py'),
         all_of(
             instead(f'{EXPLAIN}.measured.readout:with_usual_width', lambda _, fit, __: fit),
-            instead(f'{EXPLAIN}.measured.readout:ResponseReadout._is_other',
-                    lambda self, fit, *_: self.beyond(fit.contacts)),
+            instead(f'{EXPLAIN}.measured.readout:in_doubt', lambda _, fit, *__: np.zeros((len(fit.contacts), 3))),
         ),
         ('none', 'dragged 0.3', 'dragged 1', 'ball of 6 mm 1', 'flat punch of 3 mm 1', 'camera shifted 1'),
         ('fast',),

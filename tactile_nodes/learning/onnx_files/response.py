@@ -16,6 +16,8 @@ from tactile_nodes.learning.onnx_files.parts import Answer, Inputs, hypot
 from tactile_nodes.learning.onnx_files.splines import laplacian, value_and_slopes
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.contact_shape import (
+    DOUBT_OF_SHIFT,
+    DOUBT_PER_MM2,
     SHIFT_INFORMATION,
     SURE_OF_WIDTH,
     USUAL_MISFIT,
@@ -174,7 +176,7 @@ def _answer(
 
     gained = _gained(response, components, place, misfit).cast(np.float64)
     noise = gained < noise_without(0.0) * calibration.least_gain
-    told, other = _told(readout, components, place, cofactors / determinant, noise_without)
+    told, doubt, beyond = _told(readout, components, place, cofactors / determinant, noise_without)
     told = noise.where(place, told)
     height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
@@ -182,8 +184,11 @@ def _answer(
     sigma_n = _factor(calibration.force_factors, height) * hypot(
         force_slope * variances[2].sqrt(), calibration.force_floor_n
     )
-    beyond = writer.constant(np.float32(BEYOND_UNLIKENESS))
-    unlike = noise.where(unlike, other.where(unlike.most(beyond), unlike))
+    doubt = noise.where(doubt * 0, doubt)
+    sigma_mm = hypot(sigma_mm, ((doubt[0] + doubt[1]) / 2).sqrt())
+    sigma_n = hypot(sigma_n, force_slope * doubt[2].sqrt())
+    most = writer.constant(np.float32(BEYOND_UNLIKENESS))
+    unlike = noise.where(unlike, beyond.where(unlike.most(most), unlike))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
     force = told[2].most(0) ** (1 / response.power)
@@ -195,10 +200,10 @@ def _answer(
 
 def _told(
     readout: ResponseReadout, components: Value, place: Value, inverse: Value, noise_without: Callable[[Value], Value]
-) -> tuple[Value, Value]:
-    """The contact with a usual width, and whether it is another than a tip pressed straight down, or at an end.
+) -> tuple[Value, Value, Value]:
+    """The contact with a usual width, what of x, y and s is in doubt (variances), and whether it lies at an end.
 
-    See `ResponseReadout`; `inverse` is that of the information with its damping.
+    See `contact_shape` and `ResponseReadout.beyond`; `inverse` is that of the information with its damping.
     """
     response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
@@ -206,13 +211,15 @@ def _told(
     made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
     left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
-    step, wide = _width(response, place, inverse, slopes, left, certainty, noise_without)
-    gain = _gained_by_shift(readout.shifts, inverse, slopes, left, certainty)
+    step, share = _width(response, place, inverse, slopes, left, certainty, noise_without)
+    by_shift, gain = _shifted(readout.shifts, inverse, slopes, left, certainty)
     dragged = gain >= noise_without(gain * 2) * readout.most_shift_gain
+    by_width = place * np.array([0.0, 0.0, response.power]) * share
+    by_drag = dragged.where(by_shift * DOUBT_OF_SHIFT, by_shift * 0)
+    doubt = by_drag * by_drag + by_width * by_width
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0
     moved = (place + step.most(-largest).least(largest)).most(np.maximum(low, [-np.inf, -np.inf, 0.0])).least(high)
-    other = ~(~at_end & ~wide & ~dragged & ~_near_ends(response, place))
-    return at_end.where(place, moved), other
+    return at_end.where(place, moved), doubt, ~(~at_end & ~_near_ends(response, place))
 
 
 def _near_ends(response: Response, place: Value) -> Value:
@@ -234,7 +241,7 @@ def _width(
     certainty: Value,
     noise_without: Callable[[Value], Value],
 ) -> tuple[Value, Value]:
-    """What x, y and s are another by with a usual width, and whether the contact is surely wide; see `contact_shape`.
+    """What x, y and s are another by with a usual width, and the share of the force in doubt; see `contact_shape`.
 
     A step of least squares by x, y, s and width, the last one set apart.
     """
@@ -246,10 +253,10 @@ def _width(
     usual = width * (own * USUAL_MM2**2) / (own * USUAL_MM2**2 + 1)
     wide = (width >= WIDE_MM2) & (width >= (noise_without(width * width * own) / own).sqrt() * SURE_OF_WIDTH)
     step: Value = inverse @ (slopes @ left) - known * usual
-    return step, wide
+    return step, wide.where(width * DOUBT_PER_MM2, width * 0)
 
 
-def _gained_by_shift(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> Value:
+def _shifted(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> tuple[Value, Value]:
     """See `contact_shape`; of features with two channels, whose equations are solved by hand."""
     weighted = certainty * shifts
     by_contact = slopes @ weighted.transpose()
@@ -258,9 +265,11 @@ def _gained_by_shift(shifts: np.ndarray, inverse: Value, slopes: Value, left: Va
     own = weighted @ np.ascontiguousarray(shifts.T) - by_contact.transpose() @ shared + SHIFT_INFORMATION * np.eye(2)
     along_x, along_y = own[0], own[1]
     determinant = along_x[0] * along_y[1] - along_x[1] * along_y[0]
-    squares = down[0] * down[0] * along_y[1] - 2 * (down[0] * down[1] * along_x[1]) + down[1] * down[1] * along_x[0]
-    gain: Value = squares / determinant * 0.5
-    return gain
+    first = (down[0] * along_y[1] - down[1] * along_x[1]) / determinant
+    second = (down[1] * along_x[0] - down[0] * along_x[1]) / determinant
+    step = down.writer.concat(first, second)
+    gain: Value = (down @ step) * 0.5
+    return shared @ step, gain
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:

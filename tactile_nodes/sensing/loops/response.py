@@ -21,7 +21,7 @@ from tactile_nodes.sensing.loops.common import (
     variances,
 )
 from tactile_nodes.sensing.loops.scores import seen, whitened
-from tactile_nodes.sensing.loops.shape import noise_without, other_than_tips, value_and_slopes
+from tactile_nodes.sensing.loops.shape import noise_without, shapes, value_and_slopes
 
 
 @compiled()
@@ -198,7 +198,7 @@ def _near_ends(contacts, axes, hard):
 
 
 @compiled()
-def _tell(contacts, information, limits, highest, power, nowhere, floors, factors, told):
+def _tell(contacts, doubt, information, limits, highest, power, nowhere, floors, factors, told):
     """As `ResponseReadout.contacts`: fills in rows of x, y, force, sigma of place and of force, strongest first."""
     count = contacts.shape[0]
     spread = np.empty((count, 3))
@@ -213,15 +213,17 @@ def _tell(contacts, information, limits, highest, power, nowhere, floors, factor
         slope = max(s, 1e-9) ** (1 / power - 1) / power
         told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0) ** (1 / power)
         fitted = math.sqrt((of_x + of_y) / 2)
-        told[row, 3] = min(factor_at(factors[0], s / highest) * math.hypot(floors[0], fitted), nowhere)
-        told[row, 4] = factor_at(factors[1], s / highest) * math.hypot(floors[1], slope * math.sqrt(of_s))
+        sigma_mm = factor_at(factors[0], s / highest) * math.hypot(floors[0], fitted)
+        sigma_n = factor_at(factors[1], s / highest) * math.hypot(floors[1], slope * math.sqrt(of_s))
+        told[row, 3] = min(math.hypot(sigma_mm, math.sqrt((doubt[n, 0] + doubt[n, 1]) / 2)), nowhere)
+        told[row, 4] = math.hypot(sigma_n, slope * math.sqrt(doubt[n, 2]))
 
 
 @compiled(
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'f8[:, ::1], UniTuple(f8, 20), f8[:, ::1], f4[:, ::1])'
+    'f8[:, ::1], UniTuple(f8, 22), f8[:, ::1], f4[:, ::1])'
 )
 def read(
     values,
@@ -257,13 +259,14 @@ def read(
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
     noise = noise_without(0.0, misfit, numbers[19], components.shape[0])
     touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noise
+    doubt = np.zeros((count, 3))
     if touching:
         told = np.empty_like(found)
-        other = other_than_tips(components, found, information, misfit, response, shifts, numbers[14:], told)
+        shapes(components, found, information, misfit, response, power, shifts, numbers[14:], told, doubt)
         at_end = _stay_at_ends(found, limits, ends[0], told)
-        if other or at_end or _near_ends(found, axes, numbers[13]):
+        if at_end or _near_ends(found, axes, numbers[13]):
             unlike = max(unlike, beyond)
-    _tell(told, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
+    _tell(told, doubt, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
     if not touching:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere

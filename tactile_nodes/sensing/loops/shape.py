@@ -104,8 +104,11 @@ def _dot(one, other, certainty):
 
 
 @compiled()
-def _gained_by_shift(made, shifts, left, certainty, information, limits, granted):
-    """As `contact_shape._gained_by_shift`; `information` is that of all contacts."""
+def _shifted(made, shifts, left, certainty, information, limits, granted, by_shift):
+    """As `contact_shape._shifted`: fills in what a shift makes of x, y and s (n, 3), and returns its gain.
+
+    `information` is that of all contacts.
+    """
     count, channels = information.shape[0], shifts.shape[0]
     system, shared, by_contact = information.copy(), np.empty((channels, count)), np.empty((channels, count))
     down, own = np.empty(channels), np.empty((channels, channels))
@@ -131,6 +134,10 @@ def _gained_by_shift(made, shifts, left, certainty, information, limits, granted
     gain = 0.0
     for k in range(channels):
         gain += down[k] * step[k] / 2
+    for i in range(count):
+        by_shift[i // 3, i % 3] = 0.0
+        for k in range(channels):
+            by_shift[i // 3, i % 3] += shared[k, i] * step[k]
     return gain
 
 
@@ -141,13 +148,13 @@ def noise_without(explained, misfit, usual, count):
 
 
 @compiled()
-def other_than_tips(components, contacts, information, misfit, response, shifts, numbers, moved):
-    """Whether any contact is surely wider than the training's, or drags the skin; see `contact_shape`.
+def shapes(components, contacts, information, misfit, response, power, shifts, numbers, moved, doubt):
+    """Fills in contacts as they are with a usual width (n, 3), and as `contact_shape.in_doubt` variances (n, 3).
 
-    Fills in contacts as they are with a usual width (n, 3). `numbers` are the limits.
+    `numbers` are the limits, and how much is in doubt.
     """
     axes, coefficients, growth, limits = response
-    most_gain, wide, sure, usual, granted, usual_misfit = numbers
+    most_gain, wide, sure, usual, granted, usual_misfit, per_mm2, of_shift = numbers
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
@@ -162,12 +169,14 @@ def other_than_tips(components, contacts, information, misfit, response, shifts,
         left[c] = components[c]
         for n in range(count):
             left[c] -= made[n, 0, c]
-    other = False
+    gain = _shifted(made, shifts, left, certainty, information, limits, granted, doubt)
+    dragged = gain > most_gain * noise_without(2 * gain, misfit, usual_misfit, outputs)
     for n in range(count):
+        for i in range(3):
+            doubt[n, i] = (of_shift * doubt[n, i]) ** 2 if dragged else 0.0
         _width(made[n], left, certainty, limits[0], column, step)
         _step(step, column, contacts[n], limits, usual, moved[n])
         sigmas = step[3] / math.sqrt(column[3])
         noise = noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)
-        other = other or (step[3] >= wide and sigmas >= sure * math.sqrt(noise))
-    gain = _gained_by_shift(made, shifts, left, certainty, information, limits, granted)
-    return other or gain > most_gain * noise_without(2 * gain, misfit, usual_misfit, outputs)
+        if step[3] >= wide and sigmas >= sure * math.sqrt(noise):
+            doubt[n, 2] += (per_mm2 * step[3] * power * contacts[n, 2]) ** 2

@@ -14,13 +14,15 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.contact_shape import (
+    DOUBT_OF_SHIFT,
+    DOUBT_PER_MM2,
     SHIFT_INFORMATION,
     SURE_OF_WIDTH,
     USUAL_MISFIT,
     USUAL_MM2,
     WIDE_MM2,
     Residual,
-    Shape,
+    in_doubt,
     shape_of,
     with_usual_width,
 )
@@ -76,8 +78,7 @@ def project(
 class ResponseReadout:
     """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
 
-    Contacts that gain more than `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin: that
-    is unlike its training.
+    Contacts that gain more than `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin.
     """
 
     scaling: InputScaling
@@ -133,7 +134,7 @@ class ResponseReadout:
             scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
             self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
-            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION, self._usual_misfit,
+            WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION, self._usual_misfit, DOUBT_PER_MM2, DOUBT_OF_SHIFT,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
@@ -200,15 +201,11 @@ class ResponseReadout:
             contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
             shape = shape_of(self.response, self.shifts, components, fit)
-            contacts = self.contacts(with_usual_width(self.response, fit, shape))
-            unlike = max(unlike, BEYOND_UNLIKENESS) if self._is_other(fit, shape, residual) else unlike
+            doubt = in_doubt(self.response, fit, shape, residual, self.most_shift_gain)
+            contacts = self.contacts(with_usual_width(self.response, fit, shape), doubt)
+            unlike = max(unlike, BEYOND_UNLIKENESS) if self.beyond(fit.contacts) else unlike
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
-
-    def _is_other(self, fit: Fit, shape: Shape, residual: Residual) -> bool:
-        """Whether a contact is wider than the tip of the training, drags the skin, or lies where training ends."""
-        dragged = shape.dragged(residual, self.most_shift_gain)
-        return dragged or bool(shape.wide(residual).any()) or self.beyond(fit.contacts)
 
     @property
     def _usual_misfit(self) -> float:
@@ -229,9 +226,9 @@ class ResponseReadout:
     def contacts(self, fit: Fit, more: Float[np.ndarray, 'contacts 3'] | None = None) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first.
 
-        `more` is the variance of each one's numbers beside that of pictures like those of the training.
+        `more` is the variance of each one's x, y and s beside that of tips pressed straight down.
         """
-        beside = np.zeros((len(fit.contacts), 3)) if more is None else np.maximum(more, 0.0)
+        beside = np.zeros((len(fit.contacts), 3)) if more is None else more
         numbers = zip(fit.contacts.tolist(), fit.variances.tolist(), beside.tolist(), strict=True)
         return tuple(sorted((self._contact(*each) for each in numbers), key=lambda contact: -contact.force_n))
 
