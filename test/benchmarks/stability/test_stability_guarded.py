@@ -95,10 +95,11 @@ def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(heard: 
 
 
 @pytest.mark.parametrize(('name', 'level'), [('dragged', 0.1), ('dragged', 0.3), ('ball', 1), ('flat punch', 1)])
-def test_a_response_says_of_other_contacts_than_tips_pressed_straight_down_what_they_are(
+def test_a_response_is_as_unsure_of_other_contacts_than_tips_pressed_straight_down_as_they_are_off(
     heard: Heard, name: str, level: float
 ) -> None:
-    """The profile `field` reads them; these are off by more than twice what `fast` states of tips."""
-    wrong = [each for each in held_of(heard('fast', name, level)) if abs(each.error_n) > 2 * 0.0026]
-    assert wrong
-    assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in wrong)
+    """The profile `field` reads them; some are off by more than twice what `fast` states of tips."""
+    held = held_of(heard('fast', name, level))
+    assert any(abs(each.error_n) > 2 * 0.0026 for each in held)
+    assert all(abs(each.error_n) < 2 * each.sigma_n for each in held)
+    assert all(each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held if each.status != OK)
