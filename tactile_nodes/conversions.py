@@ -14,11 +14,12 @@ from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, SurfaceField
 from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.geometry import BinGrid, grey
+from tactile_nodes.sensing.geometry import BinGrid, Crop, grey
 from tactile_nodes.sensing.picture.motion import TERMS, PictureMotion
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.judge.drift_verdict import Verdict
+    from tactile_nodes.sensors import Sensor
     from tactile_nodes.simulation.scene import Truth
 
 MILLI = 1e-3
@@ -53,6 +54,21 @@ def image_message(image: UInt8[np.ndarray, 'h w'], head: types.Header) -> types.
     if data.base is not None or not data.flags.owndata:
         data = data.copy()  # the message freezes its arrays, and a camera's buffer is not ours to freeze
     return types.Image(header=head, height=height, width=width, encoding='mono8', step=width, data=data)
+
+
+def camera_info(
+    head: types.Header, width: int, height: int, crop: Crop, sensor: Sensor | None = None
+) -> types.CameraInfo:
+    """Of a picture and what is cut from it; intrinsics of a described sensor, 0 of any other, as ROS has it."""
+    roi = types.RegionOfInterest(x_offset=crop.x, y_offset=crop.y, width=crop.width, height=crop.height)
+    known: dict[str, Any] = {'distortion_model': 'equidistant'}
+    if sensor is not None:
+        k = np.array(sensor.camera.matrix)
+        known = {
+            'distortion_model': sensor.camera.distortion_model, 'd': np.array(sensor.camera.lens), 'k': k.ravel(),
+            'r': np.eye(3).ravel(), 'p': np.column_stack([k, np.zeros(3)]).ravel(),
+        }  # fmt: skip
+    return types.CameraInfo(header=head, width=width, height=height, roi=roi, **known)
 
 
 def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:

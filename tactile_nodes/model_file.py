@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,8 +69,9 @@ class LoadedModel:
     @property
     def image_size(self) -> tuple[int, int]:
         """Width and height in pixels of the images that the model was trained on."""
-        side = int(self.card['crop_px'])
-        return side, side
+        size = self.card['crop_px']
+        width, height = size if isinstance(size, Sequence) else (size, size)
+        return int(width), int(height)
 
     @property
     def gel(self) -> str:
@@ -219,8 +220,8 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
 
 def _check_said(loaded: LoadedModel) -> None:
     """What the card says is asked for later, and there it should not fail."""
-    _ = loaded.flow, loaded.encoding
-    for name, kind in (('crop_px', int), ('gel', Mapping), ('contact_threshold_n', (int, float))):
+    _ = loaded.flow, loaded.encoding, 'crop_px' in loaded.card and loaded.image_size
+    for name, kind in (('crop_px', (int, Sequence)), ('gel', Mapping), ('contact_threshold_n', (int, float))):
         if name in loaded.card and not isinstance(loaded.card[name], kind):
             raise TypeError(f'{name} cannot be {loaded.card[name]!r:.40}')
     layout, mean = loaded.model.layout, loaded.model.readout.scaling.mean

@@ -117,13 +117,15 @@ def read(
     from benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
     from benchmarks.contacts.scores import score
     from benchmarks.stability.chain import Chain
+    from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensing.flow.choice import make_flow
 
+    size_px = load_model(find_model(next(iter(models.values())))).image_size
     chains = {name: Chain(model, compiled=compiled) for name, model in models.items()}
     found: dict[str, list[Score]] = {name: [] for name in models}
     dis, dis_ms, first = make_flow('dis', {'preset': 'medium'}), [], True
     with progress.bar(f'reading contacts, {condition.name}', len(chosen) * (FREE_FRAMES + HELD_FRAMES)) as bar:
-        for frame in frames(gel, chosen, condition, 1000):
+        for frame in frames(gel, chosen, condition, 1000, size_px):
             if first:
                 dis.set_reference(frame.picture)
                 first = False

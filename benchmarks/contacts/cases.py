@@ -89,7 +89,7 @@ def _case(gel: Gel, seed: int, place: int, family: str, number: int) -> Case:
     ]  # fmt: skip
     table = _solved(gel, layer, body, ways)
     extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
-    reach = max(gel.size_mm / 2 - RIM_MM - extent, 0.0)
+    reach = np.maximum(np.array(gel.sides_mm) / 2 - RIM_MM - extent, 0.0)
     x_mm, y_mm = (at_mm * reach).tolist()
     touch = Touch(f'{family}-{seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
     return Case(family, number, touch, table, dragged)

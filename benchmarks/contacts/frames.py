@@ -79,10 +79,12 @@ class Frame:
     judged: Case | None = None
 
 
-def frames(gel: Gel, cases: Sequence[Case], condition: Condition, seed: int) -> Iterator[Frame]:
-    """The whole stream, for the chain to read from its first frame on."""
+def frames(
+    gel: Gel, cases: Sequence[Case], condition: Condition, seed: int, size_px: tuple[int, int] = (440, 440)
+) -> Iterator[Frame]:
+    """The whole stream, for the chain to read from its first frame on, cut to a size from the middle."""
     bodies = {case.touch.body: case.table for case in cases}
-    table, crop = contact_table(gel), Crop.centred(gel.image_width, gel.image_height)
+    table, crop = contact_table(gel), Crop.centred(gel.image_width, gel.image_height, *size_px)
     calm, disturbed = Optics(gel, table), TouchOptics(
         condition.gel(gel), table, bodies, condition.gone, condition.blur_px
     )  # fmt: skip

@@ -53,10 +53,10 @@ def _models(result: Mapping[str, Any]) -> str:
 
 def _row(each: Mapping[str, float], dis_ms: float) -> list[str]:
     return [
-        _share(each['misplaced']), f'{each["armse_n"]:.4f}', f'{each["total_rms_n"]:.3f}', _share(each['total_median']),
-        f'{each["centre_mm_median"]:.3f}', _share(each['shear_median']), _share(each['torsion_median']),
-        f'{each["map_r"]:.2f}', _share(each['total_held']), _share(each['shear_held']), _share(each['bins_held']),
-        _share(each['ok']), f'{each["worst_while_ok"]:.1f}', _share(each['field']), f'{each["cpu_ms"] / dis_ms:.2f}',
+        share(each['misplaced']), f'{each["armse_n"]:.4f}', f'{each["total_rms_n"]:.3f}', share(each['total_median']),
+        f'{each["centre_mm_median"]:.3f}', share(each['shear_median']), share(each['torsion_median']),
+        f'{each["map_r"]:.2f}', share(each['total_held']), share(each['shear_held']), share(each['bins_held']),
+        share(each['ok']), f'{each["worst_while_ok"]:.1f}', share(each['field']), f'{each["cpu_ms"] / dis_ms:.2f}',
         f'{each["cpu_95_ms"] / dis_ms:.2f}',
     ]  # fmt: skip
 
@@ -65,9 +65,9 @@ def _families(families: Mapping[str, Mapping[str, float]]) -> str:
     heads = ['family', 'misplaced', 'aRMSE [N]', 'total rms [N]', 'median', 'centre [mm]', 'shear', 'ok', 'by field']
     rows = [
         [
-            name, _share(each['misplaced']), f'{each["armse_n"]:.4f}', f'{each["total_rms_n"]:.3f}',
-            _share(each['total_median']), f'{each["centre_mm_median"]:.3f}', _share(each['shear_median']),
-            _share(each['ok']), _share(each['field']),
+            name, share(each['misplaced']), f'{each["armse_n"]:.4f}', f'{each["total_rms_n"]:.3f}',
+            share(each['total_median']), f'{each["centre_mm_median"]:.3f}', share(each['shear_median']),
+            share(each['ok']), share(each['field']),
         ]
         for name, each in families.items()
     ]  # fmt: skip
@@ -78,7 +78,7 @@ def _broad(broad: Mapping[str, Any]) -> str:
     heads = ['model', 'contact', 'told [N]', 'misplaced', 'interval holds', 'ok']
     rows = [
         [
-            name, each['contact'], f'{each["told_n"]:.2f}', _share(each['misplaced']),
+            name, each['contact'], f'{each["told_n"]:.2f}', share(each['misplaced']),
             'yes' if each['held'] == 1 else 'no', 'yes' if each['ok'] else 'no',
         ]
         for name, found in broad.items() for each in found
@@ -91,9 +91,9 @@ def _disturbed(disturbed: Mapping[str, Mapping[str, float]]) -> str:
     heads = ['picture', 'misplaced', 'times', 'aRMSE [N]', 'times', 'total rms [N]', 'times', 'ok', 'worst while ok']
     rows = [
         [
-            name, _share(each['misplaced']), _times(each, plain, 'misplaced'), f'{each["armse_n"]:.4f}',
+            name, share(each['misplaced']), _times(each, plain, 'misplaced'), f'{each["armse_n"]:.4f}',
             _times(each, plain, 'armse_n'), f'{each["total_rms_n"]:.3f}', _times(each, plain, 'total_rms_n'),
-            _share(each['ok']), f'{each["worst_while_ok"]:.1f}',
+            share(each['ok']), f'{each["worst_while_ok"]:.1f}',
         ]
         for name, each in disturbed.items()
     ]  # fmt: skip
@@ -104,7 +104,7 @@ def _times(each: Mapping[str, float], plain: Mapping[str, float], name: str) -> 
     return f'{each[name] / plain[name]:.2f}'
 
 
-def _share(value: float) -> str:
+def share(value: float) -> str:
     return f'{100 * value:.1f} %' if math.isfinite(value) else '–'
 
 
@@ -115,7 +115,7 @@ def _best(tell: Callable[[Mapping[str, Any]], str]) -> Callable[[Mapping[str, An
 
 def _misplaced(result: Mapping[str, Any]) -> dict[str, str]:
     names = (f'field, {presses or "no"} presses' for presses in PRESSES)
-    return {'reached': ' / '.join(_share(result['models'][name]['misplaced']) for name in names)}
+    return {'reached': ' / '.join(share(result['models'][name]['misplaced']) for name in names)}
 
 
 def _over_dis(result: Mapping[str, Any]) -> dict[str, str]:
@@ -127,7 +127,7 @@ def _over_dis(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _shares(*names: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:
-    return _best(lambda each: '; '.join(_share(each[name]) for name in names))
+    return _best(lambda each: '; '.join(share(each[name]) for name in names))
 
 
 AIMS = (
@@ -135,7 +135,7 @@ AIMS = (
     Aim('aRMSE over bins', '0.009 N', _best(lambda each: f'{each["armse_n"]:.4f} N')),
     Aim(
         'total: rms; median', '0.04 N; 2 %',
-        _best(lambda each: f'{each["total_rms_n"]:.3f} N; {_share(each["total_median"])}'),
+        _best(lambda each: f'{each["total_rms_n"]:.3f} N; {share(each["total_median"])}'),
     ),
     Aim('centre, median', '0.08 mm', _best(lambda each: f'{each["centre_mm_median"]:.3f} mm')),
     Aim('net shear; torsion, medians', '3 %; 5 %', _shares('shear_median', 'torsion_median')),

@@ -60,7 +60,7 @@ def score(
     nominal_n: float,
 ) -> Score:
     """Of one contact; a frame without a number counts as one in which nothing was told."""
-    bins = BinGrid(force.rows, force.cols, gel.size_mm, gel.size_mm)
+    bins = BinGrid(force.rows, force.cols, *gel.sides_mm)
     truth = truth_of_touch(case.touch, case.table, gel.shear_modulus_mpa, bins)
     told = np.nan_to_num(np.asarray(force.normal_force, float)).reshape(bins.rows, bins.cols)
     off, total = told - truth.normal_force_n, float(truth.total_n)
@@ -115,7 +115,7 @@ def _torsion(force: types.ForceDistribution, true_n_mm: float) -> float:
 def _alike(case: Case, field: types.ForceField | None, gel: Gel, told: np.ndarray) -> float:
     """Correlation of the map on 27x27 cells with the truth; bins are spread evenly, a fine map is interpolated."""
     place, acting = node_forces(case.table, case.touch)
-    fine = BinGrid(MAP, MAP, gel.size_mm, gel.size_mm)
+    fine = BinGrid(MAP, MAP, *gel.sides_mm)
     true = over_bins(place, acting, case.table.node_size_mm, fine)[..., 2]
     source, way = told, cv2.INTER_NEAREST
     if field is not None and len(field.pressure):

@@ -130,9 +130,9 @@ def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
     from tactile_nodes.simulation.touch.track import track_key
 
     layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
-    if 2 * body.reach_mm > gel.size_mm:
+    if 2 * body.reach_mm > (narrow_mm := min(gel.sides_mm)):
         raise ConfigurationError(
-            f'{body.name} is {2 * body.reach_mm:.0f} mm wide, and the gel {gel.size_mm:g} mm; give a smaller body'
+            f'{body.name} is {2 * body.reach_mm:.0f} mm wide, and the gel {narrow_mm:g} mm; give a smaller body'
         )
     way = _way(contact, gel)
     return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')

@@ -220,10 +220,14 @@ class World:
         size = math.sqrt(1 + s.slope_x**2 + s.slope_y**2)
         return (-s.slope_x / size, -s.slope_y / size, 1 / size)
 
+    def _beside(self, *place_mm: float) -> bool:
+        """Whether a place lies beside the gel."""
+        return any(abs(at) > side / 2 for at, side in zip(place_mm, self.gel.sides_mm, strict=True))
+
     def _touch_at(self, time_ns: int) -> Press:
         """The press; beside the gel it is above nothing."""
         press = self.press_at(time_ns)
-        if press.depth_mm > 0 and max(abs(press.x_mm), abs(press.y_mm)) > self.gel.size_mm / 2:
+        if press.depth_mm > 0 and self._beside(press.x_mm, press.y_mm):
             return dataclasses.replace(press, depth_mm=-press.depth_mm)
         return press
 

@@ -208,7 +208,7 @@ class TrainConfig:
     def bins(self) -> BinGrid:
         if self.recorded_bins is not None:
             return self.recorded_bins
-        return BinGrid(self.network.rows, self.network.cols, self.gel.size_mm, self.gel.size_mm)
+        return BinGrid(self.network.rows, self.network.cols, *self.gel.sides_mm)
 
     def resolved(self) -> dict[str, Any]:
         """The run as `load_train_config` reads it, every default filled in that bears on its readout."""

@@ -29,6 +29,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
 from tactile_nodes.sensing.picture.quality import require_picture
+from tactile_nodes.sensors import load_sensor
 
 READ_TIMEOUT_S = 0.25
 HEALTH_PERIOD_S = 0.5
@@ -39,7 +40,9 @@ LINE = 'press'
 class CameraParams(CameraSettings, NodeParams):
     """Parameters of the camera node."""
 
-    crop: int = parameter(440, 'side of the square cut from the middle [px]; smaller where the image is', minimum=40)
+    crop: int = parameter(
+        440, 'side of the square cut from the middle [px], smaller where the image is; without `sensor`', minimum=40
+    )
     wait_s: float = parameter(
         0.0, 'wait so long at most for somebody to listen before starting the source', minimum=0.0, maximum=10.0
     )
@@ -72,6 +75,7 @@ class CameraNode(Node):
         )
         name = self._camera.description.get('source', self.params.source)
         self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture', 'recording'), name)
+        self._sensor = load_sensor(self.params.sensor) if self.params.sensor else None
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
@@ -125,20 +129,26 @@ class CameraNode(Node):
     def _publish(self, frame: Frame) -> None:
         self._frames += 1
         height, width = frame.image.shape[:2]
-        side = largest_side(width, height, self.params.crop)
-        crop = Crop.centred(width, height, side, side)
+        crop = self._crop(width, height)
         head = conversions.header(frame.stamp_ns, self.params.frame_id)
         picture = grey(crop.apply(frame.image))
         self._image.publish(conversions.image_message(picture, head))
-        self._info.publish(_camera_info(head, width, height, crop))
+        self._info.publish(conversions.camera_info(head, width, height, crop, self._sensor))
         if self._truth is not None and isinstance(self._camera, KnowsTruth):
             fields = conversions.truth_fields(self._camera.truth(frame.stamp_ns), self._camera.bins)
             surface = conversions.header(frame.stamp_ns, self.params.surface_frame_id)
             self._truth.publish(types.ForceDistribution(header=surface, **fields))
         if self._frames % 60 == 1:
-            self._report_picture(picture, side)
+            self._report_picture(picture, crop)
         if self._edge is not None:
             self._tell_edges(self._edge, frame)
+
+    def _crop(self, width: int, height: int) -> Crop:
+        """What is cut from a picture: as the sensor is described, or a square."""
+        if self._sensor is not None:
+            return Crop.centred(width, height, *self._sensor.image.crop_px)
+        side = largest_side(width, height, self.params.crop)
+        return Crop.centred(width, height, side, side)
 
     def _tell_edges(self, edge: Publisher, frame: Frame) -> None:
         first = self._light.edges + 1
@@ -149,26 +159,23 @@ class CameraNode(Node):
             message = types.SyncEdge(header=head, line=LINE, level=bool(level), count=count, uncertainty=float(half_s))
             edge.publish(message)
 
-    def _report_picture(self, picture: np.ndarray, side: int) -> None:
+    def _report_picture(self, picture: np.ndarray, crop: Crop) -> None:
         try:
             require_picture(picture)
         except TactileError as error:
             self.report('picture', Level.WARN, str(error))
             return
-        if side < self.params.crop:
-            self.report('picture', Level.WARN, f'the image is too small for a crop of {self.params.crop}; took {side}')
+        taken = f'{crop.width}x{crop.height}'
+        if self._sensor is None and crop.width < self.params.crop:
+            told = f'the image is too small for a crop of {self.params.crop}; took {crop.width}'
+            self.report('picture', Level.WARN, told)
         else:
-            self.report('picture', Level.OK, f'{side}x{side}')
+            self.report('picture', Level.OK, taken)
 
     def _report_health(self) -> None:
         health = self._camera.health
         described = self._camera.description
         self.report('camera', Level(health.level), health.message, frames=self._frames, **described)
-
-
-def _camera_info(head: types.Header, width: int, height: int, crop: Crop) -> types.CameraInfo:
-    roi = types.RegionOfInterest(x_offset=crop.x, y_offset=crop.y, width=crop.width, height=crop.height)
-    return types.CameraInfo(header=head, width=width, height=height, distortion_model='equidistant', roi=roi)
 
 
 def main() -> int:

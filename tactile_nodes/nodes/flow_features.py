@@ -28,7 +28,8 @@ from tactile_nodes.messages import decode, encode, stamp_ns, types
 from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.pipeline.loop_choice import choose
-from tactile_nodes.sensing.geometry import middle_square
+from tactile_nodes.pipeline.methods import image_size
+from tactile_nodes.sensing.geometry import middle_part
 
 _KEPT = 'rest_image'
 
@@ -43,7 +44,8 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     compiled: bool = parameter(True, 'compute by loops that numba compiles, as force_estimator does', read_only=True)
     crop: int = parameter(
         0,
-        'side of the square cut from the middle of each picture [px]; 0: 440 of pictures that are not square',
+        'side of the square cut from the middle of each picture [px]; 0: as the model reads them, or 440 of pictures '
+        'that are not square',
         minimum=0,
     )
     skip_frames: int = parameter(0, 'frames left out before the capture at start', minimum=0)
@@ -68,7 +70,7 @@ class FlowFeaturesNode(Node):
         self._following = Following(self.params, compiled=compiled)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = 0
-        self._came = ''
+        self._came, self._size = '', image_size(self.params)
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -115,7 +117,7 @@ class FlowFeaturesNode(Node):
 
     def _picture(self, message: types.Image) -> np.ndarray:
         """Our camera node has cut it already, others have not."""
-        picture = middle_square(conversions.image_array(message), self.params.crop)
+        picture = middle_part(conversions.image_array(message), self.params.crop, self._size)
         came = f'{message.width}x{message.height} {message.encoding}'
         if came != self._came:
             self._came = came

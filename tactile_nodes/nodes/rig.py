@@ -26,7 +26,7 @@ from tactile_nodes.collection.run.session import RigSettings, Session
 from tactile_nodes.collection.run.voice import TOPICS
 from tactile_nodes.errors import NOT_AGAIN
 from tactile_nodes.messages import stamp_ns
-from tactile_nodes.sensing.geometry import middle_square
+from tactile_nodes.sensing.geometry import middle_part
 
 STATUS_S = 1.0
 _PAUSED = 'paused'
@@ -88,7 +88,7 @@ class RigNode(Node):
 
     def _on_image(self, received: Received) -> None:
         message = received.message
-        picture = middle_square(conversions.image_array(message))  # as the flow features node cuts it
+        picture = middle_part(conversions.image_array(message))  # as the flow features node cuts it
         self._session.image(stamp_ns(message.header.stamp), picture)
 
     def _pause(self, paused: bool) -> str:

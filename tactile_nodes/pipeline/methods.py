@@ -113,6 +113,12 @@ def make_measuring(params: MethodParams, *, compiled: bool = False) -> Measuring
     return Measuring(flow, make_encoding(params.encoding, regions), compiled)
 
 
+def image_size(params: MethodParams) -> tuple[int, int] | None:
+    """Width and height of the pictures that the model reads; None without one, or of one that does not say it."""
+    loaded = load_model(find_model(params.model)) if params.model else None
+    return loaded.image_size if loaded and 'crop_px' in loaded.card else None
+
+
 def told(flow: FlowMethod) -> str:
     """A flow method in words, such as ``dis(preset=medium)``."""
     return f'{flow.name}({", ".join(f"{name}={value}" for name, value in flow.options.items() if value is not None)})'

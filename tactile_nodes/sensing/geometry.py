@@ -97,6 +97,54 @@ class FisheyeCamera:
         return np.column_stack([sideways, np.cos(theta)])
 
 
+@dataclass(frozen=True)
+class PinholeCamera:
+    """A pinhole with the lens distortion of OpenCV and of ROS's `plumb_bob`: k1, k2, p1, p2, k3 (none: all 0).
+
+    A point (x, y, z) lands at centre + focal * (x / z, y / z) after the lens has moved x / z and y / z: with 300 px a
+    point at 45 degrees to the right lands 300 px from the centre, and with k1 of 0.1 beside it 330 px.
+    Source: OpenCV, Camera Calibration and 3D Reconstruction; Brown (1966).
+    """
+
+    width: int = 640
+    height: int = 480
+    focal_px: tuple[float, float] = (600.0, 600.0)
+    centre_px: tuple[float, float] = (319.5, 239.5)
+    distortion: tuple[float, ...] = ()
+
+    def project(self, points: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 2']:
+        """Pixel of each point in front of the camera. The scale of the points does not matter."""
+        plane = points[:, :2] / points[:, 2:]
+        if any(self.distortion):
+            k1, k2, p1, p2, k3 = self.distortion
+            x, y = plane.T
+            square = x * x + y * y
+            radial = 1 + square * (k1 + square * (k2 + square * k3))
+            plane = np.column_stack([
+                x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
+                y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
+            ])  # fmt: skip
+        focal, centre = (np.asarray(each, points.dtype) for each in (self.focal_px, self.centre_px))
+        pixels: np.ndarray = plane * focal + centre
+        return pixels
+
+    def unproject(self, pixels: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 3']:
+        """Unit vector along the ray of each pixel."""
+        plane = (pixels - np.asarray(self.centre_px, pixels.dtype)) / np.asarray(self.focal_px, pixels.dtype)
+        if any(self.distortion):
+            import cv2
+
+            until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
+            lens = np.array(self.distortion)
+            plane = cv2.undistortPoints(plane[:, None], np.eye(3), lens, criteria=until)[:, 0]
+        rays = np.column_stack([plane, np.ones(len(plane))])
+        unit: np.ndarray = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        return unit
+
+
+Camera = FisheyeCamera | PinholeCamera
+
+
 def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
     """About x, then y, then z (rad); the columns are the turned axes: (0, 0, pi / 2) turns x (1, 0, 0) to (0, 1, 0)."""
     (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
@@ -160,16 +208,22 @@ def largest_side(width: int, height: int, wanted: int, step: int = 40) -> int:
     return room // step * step
 
 
-def middle_square(image: UInt8[np.ndarray, 'h w'], side: int = 0) -> UInt8[np.ndarray, 'ch cw']:
-    """The square from the middle of a picture: of `side` pixels, or as large as it can be.
+def middle_part(
+    image: UInt8[np.ndarray, 'h w'], side: int = 0, size: tuple[int, int] | None = None
+) -> UInt8[np.ndarray, 'ch cw']:
+    """The middle of a picture: a square of `side` pixels, or as large as it can be.
 
-    With a side of 0 a picture that is square has been cut already and stays as it is, and of any other the paper's 440
-    are taken: 640x480 gives what `Crop.centred` gives, 320x240 gives 240x240.
+    With a side of 0 it is the rectangle of a `size` (width, height), if one is given that is no square.
+
+    With neither a picture that is square has been cut already and stays as it is, and of any other the paper's 440 are
+    taken: 640x480 gives what `Crop.centred` gives, 320x240 gives 240x240.
 
     Raises:
-        ImageError: the picture is too small for any.
+        ImageError: the picture is too small.
     """
     height, width = image.shape
+    if not side and size is not None and size[0] != size[1]:
+        return Crop.centred(width, height, *size).apply(image)
     if width == height and not side:
         return image
     side = largest_side(width, height, side or 440)

@@ -5,8 +5,17 @@ from tactile_nodes.sensors.description import (
     CameraDescription,
     GelDescription,
     ImageSettings,
+    PatternDescription,
     Sensor,
     load_sensor,
 )
 
-__all__ = ['BinSettings', 'CameraDescription', 'GelDescription', 'ImageSettings', 'Sensor', 'load_sensor']
+__all__ = [
+    'BinSettings',
+    'CameraDescription',
+    'GelDescription',
+    'ImageSettings',
+    'PatternDescription',
+    'Sensor',
+    'load_sensor',
+]

@@ -16,35 +16,73 @@ from tactile_nodes.paths import share_directory
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
 
+LENGTHS = {'centre_px': 2, 'position_mm': 3, 'tilt_deg': 2, 'focal_px': 2, 'distortion': 5}
+"""How many numbers belong to the entries of `camera` that hold several."""
+
 
 @dataclass(frozen=True)
 class ImageSettings:
-    """Pictures as they come from the camera, and the square that is cut from their middle."""
+    """Pictures as they come from the camera, and the part that is cut from their middle."""
 
     width: int = parameter(640, 'of a picture [px]', minimum=40)
     height: int = parameter(480, 'of a picture [px]', minimum=40)
-    crop: int = parameter(440, 'side of the square that is looked at [px]', minimum=40)
+    crop: int = parameter(440, 'width of the part that is looked at [px]', minimum=40)
+    crop_height: int = parameter(0, 'its height [px]; 0: the same, a square', minimum=0)
 
     def __post_init__(self) -> None:
-        if self.crop > min(self.width, self.height):
-            raise ValueError(f'image.crop is {self.crop}, and pictures have only {self.width}x{self.height} pixels')
+        width, height = self.crop_px
+        if width > self.width or height > self.height:
+            raise ValueError(
+                f'image.crop is {width}x{height}, and pictures have only {self.width}x{self.height} pixels'
+            )
+        if height < 40:
+            raise ValueError(f'image.crop_height is {height}, and must be 0 or at least 40')
+
+    @property
+    def crop_px(self) -> tuple[int, int]:
+        """Width and height of what is looked at."""
+        return self.crop, self.crop_height or self.crop
 
 
 @dataclass(frozen=True)
 class CameraDescription:
-    """An equidistant fisheye, and where it is: `position_mm` is its entrance pupil's place in the surface frame."""
+    """How angles become pixels, and where it is: `position_mm` is its entrance pupil's place in the surface frame.
 
-    model: str = parameter('fisheye', 'how angles become pixels', choices=('fisheye',))
-    focal_px_per_rad: float = parameter(290.0, 'pixels from the centre for each radian', minimum=1.0)
+    A fisheye is equidistant. A pinhole has OpenCV's lens distortion, as ROS's `camera_info` tells it.
+    """
+
+    model: str = parameter('fisheye', 'how angles become pixels', choices=('fisheye', 'pinhole'))
+    focal_px_per_rad: float = parameter(290.0, 'of a fisheye: pixels from the centre for each radian', minimum=1.0)
+    focal_px: tuple[float, ...] = parameter((600.0, 600.0), 'of a pinhole: focal lengths along u and v')
+    distortion: tuple[float, ...] = parameter((0.0,) * 5, 'of a pinhole: k1, k2, p1, p2, k3 (plumb_bob)')
     centre_px: tuple[float, ...] = parameter((319.5, 239.5), 'where the optical axis meets the picture (u, v)')
     position_mm: tuple[float, ...] = parameter((0.0, 0.0, -23.0), 'the pupil in the surface frame')
     tilt_deg: tuple[float, ...] = parameter((0.0, 0.0), 'about x, then about y')
     roll_deg: float = parameter(0.0, 'about the optical axis')
 
     def __post_init__(self) -> None:
-        for name, count in (('centre_px', 2), ('position_mm', 3), ('tilt_deg', 2)):
+        for name, count in LENGTHS.items():
             if len(getattr(self, name)) != count:
                 raise ValueError(f'camera.{name} must hold {count} numbers, got {len(getattr(self, name))}')
+        if min(self.focal_px) <= 0:
+            raise ValueError('camera.focal_px must hold numbers above 0')
+
+    @property
+    def distortion_model(self) -> str:
+        """As ROS's `camera_info` names it."""
+        return 'equidistant' if self.model == 'fisheye' else 'plumb_bob'
+
+    @property
+    def lens(self) -> tuple[float, ...]:
+        """Coefficients of that: none of a fisheye differs from 0."""
+        return (0.0,) * 4 if self.model == 'fisheye' else self.distortion
+
+    @property
+    def matrix(self) -> tuple[tuple[float, ...], ...]:
+        """OpenCV's camera matrix: focal lengths and centre (px)."""
+        across, down = (self.focal_px_per_rad,) * 2 if self.model == 'fisheye' else self.focal_px
+        u, v = self.centre_px
+        return (across, 0.0, u), (0.0, down, v), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -77,6 +115,21 @@ class GelDescription:
 
 
 @dataclass(frozen=True)
+class PatternDescription:
+    """What is seen to move between the depths `gel.markers_mm`."""
+
+    kind: str = parameter('spheres', 'at random, or printed in rows and columns', choices=('spheres', 'dots'))
+    count: int = parameter(10_000, 'of spheres in the whole gel', minimum=1)
+    diameter_mm: tuple[float, ...] = parameter((0.15, 0.18), 'least and greatest')
+    pitch_mm: float = parameter(2.0, 'of dots, from one to the next along x and along y', minimum=0.1)
+    dark: bool = parameter(False, 'whether they are darker than what is around them')
+
+    def __post_init__(self) -> None:
+        if len(self.diameter_mm) != 2 or not 0 < self.diameter_mm[0] <= self.diameter_mm[1]:
+            raise ValueError('pattern.diameter_mm must hold two numbers above 0, the least one first')
+
+
+@dataclass(frozen=True)
 class BinSettings:
     """The bins on the surface that forces are reported on."""
 
@@ -92,6 +145,7 @@ class Sensor:
     image: ImageSettings = field(default_factory=ImageSettings)
     camera: CameraDescription = field(default_factory=CameraDescription)
     gel: GelDescription = field(default_factory=GelDescription)
+    pattern: PatternDescription = field(default_factory=PatternDescription)
     bins: BinSettings = field(default_factory=BinSettings)
 
     def __post_init__(self) -> None:

@@ -6,14 +6,19 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from tactile_nodes.sensing.geometry import FisheyeCamera, rotation
+from tactile_nodes.sensing.geometry import Camera, FisheyeCamera, PinholeCamera, rotation
 from tactile_nodes.simulation.gel import Gel
 
 
-def camera_of(gel: Gel) -> FisheyeCamera:
+def camera_of(gel: Gel) -> Camera:
     """The camera under a gel, looking along +z at the middle of its surface."""
-    centre = (gel.image_width - 1) / 2, (gel.image_height - 1) / 2
-    return FisheyeCamera(gel.image_width, gel.image_height, gel.focal_px_per_rad, centre)
+    right, down = gel.centre_shift_px
+    size, centre = (gel.image_width, gel.image_height), (
+        (gel.image_width - 1) / 2 + right, (gel.image_height - 1) / 2 + down,
+    )  # fmt: skip
+    if gel.camera == 'pinhole':
+        return PinholeCamera(*size, (gel.focal_px_per_rad, gel.focal_px_per_rad), centre, gel.distortion)
+    return FisheyeCamera(*size, gel.focal_px_per_rad, centre)
 
 
 def shade(gel: Gel) -> Float32[np.ndarray, 'h w']:

@@ -9,7 +9,15 @@ from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
 
-CHOICES = {'mechanics': ('linear', 'finite_strain'), 'contact': ('sticking', 'smooth')}
+CHOICES = {
+    'mechanics': ('linear', 'finite_strain'),
+    'contact': ('sticking', 'smooth'),
+    'camera': ('fisheye', 'pinhole'),
+    'pattern': ('spheres', 'dots'),
+}
+
+LATER = 'height_mm', 'camera', 'distortion', 'centre_shift_px', 'pattern', 'pitch_mm', 'markers_thickness_mm'
+"""Properties that gels did not have at first: one that has them as they were then keeps its id."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +34,12 @@ class Gel:
     `settling_s` in which time it settles. `exposure_s` blurs what moves. `jpeg_quality` 1 to 100 is as a camera
     sends it, 0 is raw. The camera is shifted, then tilted about x and y, then rolled about its axis. `light_slope`
     is how much brighter (as a share) it is half an image right of and below the middle than there.
+
+    The gel is `size_mm` wide and `height_mm` high (0: as wide). A 'pinhole' camera has `focal_px_per_rad` pixels in the
+    middle, and OpenCV's `distortion` (k1, k2, p1, p2, k3); `centre_shift_px` is where the optical axis is beside the
+    middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
+    many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns. A
+    `marker_grey` below 0 makes them darker than the background.
     """
 
     seed: int = 1
@@ -58,6 +72,13 @@ class Gel:
     camera_roll_deg: float = 0.0
     light_slope: tuple[float, float] = (0.0, 0.0)
     light_gain: float = 1.0
+    height_mm: float = 0.0
+    camera: str = 'fisheye'
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    centre_shift_px: tuple[float, float] = (0.0, 0.0)
+    pattern: str = 'spheres'
+    pitch_mm: float = 2.0
+    markers_thickness_mm: float = 0.0
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
@@ -65,6 +86,11 @@ class Gel:
                 raise ConfigurationError(
                     f'a gel has {name!r} {getattr(self, name)!r}, but it must be one of: {", ".join(choices)}'
                 )
+
+    @property
+    def sides_mm(self) -> tuple[float, float]:
+        """Width and height of the surface: (32, 32)."""
+        return self.size_mm, self.height_mm or self.size_mm
 
     @property
     def layer_mm(self) -> float:
@@ -79,7 +105,9 @@ class Gel:
     @property
     def gel_id(self) -> str:
         """Twelve hexadecimal digits that change with any property of the gel."""
-        text = json.dumps(asdict(self), sort_keys=True)
+        first = {each.name: each.default for each in fields(self) if each.name in LATER}
+        told = {name: value for name, value in asdict(self).items() if name not in first or value != first[name]}
+        text = json.dumps(told, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     @classmethod

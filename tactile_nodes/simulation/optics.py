@@ -9,6 +9,7 @@ What moves during the exposure is drawn at two moments of it, which gives a smea
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -54,6 +55,12 @@ Shaping = Press | Touch
 
 PLACES_KEPT = 4
 
+LARGEST_VARIANCE_PX2 = 1.0
+"""Of a marker's own disc: what is wider does not fit into the pixels that receive its light."""
+
+ACROSS_A_DOT = 9
+"""Small discs that fill a printed dot, along its diameter."""
+
 
 class Optics:
     """Renders one gel. The same presses and noise seed give the same pixels, in any process, in any order."""
@@ -77,7 +84,7 @@ class Optics:
         distance = np.linalg.norm(self.markers_mm - pupil(gel), axis=1)
         radius_px = gel.focal_px_per_rad * diameter_mm / 2 / distance
         # The variance of a disc is a quarter of its squared radius along each axis, that of a pixel 1/12.
-        variance = radius_px**2 / 4 + gel.blur_px**2 + 1 / 12
+        variance = np.minimum(radius_px**2 / 4, LARGEST_VARIANCE_PX2) + gel.blur_px**2 + 1 / 12
         self._exponent = (-0.5 / variance).astype(np.float32)
         self._light = (gel.marker_grey * np.pi * radius_px**2).astype(np.float32)
         self._shade = shade(gel)
@@ -292,9 +299,25 @@ def mix(value: int) -> int:
 
 
 def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Places of the markers in the surface frame, at random through the soft gel, and their diameters."""
+    """Places of the markers in the surface frame, at random through the soft gel or printed, and their diameters."""
     random = np.random.default_rng(gel.seed)
-    half = gel.size_mm / 2
-    low, high = (-half, -half, -gel.layer_mm), (half, half, -gel.skin_mm)
+    right, down = (side / 2 for side in gel.sides_mm)
+    lowest = -gel.skin_mm - (gel.markers_thickness_mm or gel.soft_mm)
+    if gel.pattern == 'dots':
+        return _printed(gel, (lowest - gel.skin_mm) / 2)
+    low, high = (-right, -down, lowest), (right, down, -gel.skin_mm)
     places = random.uniform(low, high, (gel.marker_count, 3)).astype(np.float32)
     return places, random.uniform(*gel.marker_diameter_mm, gel.marker_count).astype(np.float32)
+
+
+def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
+    """Dots in rows and columns about the middle, each filled with small discs that have its area together."""
+    diameter_mm = sum(gel.marker_diameter_mm) / 2
+    x, y = (gel.pitch_mm * (np.arange(n := int(side // gel.pitch_mm)) - (n - 1) / 2) for side in gel.sides_mm)
+    steps = (np.arange(ACROSS_A_DOT) + 0.5) / ACROSS_A_DOT - 0.5
+    within = diameter_mm * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    within = within[np.hypot(*within.T) < diameter_mm / 2]
+    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
+    flat = (centres + within).reshape(-1, 2)
+    places = np.column_stack([flat, np.full(len(flat), z_mm)]).astype(np.float32)
+    return places, np.full(len(flat), diameter_mm / math.sqrt(len(within)), np.float32)

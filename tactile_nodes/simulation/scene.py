@@ -175,7 +175,7 @@ class Scene:
     ) -> None:
         self.gel = gel or Gel()
         self.schedule: Schedule = schedule or PressSchedule()
-        self.bins = bins or BinGrid(width_mm=self.gel.size_mm, height_mm=self.gel.size_mm)
+        self.bins = bins or BinGrid(9, 9, *self.gel.sides_mm)
         self._table = table or solve_gel(self.gel)
         self._others, self.bodies = dict(others or {}), dict(bodies or {})
         self._optics: Optics | None = None

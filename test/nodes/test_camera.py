@@ -88,6 +88,26 @@ def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
     assert truth.total == 0.0  # nothing presses in the first second
 
 
+def test_pictures_of_a_described_sensor_are_cut_and_told_as_it_says(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    described = tmp_path / 'mine.yaml'
+    described.write_text(
+        'image: {width: 64, height: 48, crop: 60, crop_height: 44}\n'
+        'camera: {model: pinhole, focal_px: [50.0, 51.0], centre_px: [31.5, 23.5]}\n'
+    )
+    source = tmp_path / 'picture.png'
+    cv2.imwrite(str(source), PATTERN[:48, :64])
+    images, infos = listen(bus, topics.IMAGE), listen(bus, topics.CAMERA_INFO)
+    start(f'source:={source}', f'sensor:={described}')
+    image, info = first(images).message, first(infos).message
+    assert (image.width, image.height) == (60, 44)
+    assert (info.width, info.height, info.roi.x_offset, info.roi.y_offset) == (64, 48, 2, 2)
+    assert info.distortion_model == 'plumb_bob'
+    assert info.k.tolist() == [50.0, 0.0, 31.5, 0.0, 51.0, 23.5, 0.0, 0.0, 1.0]
+    assert info.p.reshape(3, 4)[:, :3].ravel().tolist() == info.k.tolist()
+
+
 def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.geometry import BinGrid, Crop, FisheyeCamera, centre_crop, grey
+from tactile_nodes.sensing.geometry import BinGrid, Crop, FisheyeCamera, PinholeCamera, centre_crop, grey, middle_part
 
 
 def test_the_middle_bin_lies_at_the_origin():
@@ -65,6 +65,37 @@ def test_unproject_reverses_project(x: float, y: float, z: float):
     point = np.array([[x, y, z]])
     ray = camera.unproject(camera.project(point))
     np.testing.assert_allclose(ray, point / np.linalg.norm(point), atol=1e-9)
+
+
+def test_a_pinhole_sees_45_degrees_at_its_focal_length_and_farther_by_what_the_lens_adds():
+    """1 + k1 r² of it, at r = 1."""
+    right, below = np.array([[2.0, 0, 2]]), np.array([[0.0, 3, 3]])
+    plain = PinholeCamera(focal_px=(300.0, 310.0), centre_px=(320.0, 240.0))
+    np.testing.assert_allclose(plain.project(right), [[620, 240]])
+    np.testing.assert_allclose(plain.project(below), [[320, 550]])
+    barrel = PinholeCamera(focal_px=(300.0, 310.0), centre_px=(320.0, 240.0), distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(barrel.project(right), [[590, 240]])
+
+
+def test_a_lens_that_is_out_of_line_shifts_along_and_across():
+    """p1 of 0.01 at (1, 1): x by 2 p1 x y = 0.02, y by p1 (r² + 2 y²) = 0.04."""
+    camera = PinholeCamera(focal_px=(100.0, 100.0), centre_px=(0.0, 0.0), distortion=(0.0, 0.0, 0.01, 0.0, 0.0))
+    np.testing.assert_allclose(camera.project(np.array([[1.0, 1, 1]])), [[102, 104]])
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_unproject_reverses_the_lens_of_a_pinhole(x: float, y: float):
+    camera = PinholeCamera(distortion=(-0.2, 0.05, 0.001, -0.002, 0.01))
+    point = np.array([[x, y, 1.0]])
+    ray = camera.unproject(camera.project(point))
+    np.testing.assert_allclose(ray, point / np.linalg.norm(point), atol=1e-7)
+
+
+def test_of_a_picture_the_part_that_a_model_reads_is_taken_from_the_middle():
+    image = np.arange(48 * 64, dtype=np.uint32).astype(np.uint8).reshape(48, 64)
+    np.testing.assert_array_equal(middle_part(image, 0, (64, 40)), image[4:44])
+    with pytest.raises(ImageError, match='cannot cut 80x40'):
+        middle_part(image, 0, (80, 40))
 
 
 def test_the_paper_cuts_440_pixels_from_the_middle_of_640x480():

@@ -27,6 +27,21 @@ def test_what_a_file_leaves_out_is_as_on_the_simulated_sensor(tmp_path: Path) ->
     assert sensor.gel.height_mm == 32.0
 
 
+def test_a_part_that_is_no_square_is_cut() -> None:
+    assert load_sensor('speckle_membrane').image.crop_px == (640, 480)
+    assert load_sensor('simulated').image.crop_px == (440, 440)
+
+
+def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
+    lens = 'distortion: [0.1, 0.0, 0.0, 0.0, 0.0]'
+    text = f'camera: {{model: pinhole, focal_px: [500.0, 510.0], centre_px: [320.0, 240.0], {lens}}}'
+    camera = load_sensor(described(tmp_path, text)).camera
+    assert camera.distortion_model == 'plumb_bob'
+    assert camera.matrix == ((500.0, 0.0, 320.0), (0.0, 510.0, 240.0), (0.0, 0.0, 1.0))
+    assert camera.lens[0] == 0.1
+    assert load_sensor('simulated').camera.distortion_model == 'equidistant'
+
+
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
@@ -37,6 +52,12 @@ def test_what_a_file_leaves_out_is_as_on_the_simulated_sensor(tmp_path: Path) ->
         ('camera: {position_mm: [0.0, 0.0, -5.0]}', 'not below the markers'),
         ('camera: {centre_px: [320.0]}', 'camera.centre_px must hold 2 numbers'),
         ('image: {width: 320, height: 240, crop: 440}', 'only 320x240 pixels'),
+        ('image: {width: 320, height: 240, crop: 320, crop_height: 241}', 'crop is 320x241'),
+        ('image: {crop: 320, crop_height: 20}', 'crop_height is 20'),
+        ('camera: {model: pinhole, distortion: [0.1]}', 'camera.distortion must hold 5 numbers'),
+        ('camera: {model: pinhole, focal_px: [0.0, 300.0]}', 'focal_px must hold numbers above 0'),
+        ('camera: {model: orthographic}', "'fisheye', 'pinhole'"),
+        ('pattern: {diameter_mm: [0.2, 0.1]}', 'the least one first'),
         ('image: {with: 320}', "unknown parameter 'image.with'"),
     ],
 )

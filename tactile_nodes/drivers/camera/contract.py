@@ -26,7 +26,7 @@ SIMULATED = 'simulated'
 class SceneSettings:
     """The world of the simulated camera; processes that give the same settings see the same world."""
 
-    gel: str = parameter('', "YAML file of the gel's properties; empty: the paper's gel")
+    gel: str = parameter('', "YAML file of the gel's properties; empty: the gel of `sensor`, or the paper's")
     gel_seed: int = parameter(-1, 'where the markers are; -1: as in the file', minimum=-1)
     world: str = parameter('', 'name of a world that a node of this process shares, whose tip presses instead')
     seed: int = parameter(1, 'where and how deep the tip presses')
@@ -62,6 +62,10 @@ class CameraSettings:
     rate: float = parameter(1.0, 'speed of a file or folder; 0.0: as fast as it is read', minimum=0.0)
     loop: bool = parameter(False, 'start a file or folder again at its end')
     stall_s: float = parameter(1.5, 'a live source silent for this long counts as lost', minimum=0.1)
+    sensor: str = parameter(
+        '',
+        'description of the sensor (name or file): what is cut from pictures, and what a simulated camera sees',
+    )
     scene: SceneSettings = field(default_factory=SceneSettings)
 
 

@@ -18,7 +18,9 @@ from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSe
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.simulation import worlds
+from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldScene
@@ -80,12 +82,12 @@ class SimulatedCamera:
         """
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
-        scene = build_scene(self._settings.scene, self._told)
+        scene = build_scene(self._settings.scene, self._told, self._settings.sensor)
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
             begins_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
-            scene.schedule = _schedule(self._settings.scene, begins_ns, scene.bodies)
+            scene.schedule = _schedule(self._settings.scene, begins_ns, scene)
         if self._settings.scene.world:
             scene.schedule = Untouched()
         self._scene, self._world = scene, None
@@ -129,15 +131,18 @@ class SimulatedCamera:
         return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
 
 
-def build_scene(settings: SceneSettings, told: Told | None = None) -> Scene:
+def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str = '') -> Scene:
     """The gel and what happens to it; the same settings give the same world in every process.
 
     Raises:
-        ConfigurationError: a gel file that cannot be used, or a contact that cannot be solved.
+        ConfigurationError: a gel or sensor that cannot be used, or a contact that cannot be solved.
     """
-    gel = _gel(settings)
-    bodies = _bodies(settings.contact, gel, told)
-    return Scene(gel, _schedule(settings, settings.start_ns, bodies), table=contact_table(gel), bodies=bodies)
+    described = load_sensor(sensor) if sensor else Sensor()
+    gel = _gel(settings, described)
+    bins = BinGrid(described.bins.rows, described.bins.cols, *gel.sides_mm)
+    scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, told))
+    scene.schedule = _schedule(settings, settings.start_ns, scene)
+    return scene
 
 
 def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
@@ -157,18 +162,22 @@ def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
     return tell
 
 
-def _schedule(settings: SceneSettings, start_ns: int, bodies: Mapping[str, TouchTable]) -> TouchSchedule:
+def _schedule(settings: SceneSettings, start_ns: int, scene: Scene) -> TouchSchedule:
+    """Tips press as near to the rim as the paper's do, 13.5 of 16 mm from the middle, bodies half of the way there."""
+    to_rim_mm = min(scene.gel.sides_mm) / 2
     return TouchSchedule(
         seed=settings.seed,
         start_ns=start_ns,
         period_s=settings.period_s,
         shallowest_mm=min(settings.shallowest_mm, settings.deepest_mm),
         deepest_mm=settings.deepest_mm,
-        bodies=tuple((name, table.presses, table.stages) for name, table in bodies.items()),
+        reach_mm=13.5 / 16 * to_rim_mm,
+        touch_reach_mm=0.5 * to_rim_mm,
+        bodies=tuple((name, table.presses, table.stages) for name, table in scene.bodies.items()),
         every=2 if settings.contact == MIXED else 1,
     )
 
 
-def _gel(settings: SceneSettings) -> Gel:
-    gel = load_gel(settings.gel)
+def _gel(settings: SceneSettings, sensor: Sensor) -> Gel:
+    gel = load_gel(settings.gel) if settings.gel else gel_of(sensor)
     return gel if settings.gel_seed < 0 else dataclasses.replace(gel, seed=settings.gel_seed)

@@ -14,7 +14,7 @@ from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, KnownBody, body_of_card
-from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
+from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, scaling_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import told as told_errors
@@ -176,24 +176,35 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
 
     Raises:
         ModelError: the source has no force field.
-        ConfigurationError: the description tells forces on other bins, or of pictures of another size.
+        ConfigurationError: the picture shows too little of the gel.
     """
     readout, model = loaded.model.readout, loaded.model
     if not isinstance(readout, FieldReadout):
         raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
-    require_bins(sensor, model.bins)
-    if (crop := sensor.image.crop) != loaded.card['crop_px']:
-        raise ConfigurationError(f'{sensor.name} has a crop of {crop} px, and the model reads {loaded.card["crop_px"]}')
-    scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
+    source = loaded.card
+    if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor):
+        scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
+        layout = model.layout
+    else:
+        scaling = scaling_of(sensor, float(np.median(readout.scaling.gain[readout.scaling.trusted > 0])))
+        layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
     made = described(sensor, scaling, progress).readout
+    regions = {'rows': layout.rows, 'cols': layout.cols}
     card = {
-        **{name: loaded.card[name] for name in KEPT},
-        **Pressed(sensor, body_of_card(loaded.card, loaded.model_id)).told({}),
+        **{name: {**source[name], 'options': {**source[name]['options'], **regions}} for name in ('flow', 'encoding')},
+        'crop_px': list(sensor.image.crop_px) if sensor.image.crop_height else sensor.image.crop,
+        **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': 'description'},
         'made_with': f'tactile_nodes {__version__}',
     }
-    return save_model(output, replace(model, readout=made, model_id='unsaved'), card)
+    made_model = replace(model, layout=layout, bins=made.bins, readout=made, model_id='unsaved')
+    return save_model(output, made_model, card)
+
+
+def bins_of(sensor: Sensor) -> BinGrid:
+    """The bins that a sensor tells forces on."""
+    return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
 
 
 def require_bins(sensor: Sensor, bins: BinGrid) -> None:
@@ -202,8 +213,7 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     Raises:
         ConfigurationError: says both.
     """
-    own = BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
-    if own != bins:
+    if (own := bins_of(sensor)) != bins:
         raise ConfigurationError(
             f'the sensor {sensor.name} has {own}, and forces are reported on {bins}; change one of them'
         )

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.presses import (
@@ -45,6 +46,16 @@ UNFITTED = 0.04
 UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too."""
+
+REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14
+"""Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
+texture can be followed in."""
+
+LEAST_SEEN = 0.2
+"""Share of the regions that must see the gel."""
+
+KNOWN_CONFIDENCE = 0.1
+"""Confidence from which a region counts."""
 
 JUDGES = 40
 ROOM = 2.0
@@ -87,6 +98,31 @@ class FieldFit:
             return f'{self.form}: no press says more'
         told = ', '.join(f'{name} {value:.2f}' for name, value in self.misfits.items())
         return f'{self.form}: what held-out presses leave unexplained is {told} times what is expected'
+
+
+def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
+    """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
+
+    They are a tenth narrower than patches, as the paper's sensor has them, and at least `LEAST_REGION_PX` wide.
+
+    Raises:
+        ConfigurationError: hardly any region sees the gel.
+    """
+    (rows, cols), size = Regions(sensor, 1, 1).patches.shape, sensor.image.crop_px
+    cols, rows = (
+        max(1, min(round(REGIONS_A_PATCH * count), side // LEAST_REGION_PX))
+        for count, side in ((cols, size[0]), (rows, size[1]))
+    )
+    trusted = Regions(sensor, rows, cols).within_gel.reshape(rows, cols)
+    if trusted.mean() < LEAST_SEEN:
+        raise ConfigurationError(
+            f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
+            'camera.position_mm and its focal length, gel.width_mm and gel.height_mm'
+        )
+    shape = (rows, cols, 2)
+    return InputScaling(
+        np.zeros(shape, np.float32), np.full(shape, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
+    )
 
 
 def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:

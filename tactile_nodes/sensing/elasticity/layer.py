@@ -13,6 +13,9 @@ from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
 WIDTH_MM = 64.0
 """The layer repeats after so much, where a press is felt no more."""
 
+EVEN = 16
+"""Cells along each axis come in so many, so that patches of eight cells divide them, and so does the middle."""
+
 WAVE_NUMBERS = 260
 
 
@@ -27,9 +30,11 @@ class ElasticLayer:
         layers: Sequence[Elastic],
         depths_mm: Float[np.ndarray, ' depths'],
         spacing_mm: tuple[float, float] = (0.25, 0.25),
+        width_mm: float = WIDTH_MM,
     ) -> None:
         self.spacing_mm = spacing_mm
-        self.cells = 2 * round(WIDTH_MM / spacing_mm[0] / 2), 2 * round(WIDTH_MM / spacing_mm[1] / 2)
+        along_x, along_y = (EVEN * round(width_mm / spacing / EVEN) for spacing in spacing_mm)
+        self.cells = along_x, along_y
         self.depths_mm = np.asarray(depths_mm, float)
         self._layers = tuple(layers)
 

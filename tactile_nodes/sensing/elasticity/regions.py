@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Inexact, Int
+from jaxtyping import Bool, Float, Float32, Inexact, Int
 
-from tactile_nodes.sensing.elasticity.layer import ElasticLayer
+from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.stack import Elastic
-from tactile_nodes.sensing.geometry import BinGrid, FisheyeCamera, rotation
+from tactile_nodes.sensing.geometry import BinGrid, Camera, FisheyeCamera, PinholeCamera, rotation
 from tactile_nodes.sensors import Sensor
 
 DEPTHS = 5
@@ -44,9 +44,19 @@ Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 DISPLACEMENT_MM = 1e-3
 
 
+def camera_of(sensor: Sensor) -> Camera:
+    """The camera that a description tells of."""
+    camera, image = sensor.camera, sensor.image
+    u, v = camera.centre_px
+    if camera.model == 'pinhole':
+        across, down = camera.focal_px
+        return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
+    return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
+
+
 @dataclass(frozen=True)
 class Regions:
-    """The regions of a sensor's picture, `rows` by `cols` over its square crop."""
+    """The regions of a sensor's picture, `rows` by `cols` over what is cut from its middle."""
 
     sensor: Sensor
     rows: int
@@ -95,7 +105,8 @@ class Regions:
         gel = self.sensor.gel
         stack = [Elastic(*each) for each in zip(gel.layers_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
         width, height = self.patches.size_mm
-        return ElasticLayer(stack, depths_mm, (width / FINER, height / FINER))
+        repeated_mm = max(WIDTH_MM, 2 * gel.width_mm, 2 * gel.height_mm)
+        return ElasticLayer(stack, depths_mm, (width / FINER, height / FINER), repeated_mm)
 
     @property
     def nominal_shares(self) -> Float[np.ndarray, ' terms']:
@@ -116,6 +127,13 @@ class Regions:
         shape = DEPTHS, self.count, RAYS * RAYS
         return points[..., :2].reshape(*shape, 2), np.stack(moved, -1).reshape(*shape, 2, 3)
 
+    @property
+    def within_gel(self) -> Bool[np.ndarray, ' regions']:
+        """Which regions see nothing but the gel, at every depth where something is visible."""
+        side = np.array([self.sensor.gel.width_mm, self.sensor.gel.height_mm])
+        inside: np.ndarray = (np.abs(self._seen[0]) <= side / 2).all(axis=(0, 2, 3))
+        return inside
+
     def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
         """Where the rays of all windows meet a depth, in the surface frame."""
         towards = self._camera.unproject(self._pixels) @ self._turn.T
@@ -130,10 +148,8 @@ class Regions:
         return pixels
 
     @property
-    def _camera(self) -> FisheyeCamera:
-        camera, image = self.sensor.camera, self.sensor.image
-        u, v = camera.centre_px
-        return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
+    def _camera(self) -> Camera:
+        return camera_of(self.sensor)
 
     @property
     def _turn(self) -> Float[np.ndarray, '3 3']:
@@ -144,9 +160,10 @@ class Regions:
     def _pixels(self) -> Float[np.ndarray, 'rays 2']:
         """Of the rays of each region's window, region by region, in the camera's whole picture."""
         image = self.sensor.image
-        side = image.crop / np.array([self.cols, self.rows])
+        cut = np.array(image.crop_px)
+        side = cut / np.array([self.cols, self.rows])
         within = (np.arange(RAYS) + 0.5) / RAYS - 0.5
-        corner = np.array([(image.width - image.crop) // 2, (image.height - image.crop) // 2])
+        corner = (np.array([image.width, image.height]) - cut) // 2
         u, v = (
             corner[axis] - 0.5 + side[axis] * (np.arange(count)[:, None] + 0.5 + WINDOW * within)
             for axis, count in ((0, self.cols), (1, self.rows))

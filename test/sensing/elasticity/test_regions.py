@@ -6,7 +6,7 @@ from pressures import hertz
 
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions
 from tactile_nodes.sensing.geometry import FisheyeCamera
-from tactile_nodes.sensors import CameraDescription, Sensor
+from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor
 from tactile_nodes.simulation.mechanics import Layer
 
 FOCAL, PUPIL_MM = 290.0, 23.0
@@ -46,6 +46,26 @@ def test_a_patch_is_felt_as_a_ball_of_its_size_at_its_place(regions: Regions) ->
     ball = regions.terms_of_pressure(place, hertz(regions.layer, 1.0), known)[0]
     square = regions.terms_of_patches(known)[..., patch]
     assert ball[:, :, ::3] == pytest.approx(square[:, :, ::3], abs=0.05 * float(np.abs(square[:, :, ::3]).max()))
+
+
+def test_under_a_pinhole_the_middle_goes_by_focal_length_over_distance() -> None:
+    """500 px and 20 mm: a patch of the middle that is pushed aside by 1 mm goes by 25 px at the surface."""
+    image = ImageSettings(320, 240, 320, 240)
+    camera = CameraDescription('pinhole', 290.0, (500.0, 500.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0))
+    gel = GelDescription(12.0, 9.0, (4.0,), (0.1,), (0.5,), (0.0, 0.1))
+    regions = Regions(Sensor('small', image, camera, gel), 9, 12)
+    points, pixels_per_mm = regions._seen
+    middle = 4 * 12 + 6  # right of the middle by half a region: 13.3 px, which are 0.53 mm
+    assert points[0, middle].mean(axis=0) == pytest.approx([13.333 / 25, 0.0], abs=0.01)
+    assert pixels_per_mm[0, middle].mean(axis=0)[:, :2] == pytest.approx(25 * np.eye(2), rel=0.01)
+
+
+def test_regions_that_see_beside_the_gel_are_known_as_such() -> None:
+    """1.32 mm of the layer a region: 8 of 10 fit into 11.4 mm, 6 of 10 into 8 mm."""
+    camera = CameraDescription('pinhole', 290.0, (333.3, 333.3), (0.0,) * 5, (219.5, 219.5), (0.0, 0.0, -10.0))
+    gel = GelDescription(11.4, 8.0, (4.0,), (0.1,), (0.5,), (0.0, 0.01))
+    sensor = Sensor('beside', ImageSettings(440, 440, 440), camera, gel)
+    assert Regions(sensor, 10, 10).within_gel.sum() == 8 * 6
 
 
 def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:

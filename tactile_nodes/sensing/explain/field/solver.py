@@ -44,6 +44,13 @@ GRANTED = 50.0
 COARSE = 300.0
 """The same for the linear answer on bins."""
 
+UNSTABLE = 3e-6
+"""The least of it as a share of what is known best of any force: 32 bit floats tell no smaller ones apart."""
+
+MOVED, EVEN_N = 2.0, 0.1
+"""Residual of no force, in units of what is expected, from which all bins are tried, evenly, where the linear answer
+finds no force: where markers lie near the surface it takes a small contact between bins for suction."""
+
 ACTIVE, LEAST_N = 0.05, 1e-3
 """Bins are solved on that hold this share of the strongest bin's force, and so much; then patches around which there is
 this share of what is around any."""
@@ -140,7 +147,9 @@ class FieldSolver:
         around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
         on = around > max(ACTIVE * around.max(), LEAST_N)
         if not on.any():
-            return self._nothing(flat, weights)
+            if (nothing := self._nothing(flat, weights)).misfit < MOVED:
+                return nothing
+            around, on = np.full_like(around, EVEN_N), np.ones_like(on)
         pressed = self._on_bins(np.flatnonzero(on), around, flat, weights)
         nearby = self._nearby(pressed)
         active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of])
@@ -183,7 +192,8 @@ class FieldSolver:
     ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
         """What the motion says of forces: its information on them (the lower half), and that times the best ones."""
         information = weights.among(caused)
-        information[np.diag_indices(len(information))] += np.float32(granted)
+        of_each = np.diag_indices(len(information))
+        information[of_each] += np.float32(max(granted, UNSTABLE * float(information[of_each].max())))
         return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
 
     @cached_property

@@ -1,0 +1,136 @@
+"""Described sensors without any press: contacts of ten families, read by what follows from the description alone.
+
+Each sensor that ships (config/sensors) is simulated from its description and touched as in `tactile bench contacts`. It
+is read by the model that `tactile calibrate --sensor NAME` makes of the same description, through the chain of the live
+launch.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.contacts import read
+from benchmarks.contacts.page import share
+from benchmarks.harness.declaration import SENSING, SIMULATED, Aim, Benchmark, Result, argument, reached
+from benchmarks.harness.report import opening, table
+from benchmarks.harness.running import Run
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import share_directory
+
+PAPERS = 'simulated'
+AIM = 1.5
+SEED, PER_FAMILY = 404, 4
+ABOUT = """\
+{frames} contacts of ten families on each sensor (seed {seed}), most of them dragged, up to 3 N. Nobody pressed any of
+these sensors before: the response of the gel follows from the description. *Misplaced* is half the sum over the bins of
+|told - true|, over the true total. *Total* is the normal force: root mean square, and median of |told - true| over the
+true one. *Centre* is the median distance of the centres of pressure, *shear* the median error of the net shear where
+that exceeds 50 mN, *held* the share of totals that 90 % intervals hold, *CPU* the median of the whole chain on one
+thread. What each description assumes is in [sensors.md](../sensors.md)."""
+
+
+def shipped() -> list[str]:
+    """Names of the sensors that ship, the paper's first."""
+    names = {each.stem for each in (share_directory() / 'config' / 'sensors').glob('*.yaml')} - {PAPERS}
+    return [PAPERS, *sorted(names)]
+
+
+def measure(arguments: argparse.Namespace, run: Run) -> Result:
+    """All sensors, one after another."""
+    if unknown := [each for each in arguments.only if each not in shipped()]:
+        raise ConfigurationError(f'no sensor {unknown[0]!r} ships; there are: {", ".join(shipped())}')
+    chosen = [name for name in shipped() if name in (arguments.only or shipped())]
+    found = {name: run.part(name, partial(_measured, name, arguments, run)) for name in chosen}
+    return {'seed': arguments.seed, 'each': arguments.each, 'sensors': found}
+
+
+def _measured(name: str, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
+    from benchmarks.contacts.cases import cases
+    from benchmarks.contacts.frames import CONDITIONS
+    from benchmarks.contacts.scores import by_family, summed
+    from tactile_nodes.learning.field.calibration import described_model
+    from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.sensors import load_sensor
+    from tactile_nodes.simulation.described import gel_of
+
+    sensor = load_sensor(name)
+    gel = gel_of(sensor)
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / f'{name}.safetensors'
+        described_model(load_model(find_model('field')), sensor, name, model, run.progress)
+        touched = cases(gel, arguments.seed, arguments.each, run.progress)
+        scores, _ = read({name: str(model)}, gel, touched, CONDITIONS[0], run.progress)
+    width, height = sensor.image.crop_px
+    about = f'{sensor.camera.model}, {width}x{height} px of {sensor.gel.width_mm:g}x{sensor.gel.height_mm:g} mm'
+    bins = f'{sensor.bins.rows}x{sensor.bins.cols}'
+    return {'about': about, 'bins': bins, **summed(scores[name]), 'families': by_family(scores[name])}
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The page in Markdown."""
+    sensors = result['sensors']
+    about = ABOUT.format(frames=next(iter(sensors.values()))['frames'], seed=result['seed'])
+    heads = [
+        'sensor', 'what it is', 'bins', 'misplaced', 'total rms [N]', 'median', 'centre [mm]', 'shear', 'map r',
+        'total held', 'ok', 'worst while ok', 'CPU [ms]',
+    ]  # fmt: skip
+    rows = [
+        [
+            name, each['about'], each['bins'], share(each['misplaced']), f'{each["total_rms_n"]:.3f}',
+            share(each['total_median']), f'{each["centre_mm_median"]:.3f}', share(each['shear_median']),
+            f'{each["map_r"]:.2f}', share(each['total_held']), share(each['ok']), f'{each["worst_while_ok"]:.1f}',
+            f'{each["cpu_ms"]:.1f}',
+        ]
+        for name, each in sensors.items()
+    ]  # fmt: skip
+    parts = [*opening('Described sensors', result, about), table(heads, rows)]
+    if PAPERS in sensors and len(sensors) > 1:
+        parts += ['## What was to be reached', reached(AIMS, result)]
+    return '\n\n'.join(parts)
+
+
+def _beside_the_papers(name: str) -> Any:
+    """How many times as far off as the paper's sensor, of each other one."""
+
+    def told(result: Mapping[str, Any]) -> dict[str, str]:
+        own = result['sensors'][PAPERS][name]
+        return {
+            sensor: f'{each[name] / own:.2f}' + ('' if each[name] <= AIM * own else ', **not reached**')
+            for sensor, each in result['sensors'].items() if sensor != PAPERS
+        }  # fmt: skip
+
+    return told
+
+
+AIMS = (
+    Aim("misplaced force, times the paper's sensor's", f'{AIM}', _beside_the_papers('misplaced')),
+    Aim('median error of totals, times that', f'{AIM}', _beside_the_papers('total_median')),
+    Aim('centres, times that', f'{AIM}', _beside_the_papers('centre_mm_median')),
+)
+
+BENCHMARK = Benchmark(
+    name='sensors',
+    about=__doc__,
+    sources=(
+        'benchmarks/sensors.py', 'benchmarks/contacts/**', 'benchmarks/stability/chain.py',
+        'tactile_nodes/learning/field/**', 'tactile_nodes/sensors/**', 'config/sensors/**', *SENSING, *SIMULATED,
+    ),
+    page=page,
+    measure=measure,
+    seed=SEED,
+    arguments=(
+        argument(
+            '--each', type=int, default=PER_FAMILY, metavar='N', help=f'contacts of each family (default: {PER_FAMILY})'
+        ),
+        argument('--only', nargs='*', default=[], metavar='SENSOR', help='these sensors alone'),
+    ),
+    example="""\
+examples:
+  tactile bench sensors -o docs/results
+  tactile bench sensors --each 1 --only speckle_membrane    # a few contacts, to see that it runs""",
+)  # fmt: skip

@@ -1,0 +1,40 @@
+"""The simulated gel of a described sensor: what it looks like, and how it yields."""
+
+from __future__ import annotations
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.gel import Gel
+
+DARK = {'background_grey': 140.0, 'marker_grey': -100.0}
+"""Grey levels of a bright gel with dark markers."""
+
+
+def gel_of(sensor: Sensor) -> Gel:
+    """A gel as a description says; of the simulated sensor that ships, the gel that is simulated by default.
+
+    Raises:
+        ConfigurationError: its layers differ, or it is a pinhole with two focal lengths; the simulator has one of each.
+    """
+    camera, gel, image, pattern = sensor.camera, sensor.gel, sensor.image, sensor.pattern
+    if len({*zip(gel.moduli_mpa, gel.poisson_ratios, strict=True)}) > 1:
+        raise ConfigurationError(f'{sensor.name} has layers that differ, and the simulator knows one modulus for all')
+    focal_px = camera.focal_px_per_rad if camera.model == 'fisheye' else camera.focal_px[0]
+    if camera.model == 'pinhole' and camera.focal_px[1] != focal_px:
+        raise ConfigurationError(f'{sensor.name} has two focal lengths, and the simulator knows one for both axes')
+    high, low = gel.markers_mm
+    right, up, away = camera.position_mm
+    across, down = camera.centre_px
+    return Gel(**{
+        'size_mm': gel.width_mm, 'height_mm': 0.0 if gel.height_mm == gel.width_mm else gel.height_mm,
+        'skin_mm': high, 'soft_mm': gel.depth_mm - high,
+        'markers_thickness_mm': 0.0 if low >= gel.depth_mm - 1e-9 else low - high,
+        'shear_modulus_mpa': gel.moduli_mpa[0], 'poisson_ratio': gel.poisson_ratios[0],
+        'camera': camera.model, 'focal_px_per_rad': focal_px, 'distortion': camera.distortion,
+        'camera_shift_mm': (right, up), 'camera_tilt_deg': camera.tilt_deg, 'camera_roll_deg': camera.roll_deg,
+        'centre_shift_px': (across - (image.width - 1) / 2, down - (image.height - 1) / 2),
+        'pupil_below_markers_mm': -away - gel.depth_mm,
+        'image_width': image.width, 'image_height': image.height,
+        'pattern': pattern.kind, 'pitch_mm': pattern.pitch_mm,
+        'marker_count': pattern.count, 'marker_diameter_mm': pattern.diameter_mm, **(DARK if pattern.dark else {}),
+    })  # type: ignore[arg-type]  # fmt: skip

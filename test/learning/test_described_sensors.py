@@ -1,0 +1,76 @@
+"""A sensor of another size, shape and camera: from its description to force, without any press."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.field.calibration import described_model
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.explain.model import ForceEstimator
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensors import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    PatternDescription,
+    Sensor,
+)
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Optics, Press
+
+SMALL = Sensor(
+    'small', ImageSettings(320, 240, 320, 200),
+    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
+    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.49,), (0.3, 0.8)), PatternDescription('spheres', 4000, (0.1, 0.15)),
+    BinSettings(4, 6),
+)  # fmt: skip
+"""3 mm a bin, 20 px a millimetre: 16x10 mm are seen."""
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
+    file = tmp_path_factory.mktemp('described') / 'small.safetensors'
+    described_model(load_model(find_model('field')), SMALL, '', file, Progress())
+    return load_model(file)
+
+
+def test_a_model_reads_pictures_and_bins_as_the_description_has_them(made: LoadedModel) -> None:
+    """8x12 patches and 20 regions for 18 of them: 9x13."""
+    assert made.image_size == (320, 200)
+    assert made.model.bins == BinGrid(4, 6, 18.0, 12.0)
+    assert (made.model.layout.rows, made.model.layout.cols) == (9, 13)
+
+
+def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> None:
+    gel = dataclasses.replace(gel_of(SMALL), mechanics='linear')
+    table, flow = solve(gel), make_flow(*made.flow)
+    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
+    frames = iter(range(100))
+
+    def seen(*presses: Press) -> np.ndarray:
+        return np.ascontiguousarray(optics.render(presses, next(frames))[20:220])
+
+    flow.set_reference(np.mean([seen() for _ in range(8)], axis=0).round().astype(np.uint8))
+    for x_mm, y_mm in ((0.0, 0.0), (4.0, -2.0), (-5.0, 2.5)):
+        told = force.predict(encoding.encode(flow.displacement(seen(Press(x_mm, y_mm, 0.6)))))
+        assert told.total_n == pytest.approx(table.force_at(0.6), rel=0.15)
+        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
+    assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+
+
+def test_a_camera_that_looks_beside_the_gel_is_refused() -> None:
+    aside = dataclasses.replace(SMALL.camera, position_mm=(40.0, 0.0, -20.0))
+    with pytest.raises(ConfigurationError, match='regions of the picture of small see its gel'):
+        described_model(
+            load_model(find_model('field')), dataclasses.replace(SMALL, camera=aside), '', Path('never'), Progress()
+        )
