@@ -79,6 +79,8 @@ class Hands:
         self._expect: Callable[[Place, Sequence[Sample]], str] | None = None
         self._passed: tuple[int, Place] | None = None
         self.asked_to_stop = False
+        self.machine_failed = False
+        """Whether the machine did not do something that it was asked for."""
 
     def run(self, procedure: Procedure[Result]) -> Result:
         """Do all that a procedure asks for; its result.
@@ -113,6 +115,7 @@ class Hands:
                 switched = self.switch(action.level)
         except DeviceError:
             self.check()  # a stop by the safety makes commands fail: that is the reason then
+            self.machine_failed = True
             raise
         self.check()
         now_ns = self.clock.now_ns()
@@ -136,6 +139,7 @@ class Hands:
             self.cnc.home()
         except DeviceError:
             self.check()  # a stop by the safety breaks homing off: that is the reason then
+            self.machine_failed = True
             raise
         self.check()
 

@@ -161,15 +161,11 @@ class LaunchService:
     def _over(self, supervisor: Supervisor, code: int | None) -> None:
         self._supervisors.remove(supervisor)
         name = supervisor.plan.name
-        if code is None:
-            self._status = 1
-        if code and not self._shutting_down:
-            told = f'{name} failed: {self._log.last_complaint(name) or _ended(code)}'
-            self._failures.append(told)
+        if code != 0 and not self._shutting_down:
+            self._failures.append(f'{name} failed: {self._why(supervisor, code)}')
+            if code is None or supervisor.plan.required:
+                self._blame()
         if supervisor.plan.required and not self._shutting_down:
-            self._status = self._status or int(code != 0)
-            if code:  # who failed before may be why
-                self._cause = '; then '.join(self._failures)
             self._log.say('INFO', 'launch', f'process[{name}] was required: shutting down launched system')
             self._stop_all(told=True)
 
@@ -193,8 +189,19 @@ class LaunchService:
 
     def _fail(self, text: str) -> None:
         self._log.say('ERROR', 'launch', text)
-        self._status = 1
+        self._failures.append(text)
+        self._blame()
         self._stop_all(told=True)
+
+    def _blame(self) -> None:
+        """The launch has failed: by the last failure, and those before may be why."""
+        self._status = 1
+        self._cause = '; then '.join(self._failures)
+
+    def _why(self, supervisor: Supervisor, code: int | None) -> str:
+        if code is None:
+            return f'it could not be started: {supervisor.refusal}'
+        return self._log.last_complaint(supervisor.plan.name) or _ended(code)
 
     def _interrupted(self) -> None:
         self._log.say('WARNING', 'launch', f'{_CTRL_C} again, ignoring...' if self._shutting_down else _CTRL_C)

@@ -177,7 +177,7 @@ def test_notes_reach_the_view_and_are_kept_for_the_end() -> None:
     assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1].']
 
 
-def launch(run_folder: Path, tmp_path: Path, *commands: str) -> subprocess.Popen[str]:
+def launch(run_folder: Path, tmp_path: Path, *commands: str, errors: int = subprocess.PIPE) -> subprocess.Popen[str]:
     """``tactile launch --view`` of these commands, each of which is required."""
     text = 'launch:\n' + ''.join(
         f"  - executable: {{cmd: '{command}', on_exit: shutdown, output: screen}}\n" for command in commands
@@ -186,7 +186,7 @@ def launch(run_folder: Path, tmp_path: Path, *commands: str) -> subprocess.Popen
     file.write_text(text)
     environment = {**os.environ, 'ROS_LOG_DIR': str(tmp_path / 'log')}
     words = [sys.executable, '-m', 'tactile_nodes', 'launch', '--view', str(file)]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=errors, text=True, env=environment)
 
 
 def test_the_end_of_a_required_process_ends_the_view_with_its_words(run_folder: Path, tmp_path: Path) -> None:
@@ -195,6 +195,16 @@ def test_the_end_of_a_required_process_ends_the_view_with_its_words(run_folder: 
     assert process.returncode == 1
     assert 'the lamp is broken' in err
     assert 'logs: ' in out
+
+
+def test_in_front_of_a_launch_the_cause_is_the_last_line_after_where_the_logs_are(
+    run_folder: Path, tmp_path: Path
+) -> None:
+    command = 'sh -c "echo the lamp is broken >&2; exit 3"'
+    with launch(run_folder, tmp_path, command, errors=subprocess.STDOUT) as process:
+        lines = process.communicate(timeout=10)[0].splitlines()
+    assert lines[-1] == '[ERROR] [launch]: sh-1 failed: the lamp is broken'
+    assert sum(line.startswith('logs: ') for line in lines) == 1
 
 
 def test_ctrl_c_in_front_of_a_launch_ends_both(run_folder: Path, tmp_path: Path) -> None:

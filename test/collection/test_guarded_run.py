@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -127,3 +128,79 @@ def test_a_report_that_is_lost_at_the_end_leaves_no_tip_down(monkeypatch: pytest
         with pytest.raises(DeviceFaultError, match='invalid for reasons 2'):
             run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
+    """z slips while the force is held, so the motor goes up alone, and the machine says that it is there."""
+    slipped: list[int] = []
+
+    def slipping(run: GuardedRun, now_ns: int) -> Felt:
+        felt = truth(run, now_ns)
+        if not slipped and abs(felt.force_n - SETTINGS.guard.target_n) <= SETTINGS.guard.band_n:
+            assert run.station.world is not None
+            run.station.world.stick(2, now_ns)
+            slipped.append(now_ns)
+        return felt
+
+    with opened(slipping) as run, pytest.raises(DeviceFaultError) as caught:
+        run.run()
+    # 0.2 N within the band of 0.005 N and the noise of the sensor.
+    assert re.match(r'0\.(19|20|21) N are left although the machine says that the tip is up', str(caught.value))
+
+
+def test_what_ended_the_approach_is_told_beside_a_tip_that_is_still_down() -> None:
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        felt = truth(run, now_ns)
+        if felt.force_n < 0.1:
+            return felt
+        if next(turn) == 0:
+            assert run.station.world is not None
+            run.station.world.stick(2, now_ns)
+        return Felt(now_ns, 0.0, INVALID, 2)
+
+    with opened(failing) as run, pytest.raises(DeviceFaultError, match='N are left') as caught:
+        run.run()
+    assert re.search(r'\(before that: the force is invalid for reasons 2; .*\)$', str(caught.value))
+
+
+def test_a_machine_that_failed_is_not_believed_to_be_up_without_a_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) == 10:
+            monkeypatch.setattr(run.station.readings, 'samples', lambda *_: [])
+            monkeypatch.setattr(run.station.cnc, 'jog', refused(run, monkeypatch))
+        return truth(run, now_ns)
+
+    with opened(failing) as run:
+        with pytest.raises(DeviceFaultError, match=r'nobody knows whether the tip is up.*before that: lines were lost'):
+            run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def refused(run: GuardedRun, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A jog that fails, once."""
+    jog = run.station.cnc.jog
+
+    def refuse(*_: float, **__: float) -> None:
+        monkeypatch.setattr(run.station.cnc, 'jog', jog)
+        raise DeviceFaultError('lines were lost')
+
+    return refuse
+
+
+def test_a_silent_force_sensor_raises_no_doubt_of_a_machine_that_did_all_it_was_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) < 10:
+            return truth(run, now_ns)
+        monkeypatch.setattr(run.station.readings, 'samples', lambda *_: [])
+        return Felt(now_ns, 0.0, INVALID, 2)
+
+    with opened(failing) as run, pytest.raises(DeviceFaultError, match=r'^the force is invalid for reasons 2'):
+        run.run()

@@ -11,6 +11,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SystemClock
+from tactile_nodes.collection.run import voice as voice_module
 from tactile_nodes.collection.run.telling import traffic_message
 from tactile_nodes.collection.run.voice import TOPICS, Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
@@ -38,18 +39,16 @@ def test_a_message_holds_the_bytes_with_their_way_stamp_and_port() -> None:
     assert told.data.tobytes() == b'\x85\x00\xff?'
 
 
-@pytest.fixture
-def voice_on_bus() -> tuple[Voice, InProcessBus]:
+def made(warned: list[str]) -> tuple[Voice, InProcessBus]:
     bus = InProcessBus(SystemClock())
     publishers = {topic: bus.advertise('/' + topic.name, topic.type_name, topic.qos) for topic in TOPICS}
-    return Voice(publishers, Names('', 'rig', '', '', '', '', '', PORT), bus.clock, (0.0, 0.0)), bus
+    return Voice(publishers, Names('', 'rig', '', '', '', '', '', PORT), bus.clock, (0.0, 0.0), warned.append), bus
 
 
-def test_what_passed_before_anybody_listened_is_told_to_the_first_who_does(
-    voice_on_bus: tuple[Voice, InProcessBus],
-) -> None:
+def test_what_passed_before_anybody_listened_is_told_to_the_first_who_does() -> None:
     """The machine is opened, and tells its settings, before a recorder can have come."""
-    voice, bus = voice_on_bus
+    warned: list[str] = []
+    voice, bus = made(warned)
     voice.passed('>', START_NS, b'$$\n')
     voice.status(STATUS, None, None)
     voice.passed('<', START_NS + 1, b'$0=10\r\n')
@@ -65,6 +64,40 @@ def test_what_passed_before_anybody_listened_is_told_to_the_first_who_does(
     ]
     assert [messages.stamp_ns(each.header.stamp) for each in told] == [START_NS, START_NS + 1, START_NS + 2]
     assert heard.take() is None
+    assert warned == []
+
+
+def test_bytes_that_gave_way_before_anybody_listened_are_counted_and_told_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of pieces of 1 to 5 bytes the newest two wait: 1 + 2 + 3 bytes are gone."""
+    monkeypatch.setattr(voice_module, 'MOST_TRAFFIC', 2)
+    warned: list[str] = []
+    voice, bus = made(warned)
+    for size in range(1, 6):
+        voice.passed('<', START_NS + size, b'.' * size)
+    voice.status(STATUS, None, None)
+    assert warned == []  # nobody knows yet how many it will be
+    heard = listening(bus)
+    voice.status(STATUS, None, None)
+    voice.status(STATUS, None, None)
+    voice.the_rest()
+    assert [len(heard.take().message.data) for _ in range(2)] == [4, 5]
+    assert len(warned) == 1
+    assert warned[0].startswith('6 bytes between computer and machine are in no recording')
+
+
+def test_bytes_that_nobody_ever_listened_to_are_told_at_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(voice_module, 'MOST_TRAFFIC', 2)
+    warned: list[str] = []
+    voice, _ = made(warned)
+    for _ in range(3):
+        voice.passed('>', START_NS, b'?\n')
+    voice.the_rest()
+    assert len(warned) == 1
+    assert warned[0].startswith('2 bytes')
 
 
 def test_a_station_hands_on_every_byte_of_its_machine(tmp_path: Path) -> None:

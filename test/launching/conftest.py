@@ -12,6 +12,7 @@ import pytest
 from tactile_nodes.launching.context import Context
 from tactile_nodes.launching.interpreter import Interpreter
 from tactile_nodes.launching.processes.output import Line
+from tactile_nodes.launching.service import LaunchService
 
 
 @dataclass
@@ -68,6 +69,33 @@ def interpret(tmp_path, launch_file):
         notes.interpreter = Interpreter(context, notes)
         notes.interpreter.include(file, arguments)
         return notes
+
+    return run
+
+
+@pytest.fixture
+def launch(tmp_path, launch_file):
+    """Runs actions to their end; `when` maps a text on the screen to what is then done with the service."""
+
+    def run(actions, when=None, *, environment=None, arguments=None, **options):
+        shown = []
+
+        def screen(line):
+            shown.append(str(line))
+            for text, react in (when or {}).items():
+                if text in str(line):
+                    react(service)
+
+        service = LaunchService(
+            launch_file(actions),
+            arguments,
+            screen=screen,
+            environment={'PATH': '/usr/bin:/bin', **(environment or {})},
+            log_base=tmp_path / 'logs',
+            **options,
+        )
+        status = service.run()
+        return status, shown, service
 
     return run
 

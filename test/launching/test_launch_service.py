@@ -1,6 +1,5 @@
 """A launch file being run: real processes, started, watched, started again and ended."""
 
-import os
 import re
 import threading
 from pathlib import Path
@@ -10,33 +9,6 @@ import pytest
 from tactile_nodes import paths
 from tactile_nodes.launching.processes import orphans
 from tactile_nodes.launching.service import LaunchService
-
-
-@pytest.fixture
-def launch(tmp_path, launch_file):
-    """Runs actions to their end; `when` maps a text on the screen to what is then done with the service."""
-
-    def run(actions, when=None, *, environment=None, arguments=None, **options):
-        shown = []
-
-        def screen(line):
-            shown.append(str(line))
-            for text, react in (when or {}).items():
-                if text in str(line):
-                    react(service)
-
-        service = LaunchService(
-            launch_file(actions),
-            arguments,
-            screen=screen,
-            environment={'PATH': '/usr/bin:/bin', **(environment or {})},
-            log_base=tmp_path / 'logs',
-            **options,
-        )
-        status = service.run()
-        return status, shown, service
-
-    return run
 
 
 def stop(service):
@@ -70,45 +42,6 @@ def test_a_process_that_died_is_named_with_its_code_and_its_command_is_in_the_lo
     assert status == 0
     assert without_numbers(shown)[-1] == '[ERROR] [program-1]: process has died [pid N, exit code 3].'
     assert f"cmd='{path} a b'" in (service.log_folder / 'launch.log').read_text()
-
-
-@pytest.mark.parametrize(
-    ('code', 'cause'),
-    [
-        ('import sys; print("camera: there is none", file=sys.stderr); sys.exit(1)', 'camera: there is none'),
-        (
-            'import sys; sys.stderr.write("[ERROR] [1.5] [camera]: gone\\n[INFO] [1.6] [a]: b\\n"); sys.exit(1)',
-            '[camera]: gone',
-        ),
-        ('raise ValueError("a bug")', 'ValueError: a bug'),
-        ('raise SystemExit(3)', 'exit code 3'),
-        ('import os; os.kill(os.getpid(), 9)', 'it was ended by SIGKILL'),
-    ],
-)
-def test_a_launch_that_fails_ends_with_the_cause(launch, program, code, cause):
-    path, other = program(code), program('import time; time.sleep(60)', name='other')
-    status, shown, _ = launch(
-        f'- executable: {{cmd: {other}, output: screen}}\n'
-        f'- executable: {{cmd: {path}, output: screen, on_exit: shutdown}}\n'
-    )
-    assert status == 1
-    assert shown[-1] == f'[ERROR] [launch]: program-2 failed: {cause}'
-
-
-def test_what_failed_before_is_part_of_the_cause(launch, program, tmp_path):
-    """A rig that gave up leaves a calibrator that has no presses: the rig's reason is the one to read."""
-    os.mkfifo(gate := tmp_path / 'gate')
-    rig = program('import sys; print("rig: the lamp flickers", file=sys.stderr); sys.exit(3)', name='rig')
-    waits = f'import sys; open("{gate}").read(); print("calibrator: no press", file=sys.stderr); sys.exit(1)'
-    status, shown, _ = launch(
-        f'- executable: {{cmd: {rig}, output: screen}}\n'
-        f'- executable: {{cmd: {program(waits, name="calibrator")}, output: screen, on_exit: shutdown}}\n',
-        {'[rig-1]: process has died': lambda service: gate.write_text('now')},
-    )
-    assert status == 1
-    assert shown[-1] == (
-        '[ERROR] [launch]: rig-1 failed: rig: the lamp flickers; then calibrator-2 failed: calibrator: no press'
-    )
 
 
 def test_a_node_gets_its_words_and_its_parameter_file(launch, program):

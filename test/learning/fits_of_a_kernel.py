@@ -11,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg  # brings an OpenBLAS of its own
+from layered_gel import BALL, SENSOR, pressed, pressed_terms, quiet_scaling, uneven
 from responding_gel import AXISYMMETRIC, CONFIG, presses
 
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.field.fit import fit_field
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import live_errors, transfer
@@ -23,6 +25,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]
 SOFTER, ASIDE_MM = 1.2, 0.7
+FEW = 45
+"""Presses that the force field is fitted to; it reads fifteen others."""
 
 
 def kernels() -> list[str]:
@@ -64,7 +68,16 @@ def readings() -> dict[str, np.ndarray]:
         'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
         'calibrated by hand': (transfer_partial(axisymmetric, replace_presses(few, half)).readout, other_gel(60, 3)),
     }
-    return {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
+    read = {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
+    return {**read, 'field': field_errors()}
+
+
+def field_errors() -> np.ndarray:
+    """The same of a force field, on a small sensor whose regions are not as its description has them."""
+    dataset, rows = pressed(pressed_terms(), uneven(), 60), np.arange(60)
+    fit = fit_field(SENSOR, quiet_scaling(), dataset, rows[:FEW], rows[:FEW] % 5, BALL)
+    assert fit.form == 'regions', fit.reason
+    return live_errors(fit.readout, dataset, rows[FEW:])
 
 
 def judges(dataset: Dataset) -> np.ndarray:

@@ -6,50 +6,25 @@ import dataclasses
 
 import numpy as np
 import pytest
+from layered_gel import BALL, SENSOR, SIDE, Terms, nominal, pressed, pressed_terms, quiet_scaling, uneven
 from pressures import hertz
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.fit import described, fit_field
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.network import InputScaling
-from tactile_nodes.sensors import CameraDescription, Sensor
-
-SIDE, NOISE_PX = 8, 0.004
-BALL = KnownBody.named('ball:0.6')
-SENSOR = Sensor()
+from tactile_nodes.sensors import CameraDescription
 
 
 @pytest.fixture(scope='module')
 def scaling() -> InputScaling:
-    shape = SIDE, SIDE, 2
-    return InputScaling(
-        np.zeros(shape, np.float32), np.full(shape, 1 / NOISE_PX, np.float32), np.ones(shape[:2], np.float32)
-    )
+    return quiet_scaling()
 
 
 @pytest.fixture(scope='module')
-def terms() -> tuple[np.ndarray, np.ndarray]:
-    """Places on the surface, and what each term of all regions makes of 1 N there."""
-    places = np.random.default_rng(4).uniform(-12, 12, (60, 2))
-    regions = Regions(SENSOR, SIDE, SIDE)
-    return places, regions.terms_of_pressure(places, hertz(regions.layer, 0.5), np.arange(regions.count))
-
-
-def pressed(terms: tuple[np.ndarray, np.ndarray], shares: np.ndarray, count: int) -> Dataset:
-    """Presses of 0.1 to 0.3 N on a gel whose regions have these shares."""
-    random, (places, made) = np.random.default_rng(5), (each[:count] for each in terms)
-    force = random.uniform(0.1, 0.3, count)
-    motion = np.einsum('nrpt,rt->nrp', made, shares) * force[:, None, None]
-    motion = (motion + NOISE_PX * random.standard_normal(motion.shape)).reshape(count, SIDE, SIDE, 2)
-    rows = np.column_stack([places, np.full(count, 0.5), force]).astype(np.float32)
-    return Dataset(motion.astype(np.float16), rows, np.zeros(count, int), np.ones((1, SIDE, SIDE), np.float32), 'made')
-
-
-def nominal() -> np.ndarray:
-    regions = Regions(SENSOR, SIDE, SIDE)
-    return np.tile(regions.nominal_shares, (regions.count, 1))
+def terms() -> Terms:
+    return pressed_terms()
 
 
 def fitted(dataset: Dataset, scaling: InputScaling):
@@ -57,7 +32,7 @@ def fitted(dataset: Dataset, scaling: InputScaling):
     return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL)
 
 
-def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: Terms):
     fit = fitted(pressed(terms, 1.25 * nominal(), 30), scaling)
     assert fit.form == 'gain'
     assert fit.gain == pytest.approx(1.25, rel=0.02)
@@ -65,19 +40,15 @@ def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, te
     assert fit.readout.response == pytest.approx(1.25 * described_response, abs=0.05)
 
 
-def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, terms: Terms):
     fit = fitted(pressed(terms, nominal(), 30), scaling)
     assert fit.form == 'description'
     assert set(fit.misfits) == {'description', 'gain', 'regions'}
 
 
-def test_regions_with_markers_of_their_own_are_told_by_many_presses(
-    scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]
-):
+def test_regions_with_markers_of_their_own_are_told_by_many_presses(scaling: InputScaling, terms: Terms):
     """Each region's depths count up to half more or less: with sixty presses they are known better than before."""
-    random = np.random.default_rng(6)
-    shares = nominal()
-    shares[:, ::3] *= random.uniform(0.5, 1.5, shares[:, ::3].shape)
+    shares = uneven()
     fit = fitted(pressed(terms, shares, 60), scaling)
     assert fit.form == 'regions'
     made = Regions(SENSOR, SIDE, SIDE).terms_of_patches(np.arange(SIDE * SIDE))
@@ -100,14 +71,12 @@ def test_a_camera_that_is_aside_of_its_description_is_followed(scaling: InputSca
     assert np.linalg.norm(fit.readout.response - true) < 0.85 * np.linalg.norm(start - true)
 
 
-def test_what_no_press_told_is_stated_less_sure(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
-    shares = nominal()
-    shares[:, ::3] *= np.random.default_rng(6).uniform(0.5, 1.5, shares[:, ::3].shape)
-    none, many = described(SENSOR, scaling).readout, fitted(pressed(terms, shares, 60), scaling).readout
+def test_what_no_press_told_is_stated_less_sure(scaling: InputScaling, terms: Terms):
+    none, many = described(SENSOR, scaling).readout, fitted(pressed(terms, uneven(), 60), scaling).readout
     assert none.spread.normal_n(0.0, 1.0) > 1.5 * many.spread.normal_n(0.0, 1.0)
 
 
-def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: tuple[np.ndarray, np.ndarray]):
+def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms):
     dataset = pressed(terms, nominal(), 20)
     presses = dataset.presses.copy()
     presses[:, 3] = np.nan

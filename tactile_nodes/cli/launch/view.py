@@ -78,7 +78,7 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
         status = statuses[0] if statuses else 1
         if status == 0 or state.frames:
             view.print_summary(state, bus.clock.now_ns())
-    if status != 0:
+    print(f'logs: {service.log_folder}', flush=True)
+    if status != 0:  # its last line is the cause, which nothing follows
         print('\n'.join(notes.lines), file=sys.stderr)
-    print(f'logs: {service.log_folder}')
     return status

@@ -1,7 +1,8 @@
 """A guarded approach on a rig: home, go above the gel, feel for the force on its topic, hold it, go up again.
 
 The force/torque sensor is no part of the loop. It keeps the rig's own limits (`Safety`), and it says at the end how
-large the held force really was.
+large the held force really was, and whether the tip is free. That the force rises as a surface promised (`rising`) is
+not asked: nobody has felt for a surface here, and what is met need not be the gel.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.actions import Go, Look, Procedure
 from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
+from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.wrench import Array, Tare, pressing_n, tare_of, wrenches
+from tactile_nodes.collection.wrench import Array, Tare, pressing_n, wrenches
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
@@ -75,6 +79,8 @@ class GuardedRun:
         self._settings = s = settings
         self._feel = feel
         self._clock = clock
+        self._homed = False
+        self._tare: Tare | None = None
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
 
@@ -82,21 +88,22 @@ class GuardedRun:
         """One approach, ended by going up, whatever happens; what was held, None when `stop` ended it.
 
         Raises:
-            DeviceError: it was given up, and why.
+            DeviceError: it was given up, and why; or the tip is not up, or nobody knows.
         """
-        hands, homed = self.station.hands, False
-        hands.safety.watch(self._clock.now_ns(), camera=False)
+        why = ''
         try:
-            hands.home()
-            homed = True
-            return hands.run(guarded_approach(self._settings, hands.readings, self._feel))
-        except TrippedError as tripped:
-            raise DeviceFaultError(f'the approach was given up: {tripped}') from tripped
+            return self._approach()
         except InterruptedRunError:
             return None
+        except TrippedError as tripped:
+            why = f'the approach was given up: {tripped}'
+            raise DeviceFaultError(why) from tripped
+        except DeviceError as error:
+            why = str(error)
+            raise
         finally:
-            if _is_homed(hands.cnc, homed):
-                hands.retreat()
+            if _is_homed(self.station.cnc, self._homed):
+                self._up(why)
 
     def stop(self) -> None:
         """Let the run end, with the tip up; returns at once."""
@@ -105,6 +112,23 @@ class GuardedRun:
     def close(self, run: threading.Thread | None = None, within_s: float = 0.0) -> bool:
         """Let go of the devices when the run has ended, as `Station.close_after`."""
         return self.station.close_after(run, within_s)
+
+    def _approach(self) -> Outcome:
+        hands = self.station.hands
+        hands.safety.watch(self._clock.now_ns(), camera=False)
+        hands.home()
+        self._homed = True
+        self._tare = hands.run(above_gel(self._settings, self._feel))
+        return hands.run(guarded_approach(self._settings, hands.readings, self._feel, self._tare))
+
+    def _up(self, why: str) -> None:
+        """Bring the tip up; where it is not, that is told first, and then `why` the approach ended."""
+        hands, trip = self.station.hands, self.station.safety.trip
+        doubted = hands.machine_failed or (trip is not None and trip.kind == MACHINE)
+        try:
+            bring_up(hands, self._tare, self._settings, doubted)
+        except DeviceError as error:
+            raise DeviceFaultError(f'{error} (before that: {why})' if why else str(error)) from error
 
 
 def _is_homed(cnc: Cnc, before: bool) -> bool:
@@ -115,11 +139,11 @@ def _is_homed(cnc: Cnc, before: bool) -> bool:
         return before
 
 
-def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Feel) -> Procedure[Outcome]:
-    """From above the gel to the end of the hold.
+def above_gel(settings: GuardedRunSettings, feel: Feel) -> Procedure[Tare]:
+    """To above the gel, and what the unloaded sensor reads there.
 
     Raises:
-        DeviceError: no force within `wait_s`, or the loop gives up (`Guarded.step_mm`).
+        DeviceError: no force within `wait_s`, or the force/torque sensor is not sound.
     """
     motion, surface = settings.motion, settings.surface
     yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.travel_mm_min)
@@ -127,10 +151,18 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     yield from first_force(settings.wait_s, feel)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
-    tare = tare_of((yield Look(settings.press.tare_s)).samples)
-    seen = yield SetTare(tare)
+    return (yield from zero(settings))
+
+
+def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Feel, tare: Tare) -> Procedure[Outcome]:
+    """From above the gel to the end of the hold.
+
+    Raises:
+        DeviceError: the loop gives up (`Guarded.step_mm`).
+    """
+    seen = yield Look(LOOK_S)
     guarded = Guarded(settings.guard, seen.now_ns)
-    yield from felt_for(guarded, surface.top_mm, motion.press_mm_min, feel)
+    yield from felt_for(guarded, settings.surface.top_mm, settings.motion.press_mm_min, feel)
     yield Look(LATE_S)
     return outcome(guarded, seen.now_ns, readings, tare, settings)
 

@@ -103,7 +103,7 @@ class Session:
         self.plan = make_plan(plan)
         frames = (s.sensor_frame_id, s.machine_frame_id, s.surface_frame_id, s.camera_frame_id)
         names = Names(*frames, self.plan.plan_id, s.press.indenter, s.force_torque.source, s.cnc.source)
-        self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm))
+        self._voice = voice = Voice(publishers, names, clock, (s.surface.gel_x_mm, s.surface.gel_y_mm), log.warn)
         self._runner: threading.Thread | None = None
         self._alone_ns = 0
         self._station: Station | None = None

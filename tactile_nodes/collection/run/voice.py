@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tactile_nodes import conversions
@@ -27,6 +26,7 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.run import telling
+from tactile_nodes.collection.run.backlog import Backlog
 from tactile_nodes.collection.run.counts import Batch, counts_message
 from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
@@ -60,18 +60,25 @@ class Voice:
         names: as above.
         clock: the host's.
         gel_mm: the gel's centre in machine coordinates.
+        warn: told what was not recorded, for a person.
     """
 
     def __init__(
-        self, publishers: dict[Topic, Publisher], names: Names, clock: Clock, gel_mm: tuple[float, float]
+        self,
+        publishers: dict[Topic, Publisher],
+        names: Names,
+        clock: Clock,
+        gel_mm: tuple[float, float],
+        warn: Callable[[str], None],
     ) -> None:
         self._publishers = publishers
         self._names = names
         self._clock = clock
         self._gel_mm = gel_mm
+        self._warn = warn
         self._edges = 0
         self._batch = Batch()
-        self._traffic: deque[tuple[str, int, bytes]] = deque(maxlen=MOST_TRAFFIC)
+        self._traffic = Backlog(MOST_TRAFFIC)
         self._telling_traffic = threading.Lock()
         self.unheard_ns = 0
         """Stamp of the last force sample to which nobody listened."""
@@ -92,12 +99,13 @@ class Voice:
 
     def passed(self, way: str, stamp_ns: int, data: bytes) -> None:
         """Bytes to or from the machine (`Traffic`); only kept here, as whoever sends a stop must not wait."""
-        self._traffic.append((way, stamp_ns, data))
+        self._traffic.put((way, stamp_ns, data))
 
     def the_rest(self) -> None:
         """The devices are closed: tell what was gathered of samples and bytes."""
         self._count(self._batch.rest())
         self._tell_traffic()
+        self._warn_of_dropped()
 
     def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
         """Where the machine is, and which press is under way."""
@@ -141,9 +149,19 @@ class Voice:
         """Once somebody listens also what passed before, as when the machine was opened."""
         publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
         with self._telling_traffic:
-            while self._traffic and publisher.listeners:
-                way, stamp_ns, data = self._traffic.popleft()
+            if publisher.listeners:
+                self._warn_of_dropped()
+            while publisher.listeners and (piece := self._traffic.take()):
+                way, stamp_ns, data = piece
                 publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
+
+    def _warn_of_dropped(self) -> None:
+        """Once it is known how many: somebody listens again, or the run is over."""
+        if dropped := self._traffic.take_dropped():
+            self._warn(
+                f'{dropped} bytes between computer and machine are in no recording: nobody listened to '
+                f'{SERIAL_TRAFFIC.name}, and no more than {MOST_TRAFFIC} pieces wait; start the recorder sooner'
+            )
 
     def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:
         head = conversions.header(stamp_ns, self._names.camera_frame)

@@ -44,14 +44,16 @@ class Supervisor:
         self._started_s = 0.0
         self._stopping = False
         self._appointments: list[Appointment] = []
+        self.refusal = ''
+        """Why it could not be started; empty: it was not refused."""
 
     def start(self) -> None:
         self._say('DEBUG', f"process details: cmd='{self.plan.command_line}', cwd='{self.plan.cwd}'")
         try:
             child = Child(self.plan, self._mark, self._log, self._report)
         except OSError as error:
-            why = error.strerror or str(error)
-            self._say('ERROR', f'process could not be started: {why}: {error.filename or self.plan.command[0]}')
+            self.refusal = f'{error.strerror or error}: {error.filename or self.plan.command[0]}'
+            self._say('ERROR', f'process could not be started: {self.refusal}')
             self._over(self, None)
             return
         self._child = child
