@@ -23,7 +23,10 @@ def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
     Raises:
         OSError: it is no plain file, holds more than `largest` bytes, or cannot be opened.
     """
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except ValueError as error:  # a zero byte within it, or half a character
+        raise OSError(errno.EINVAL, 'no file can have such a name', str(path)) from error
     try:
         _check(os.fstat(descriptor), path, largest)
         return os.fdopen(descriptor, 'rb')
@@ -35,12 +38,14 @@ def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
 def read_plain(path: str | Path, largest: int) -> bytes:
     """All bytes of a file, if it holds no more than `largest`. Raises as `open_plain`."""
     with open_plain(path, largest) as opened:
-        return opened.read(largest)
+        # As many as there are: read() takes memory for all that it is asked for. The kernel's own files claim none.
+        size = os.fstat(opened.fileno()).st_size or largest
+        return opened.read(min(size, largest))
 
 
-def read_text(path: str | Path, largest: int = TEXT_BYTES) -> str:
-    """The UTF-8 text of a file. Raises as `open_plain`, and UnicodeDecodeError."""
-    return read_plain(path, largest).decode('utf-8').replace('\r\n', '\n')
+def read_text(path: str | Path, largest: int = TEXT_BYTES, encoding: str = 'utf-8') -> str:
+    """The text of a file. Raises as `open_plain`, and UnicodeDecodeError."""
+    return read_plain(path, largest).decode(encoding).replace('\r\n', '\n')
 
 
 def check_size(path: str | Path, largest: int) -> None:

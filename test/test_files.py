@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import struct
 import tracemalloc
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,10 +14,13 @@ import numpy as np
 import pytest
 
 from tactile_nodes.collection.plan.plan import read_points
+from tactile_nodes.contact_tables.touch_bodies import body_of
 from tactile_nodes.drivers.camera.file import read_image
 from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import TactileError
 from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.datasets.press_tables import read_table
+from tactile_nodes.learning.run.folder import read_run
 from tactile_nodes.model_file import load_model
 from tactile_nodes.params import load_parameter_file
 
@@ -26,6 +31,10 @@ READERS: dict[str, Callable[[Path], object]] = {
     'a.csv': read_points,
     'a.png': read_grey,
     'b.png': read_image,
+    'b.csv': read_table,
+    'a.npy': lambda file: body_of(str(file)),
+    'a.stl': lambda file: body_of(str(file)),
+    'run.yaml': lambda file: read_run(file.parent),
 }
 
 
@@ -53,6 +62,20 @@ def test_twenty_gigabytes_of_nothing_are_not_read(name: str, tmp_path: Path) -> 
     with (tmp_path / name).open('wb') as file:
         file.truncate(20 << 30)
     assert 'it holds 21474836480 bytes' in refusal(READERS[name], tmp_path / name)
+
+
+@pytest.mark.parametrize('name', READERS)
+def test_a_name_that_no_file_can_have_is_refused(name: str, tmp_path: Path) -> None:
+    assert 'no file can have such a name' in refusal(READERS[name], tmp_path / 'a\0' / name)
+
+
+@pytest.mark.parametrize('name', ['a.png', 'b.png'])
+def test_a_small_file_of_a_gigantic_picture_is_not_unpacked(name: str, tmp_path: Path) -> None:
+    header = b'IHDR' + struct.pack('>IIBBBBB', 32000, 32000, 8, 0, 0, 0, 0)
+    chunks = struct.pack('>I', 13) + header + struct.pack('>I', zlib.crc32(header)) + bytes(4) + b'IEND\xaeB`\x82'
+    (tmp_path / name).write_bytes(b'\x89PNG\r\n\x1a\n' + chunks)
+    said = refusal(READERS[name], tmp_path / name)
+    assert 'it is 32000x32000 pixels large, and may be 8192x8192 pixels (64 megapixels) at most' in said
 
 
 def zipped(file: Path, names: tuple[str, ...]) -> Path:

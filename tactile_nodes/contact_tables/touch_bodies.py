@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.files import check_size
+from tactile_nodes.files import check_size, open_plain
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
@@ -123,9 +124,12 @@ def _heights(file: Path) -> Body:
 
     _check(file)
     try:
-        heights = np.load(file, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise ConfigurationError(f'{file} holds no array of heights ({error})') from error
+        with open_plain(file, LARGEST_BYTES) as opened:
+            heights = _array(opened)
+    except Exception as error:  # numpy passes on whatever Python's parser raises at a header
+        raise ConfigurationError(
+            f'{file} holds no array of heights, or less of one than its header says; write it anew with numpy.save'
+        ) from error
     if heights.ndim != 2 or heights.dtype.kind not in 'fiu':
         raise ConfigurationError(f'{file} must hold a square of heights in mm, got {heights.dtype} {heights.shape}')
     wide_mm = max(heights.shape) * SPACING_MM
@@ -134,6 +138,18 @@ def _heights(file: Path) -> Body:
             f'{file} is {wide_mm:.0f} mm wide, more than {FARTHEST_MM:.0f}; cut it: heights are {SPACING_MM:g} mm apart'
         )
     return Body.of_heights(file.stem, heights.astype(float))
+
+
+def _array(file: BinaryIO) -> np.ndarray[Any, Any]:
+    """All numbers of an .npy file; memory is taken for them only if they are there."""
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if (read_header := readers.get(np.lib.format.read_magic(file))) is None:
+        raise ValueError('its version is not 1.0 or 2.0')
+    shape, _, dtype = read_header(file)
+    if math.prod(shape) * dtype.itemsize > os.fstat(file.fileno()).st_size - file.tell():
+        raise ValueError('it is shorter than its header says')
+    file.seek(0)
+    return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _check(file: Path) -> None:

@@ -113,6 +113,40 @@ def test_a_list_of_bodies_says_what_each_is_and_where(body: object, said: str):
         body_of(body)
 
 
+def forged(header: bytes, version: bytes = b'\x01\x00') -> bytes:
+    """The start of an .npy file with any header, and 64 bytes of numbers."""
+    return b'\x93NUMPY' + version + len(header).to_bytes(2, 'little') + header + bytes(64)
+
+
+@pytest.mark.parametrize(
+    'data',
+    [
+        forged(b"{'descr': '<f8', 'fortran_order': False, 'shape': (1048576, 1048576)}"),
+        forged(b"{'descr': '<f8', 'fortran_order': False, 'shape': (3, 3)}"),
+        forged(b"{'descr': '<f8', 'fortran_order': False, 'shape': (1" + b'0' * 4000 + b', 9)}'),
+        forged(b"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2)}"),
+        forged(b'((('),
+        forged(b'-' * 9000 + b'1'),
+        forged(b"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2)}", version=b'\x03\x00'),
+        b'',
+        b'PK\x05\x06' + bytes(18),
+    ],
+    ids=['8 TiB', '72 of 64 bytes', 'digits', 'objects', 'open', 'nested', 'version', 'empty', 'zip'],
+)
+def test_heights_that_are_fewer_than_their_header_says_are_refused(tmp_path: Path, data: bytes):
+    (tmp_path / 'forged.npy').write_bytes(data)
+    with pytest.raises(ConfigurationError, match='holds no array of heights, or less of one than its header says;'):
+        body_of(str(tmp_path / 'forged.npy'))
+
+
+@pytest.mark.parametrize('order', ['C', 'F'])
+def test_heights_are_read_as_numpy_keeps_them(tmp_path: Path, order: str):
+    heights = np.zeros((5, 5))
+    heights[1, 3] = 0.001
+    np.save(tmp_path / 'pad.npy', np.asarray(heights, order=order))
+    assert np.argwhere(body_of(str(tmp_path / 'pad.npy')).height_mm > 0).tolist() == [[1, 3]]
+
+
 def test_a_body_of_heights_is_tilted_a_little_only():
     with pytest.raises(ConfigurationError, match=r'ring can be tilted by 20 degrees at most, got \[0.0, 90.0\]'):
         body_of('ring', (0.0, 90.0))

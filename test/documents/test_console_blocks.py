@@ -44,7 +44,11 @@ WITH_A_RIG = re.compile(
     r'/rig/|/emulated_rig|/calibrator/|force_views_node|sync_input|touch_views|undo_calibration|--compare|bag sync'
     r'|sync_edge|train --dataset|evaluate .*--dataset'
 )
-"""What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries those)."""
+"""What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries what a bag
+of a rig becomes)."""
+
+OF_A_RIG = re.compile(r'/rig/(pause|resume|stop|acknowledge)|/emulated_rig')
+"""Of these what is asked of a rig, which `make documents` starts."""
 
 UNTIL_ENDED = re.compile(
     r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|force_distribution$'
@@ -136,6 +140,31 @@ def prepare(command: str, folder: Path) -> None:
     if match := re.search(r'bag compare (\w+) (\w+)', command):
         shutil.rmtree(folder / match[2], ignore_errors=True)
         shutil.copytree(folder / match[1], folder / match[2])
+
+
+def asked_of_a_rig() -> list[str]:
+    """What a reader asks of a rig in the midst of a run, its end last."""
+    shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
+    found = {command for each in shells for command in commands(each) if OF_A_RIG.search(command)}
+    return sorted(found, key=lambda command: ('/stop' in command, command))
+
+
+@pytest.mark.skipif(not LONG, reason='starts an emulated rig: make documents')
+def test_what_the_documents_ask_of_a_rig_is_done(folder: Path, environment: dict[str, str]) -> None:
+    environment = {**environment, 'ROS_DOMAIN_ID': '25'}
+    words = ['tactile', 'launch', 'collect', 'rig:=emulated', 'plan:=coarse', 'folder:=asked']
+    with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as rig:
+        try:
+            assert rig.stdout is not None
+            assert any('feeling for the surface' in line for line in rig.stdout)
+            for command in asked_of_a_rig():
+                asked = ['bash', '-c', command]
+                said = subprocess.run(asked, cwd=folder, env=environment, check=False, capture_output=True, timeout=60)
+                assert said.returncode == 0, (command, said.stderr.decode())
+                assert b'success=False' not in said.stdout, (command, said.stdout.decode())
+        finally:
+            rig.send_signal(signal.SIGINT)
+            rig.communicate(timeout=60)
 
 
 @pytest.mark.parametrize('command', chosen())

@@ -70,3 +70,15 @@ def test_a_table_that_may_mean_several_things_is_refused_in_a_sentence(text: str
         read_table(written(tmp_path, text))
     assert said in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+def test_lines_may_end_as_on_old_machines(tmp_path: Path) -> None:
+    (tmp_path / 'presses.csv').write_bytes(b'picture;x_mm;y_mm;force_n\ra.png;-8,0;3,0;0,5\ra,b,c,d.png;0;0;0\r')
+    _, rows = read_table(tmp_path / 'presses.csv')
+    assert rows == [('a.png', (-8.0, 3.0, 0.5)), ('a,b,c,d.png', (0.0, 0.0, 0.0))]
+
+
+def test_a_table_in_other_letters_than_utf_8_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'presses.csv').write_bytes('picture,x_µm,y_mm,force_n\n'.encode('latin-1'))
+    with pytest.raises(DatasetError, match=r'its first line names columns, as picture,x_mm,y_mm,force_n, in UTF-8$'):
+        read_table(tmp_path / 'presses.csv')

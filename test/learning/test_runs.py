@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,64 @@ def test_a_run_without_epochs_is_a_point(tmp_path: Path):
 def test_a_folder_without_a_run_is_refused(tmp_path: Path):
     with pytest.raises(ConfigurationError, match='holds no training run'):
         read_run(tmp_path)
+
+
+@pytest.mark.parametrize('name', ['metrics.jsonl', 'result.json'])
+def test_a_named_pipe_in_a_run_is_refused_and_not_waited_for(name: str, tmp_path: Path):
+    path = some_run(tmp_path)
+    (path / name).unlink(missing_ok=True)
+    os.mkfifo(path / name)
+    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it is no plain file\); name another run'):
+        read_run(path)
+
+
+@pytest.mark.parametrize('name', ['metrics.jsonl', 'result.json'])
+def test_gigabytes_in_a_run_are_not_read(name: str, tmp_path: Path):
+    path = some_run(tmp_path)
+    with (path / name).open('ab') as file:
+        file.truncate(20 << 30)
+    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it holds 21474836480 bytes'):
+        read_run(path)
+
+
+def test_settings_that_refer_to_themselves_are_not_unfolded(tmp_path: Path):
+    path = some_run(tmp_path)
+    (path / 'run.yaml').write_text('a: &a {b: 1}\nc: {d: *a, e: *a}\n')
+    with pytest.raises(ConfigurationError, match=r'holds no training run .*aliases'):
+        read_run(path)
+
+
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        ('metrics.jsonl', '[1]\n'),
+        ('metrics.jsonl', '{"epoch": 1}\n'),
+        ('metrics.jsonl', json.dumps({**SCORES, 'epoch': 1, 'loss': 1.0, 'seconds': '2'}) + '\n'),
+        ('metrics.jsonl', '[' * 100_000 + '\n'),
+        ('metrics.jsonl', '\xff\n'),
+        ('result.json', '7'),
+        ('result.json', '{"validation": {"armse_n": 0.02}}'),
+        ('result.json', '{"training": {"seconds": 2.0}, "validation": {"armse_n": "little"}}'),
+        ('result.json', '{"training": {"seconds": 1' + '0' * 400 + '}}'),
+    ],
+)
+def test_what_a_run_cannot_have_written_is_refused_in_a_sentence(name: str, text: str, tmp_path: Path):
+    path = some_run(tmp_path)
+    (path / name).write_text(text, encoding='latin-1')
+    with pytest.raises(
+        ConfigurationError, match=rf'{name} is damaged \(.*\); name another run, or train this one anew'
+    ):
+        read_run(path)
+
+
+def test_a_run_whose_curves_are_damaged_does_not_go_on(tmp_path: Path):
+    path = some_run(tmp_path)
+    (path / 'metrics.jsonl').write_text('nothing\n')
+    with (
+        RunFolder(tmp_path, tiny_config(), 'data') as run,
+        pytest.raises(ConfigurationError, match=r'metrics.jsonl is damaged .* --fresh'),
+    ):
+        run.resume()
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path):

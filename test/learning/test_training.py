@@ -129,7 +129,7 @@ def test_a_run_keeps_settings_curves_and_result(data: Dataset, tmp_path: Path):
     (folder,) = (tmp_path / 'runs').iterdir()
     told = read_run(folder)
     assert folder.name.startswith('small-')
-    assert told.settings['training']['epochs'] == 4
+    assert told.settings['training.epochs'] == 4
     assert [each['epoch'] for each in told.epochs] == [1, 2, 3, 4]
     assert told.result['model_id'] == model.model_id
 

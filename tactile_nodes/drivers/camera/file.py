@@ -15,11 +15,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import opencv
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
+from tactile_nodes.drivers.camera.decoding import decode
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain
@@ -247,17 +246,15 @@ def read_image(path: Path) -> Picture:
     """The image in a file, (h, w) or (h, w, 3) blue-green-red, uint8.
 
     Raises:
-        ImageError: it cannot be read, or holds no image.
+        ImageError: it cannot be read, holds no image, or one that is too large.
     """
-    cv2 = opencv.load()
     try:
-        data = np.frombuffer(read_plain(path, PICTURE_BYTES), np.uint8)
+        image = decode(read_plain(path, PICTURE_BYTES), grey=False)
     except OSError as error:
-        raise ImageError(f'cannot read the image {path} ({error.strerror})') from error
-    image = cv2.imdecode(data, cv2.IMREAD_ANYCOLOR) if data.size else None
+        raise ImageError(f'cannot read the image {path} ({error.strerror}); remove it or save it again') from error
     if image is None:
         raise ImageError(f'{path} holds no image that can be read; remove it or save it again as PNG')
-    return np.asarray(image, np.uint8)
+    return image
 
 
 def _check_readable(path: Path) -> None:

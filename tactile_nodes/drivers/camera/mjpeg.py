@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import jpeg
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, check_size
+from tactile_nodes.drivers.camera.decoding import LARGEST
 from tactile_nodes.drivers.camera.multipart import MultipartParser, Part
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
@@ -103,7 +104,9 @@ class MjpegCamera(LiveCamera):
         for part in parser.feed(self._receive(response), self._clock.now_ns()):
             self._put(part, slot)
         if self._clock.now_ns() - self._good_ns > self._settings.stall_s * NS_PER_S:
-            raise DeviceLostError(f'{self.name} sends bytes and no whole JPEG pictures; check the address')
+            raise DeviceLostError(
+                f'{self.name} sends bytes and no whole JPEG pictures of at most {LARGEST}; check the address'
+            )
 
     def _receive(self, response: http.client.HTTPResponse) -> bytes:
         try:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from tactile_nodes.drivers.camera.decoding import decode
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import PICTURE_BYTES, read_plain
 
@@ -18,18 +19,19 @@ def read_grey(file: str | Path) -> Picture:
     """A picture as (h, w) grey levels.
 
     Raises:
-        ConfigurationError: no file is named, or it is no picture.
+        ConfigurationError: no file is named, or it is no picture, or too large a one.
     """
     if not str(file):
         raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
     try:
-        data = np.frombuffer(read_plain(file, PICTURE_BYTES), np.uint8)
+        picture = decode(read_plain(file, PICTURE_BYTES), grey=True)
     except OSError as error:
-        raise ConfigurationError(f'cannot read the picture {file} ({error.strerror}); check the path') from error
-    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+        raise ConfigurationError(
+            f'cannot read the picture {file} ({error.strerror}); check the path and the picture'
+        ) from error
     if picture is None:
         raise ConfigurationError(f'cannot read the picture {file}; it is no PNG or the like')
-    return np.asarray(picture, np.uint8)
+    return picture
 
 
 def write_png(file: Path, picture: Picture) -> Path:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.files import read_text
 
 NEWTON_PER_GRAM = 9.81e-3
 MILLIMETRES = {'um': 1e-3, 'mm': 1.0, 'cm': 10.0, 'm': 1e3}
@@ -55,11 +56,13 @@ def read_table(table: Path) -> tuple[str, list[tuple[str, tuple[float, float, fl
     """
     try:
         # The mark that spreadsheets begin their tables with is no part of the first name.
-        text = table.read_text(encoding='utf-8-sig')
+        text = read_text(table, encoding='utf-8-sig')
     except OSError as error:
         raise DatasetError(f'cannot read {table} ({error.strerror}); give a table of pictures') from error
     except UnicodeDecodeError as error:
-        raise DatasetError(f'{table} is no table of pictures; its first line names columns, as {EXAMPLE}') from error
+        raise DatasetError(
+            f'{table} is no table of pictures; its first line names columns, as {EXAMPLE}, in UTF-8'
+        ) from error
     try:
         rows = list(_rows(text, table))
     except csv.Error as error:
@@ -77,7 +80,7 @@ def read_table(table: Path) -> tuple[str, list[tuple[str, tuple[float, float, fl
 
 
 def _delimiter(text: str) -> str:
-    first = text.partition('\n')[0]
+    first = next(iter(text.splitlines()), '')
     return max(DELIMITERS, key=first.count)
 
 

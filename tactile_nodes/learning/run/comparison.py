@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.learning.run.folder import Told
@@ -20,7 +19,7 @@ CURVES = {
 
 def table(runs: Sequence[Told]) -> str:
     """Settings that differ, then the scores of the best epoch, a column for each run."""
-    settings = [_flat(run.settings) for run in runs]
+    settings = [run.settings for run in runs]
     names = dict.fromkeys(name for each in settings for name in each)
     differing = [name for name in names if len({str(each.get(name)) for each in settings}) > 1]
     rows = [['', *(run.name for run in runs)]]
@@ -31,17 +30,6 @@ def table(runs: Sequence[Told]) -> str:
     return '\n'.join(
         '  '.join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     )
-
-
-def _flat(settings: Mapping[str, Any], prefix: str = '') -> dict[str, object]:
-    """{'data': {'seed': 1}} becomes {'data.seed': 1}."""
-    flat: dict[str, object] = {}
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f'{prefix}{name}.')
-        else:
-            flat[f'{prefix}{name}'] = value
-    return flat
 
 
 def _outcome(run: Told) -> dict[str, str]:

@@ -29,14 +29,22 @@ import yaml
 
 from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import TEXT_BYTES, read_text
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.run import checkpoint
+from tactile_nodes.params import load_mapping
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.run.checkpoint import Snapshot
 
 WITHOUT_EFFECT = {'processes', 'checkpoint_s', 'epochs'}
 """Settings that a run may be continued with other values of; more epochs let it go on."""
+
+MEASURED = {'epoch', 'seconds', 'loss', 'armse_n', 'rmse_mc_n', 'd_loc_mm'}
+"""What every line of metrics.jsonl tells, beside other numbers."""
+
+METRICS_BYTES = 64 << 20
+"""A hundred thousand epochs take less."""
 
 
 class Run:
@@ -111,7 +119,7 @@ class RunFolder(Run):
         found = checkpoint.read(self._checkpoint)
         epoch = found.counters.epoch if found else 0
         file = self.path / 'metrics.jsonl'
-        kept = [line for line in _whole_lines(file) if json.loads(line)['epoch'] <= epoch]
+        kept = [line for line in _whole_lines(file) if _json(line, file, _is_epoch)['epoch'] <= epoch]
         file.write_text(''.join(kept), encoding='utf-8')
         self._scalars = _event_writer(self.path / 'tensorboard', epoch)
         return found
@@ -144,8 +152,50 @@ def run_id(config: TrainConfig, fingerprint: str) -> str:
 
 def _whole_lines(file: Path) -> list[str]:
     """The lines of a file; one that a kill cut short is none."""
-    text = file.read_text(encoding='utf-8') if file.is_file() else ''
-    return [line for line in text.splitlines(keepends=True) if line.endswith('\n')]
+    return [line for line in _text(file, METRICS_BYTES).splitlines(keepends=True) if line.endswith('\n')]
+
+
+def _text(file: Path, largest: int = TEXT_BYTES) -> str:
+    """What a file of a run holds; nothing where there is none yet."""
+    try:
+        return read_text(file, largest)
+    except FileNotFoundError:
+        return ''
+    except OSError as error:
+        raise _damaged(file, str(error.strerror)) from error
+    except UnicodeDecodeError as error:
+        raise _damaged(file, 'it is no text') from error
+
+
+def _json(text: str, file: Path, fits: Callable[[Mapping[str, Any]], bool]) -> Mapping[str, Any]:
+    """What a text of a file tells, if it is of the form that this file has."""
+    try:
+        told = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _damaged(file, 'it is no JSON') from error
+    if not isinstance(told, dict) or not fits(told):
+        raise _damaged(file, 'numbers are missing in it')
+    return told
+
+
+def _is_epoch(told: Mapping[str, Any]) -> bool:
+    return told.keys() >= MEASURED and all(map(_is_number, told.values()))
+
+
+def _is_card(told: Mapping[str, Any]) -> bool:
+    training, scores = told.get('training'), told.get('validation', {})
+    if not isinstance(training, dict) or not isinstance(scores, dict):
+        return False
+    return all(map(_is_number, [training.get('seconds'), *scores.values()]))
+
+
+def _is_number(value: object) -> bool:
+    """One that can be printed and drawn; NaN and infinity can."""
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < 1 << 53)
+
+
+def _damaged(file: Path, why: str) -> ConfigurationError:
+    return ConfigurationError(f'{file} is damaged ({why}); name another run, or train this one anew with --fresh')
 
 
 def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float]], None] | None:
@@ -166,10 +216,10 @@ def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float
 
 @dataclass(frozen=True)
 class Told:
-    """A run as its folder tells it."""
+    """A run as its folder tells it; `settings` by dotted name."""
 
     name: str
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
     epochs: list[Mapping[str, float]]
     result: Mapping[str, Any]
 
@@ -178,13 +228,20 @@ def read_run(path: Path) -> Told:
     """A run, finished or not.
 
     Raises:
-        ConfigurationError: the folder holds no run.
+        ConfigurationError: the folder holds no run, or a damaged one.
     """
     try:
-        settings = yaml.safe_load((path / 'run.yaml').read_text(encoding='utf-8'))
-        result = path / 'result.json'
-        told = json.loads(result.read_text(encoding='utf-8')) if result.is_file() else {}
-        epochs = [json.loads(line) for line in _whole_lines(path / 'metrics.jsonl')]
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigurationError(f'{path} holds no training run; give a folder that tactile train has made') from error
-    return Told(path.name, settings, epochs, told)
+        settings = load_mapping(path / 'run.yaml')
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f'{path} holds no training run ({error}); give a folder that tactile train has made'
+        ) from error
+    metrics, result = path / 'metrics.jsonl', path / 'result.json'
+    epochs = [_json(line, metrics, _is_epoch) for line in _whole_lines(metrics)]
+    card = _text(result)
+    return Told(
+        path.name,
+        {name: located.value for name, located in settings.items()},
+        epochs,
+        _json(card, result, _is_card) if card else {},
+    )

@@ -1,0 +1,146 @@
+"""Encoded pictures of the kinds that are read here: PNG, JPEG, BMP, TIFF, WebP, PGM and PPM.
+
+A few kilobytes can unpack to gigabytes, and OpenCV takes the memory before it says how large a picture is. So the size
+is read from the header first. A kind whose header is not known here is no picture.
+"""
+
+from __future__ import annotations
+
+import errno
+import re
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from tactile_nodes.drivers.camera import opencv
+from tactile_nodes.drivers.camera.contract import Picture
+
+LARGEST_SIDE = 8192
+LARGEST = f'{LARGEST_SIDE}x{LARGEST_SIDE} pixels (64 megapixels)'
+"""In words; a narrower picture may be longer."""
+
+Size = tuple[int, int]
+"""Width, height."""
+
+_PNG_CHUNKS = 1 << 16
+_PNM_BYTES = 4096
+_PNM = re.compile(rb'P[1-6]\s%s(\d{1,10})\s%s(\d{1,10})\s' % ((rb'(?:\s|#[^\r\n]*[\r\n])*',) * 2))
+_JPEG_MARKER = re.compile(rb'\xff[^\x00\xff]')  # whatever stands before one is passed over, as the decoder does
+_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: a frame begins
+_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # nothing follows these
+_JPEG_SEGMENTS = 4096
+_TIFF_WIDTHS, _TIFF_HEIGHTS = {256, 322}, {257, 323}  # of the picture, and of a tile, which is unpacked whole
+_TIFF_NUMBERS = {3: 'H', 4: 'I'}
+
+
+def decode(data: bytes, *, grey: bool) -> Picture | None:
+    """The picture, (h, w), or unless `grey` also (h, w, 3) blue-green-red; None if it is none.
+
+    Raises:
+        OSError: it is larger than `LARGEST`; `strerror` says so.
+    """
+    if (size := size_of(data)) is None:
+        return None
+    if size[0] * size[1] > LARGEST_SIDE**2:
+        raise OSError(errno.EFBIG, f'it is {size[0]}x{size[1]} pixels large, and may be {LARGEST} at most')
+    cv2 = opencv.load()
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_ANYCOLOR)
+    except cv2.error:  # so it ends for some that are damaged
+        return None
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+def size_of(data: bytes) -> Size | None:
+    """What a picture's header says; None of what is no picture."""
+    for signature, read in _KINDS.items():
+        if data.startswith(signature):
+            try:
+                return read(data)
+            except struct.error:  # it ends within its header
+                return None
+    return None
+
+
+def _png(data: bytes) -> Size | None:
+    """None also if a part claims to be longer than the file: OpenCV would take the memory for it."""
+    width, height = struct.unpack_from('>II', data, 16)
+    at = 8
+    for _ in range(_PNG_CHUNKS if data[12:16] == b'IHDR' else 0):
+        length, kind = struct.unpack_from('>I4s', data, at)
+        at += 12 + length
+        if at > len(data):
+            return None
+        if kind == b'IEND':
+            return width, height
+    return None
+
+
+def _jpeg(data: bytes) -> Size | None:
+    at = 2
+    for _ in range(_JPEG_SEGMENTS):
+        if (found := _JPEG_MARKER.search(data, at)) is None:
+            return None
+        marker, at = data[found.end() - 1], found.end()
+        if marker in _JPEG_SIZES:
+            height, width = struct.unpack_from('>HH', data, at + 3)
+            return width, height
+        if marker not in _JPEG_ALONE:
+            (length,) = struct.unpack_from('>H', data, at)
+            at += max(length, 2)
+    return None
+
+
+def _bmp(data: bytes) -> Size | None:
+    (header_bytes,) = struct.unpack_from('<I', data, 14)
+    width, height = struct.unpack_from('<HH' if header_bytes == 12 else '<ii', data, 18)
+    return abs(width), abs(height)  # below zero: the lines stand upside down
+
+
+def _tiff(data: bytes) -> Size | None:
+    """The largest that the first directory speaks of."""
+    order = '<' if data.startswith(b'II') else '>'
+    (at,) = struct.unpack_from(f'{order}I', data, 4)
+    (entries,) = struct.unpack_from(f'{order}H', data, at)
+    width = height = 0
+    for entry in range(at + 2, at + 2 + 12 * entries, 12):
+        tag, kind = struct.unpack_from(f'{order}HH', data, entry)
+        if tag not in _TIFF_WIDTHS | _TIFF_HEIGHTS:
+            continue
+        if kind not in _TIFF_NUMBERS:
+            return None
+        (side,) = struct.unpack_from(f'{order}{_TIFF_NUMBERS[kind]}', data, entry + 8)
+        width, height = max(width, side * (tag in _TIFF_WIDTHS)), max(height, side * (tag in _TIFF_HEIGHTS))
+    return (width, height) if width and height else None
+
+
+def _webp(data: bytes) -> Size | None:
+    """RFC 9649: a simple picture, one without loss, or the canvas of an extended one."""
+    kind = data[8:16]
+    if kind == b'WEBPVP8 ':
+        width, height = struct.unpack_from('<HH', data, 26)
+        return width & 0x3FFF, height & 0x3FFF
+    if kind == b'WEBPVP8L':
+        (bits,) = struct.unpack_from('<I', data, 21)
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    if kind == b'WEBPVP8X':
+        low_width, high_width, low_height, high_height = struct.unpack_from('<HBHB', data, 24)
+        return (high_width << 16 | low_width) + 1, (high_height << 16 | low_height) + 1
+    return None
+
+
+def _pnm(data: bytes) -> Size | None:
+    found = _PNM.match(data[:_PNM_BYTES])
+    return (int(found[1]), int(found[2])) if found else None
+
+
+_KINDS: dict[bytes, Callable[[bytes], Size | None]] = {
+    b'\x89PNG\r\n\x1a\n': _png,
+    b'\xff\xd8\xff': _jpeg,
+    b'BM': _bmp,
+    b'II*\0': _tiff,
+    b'MM\0*': _tiff,
+    b'RIFF': _webp,
+    b'P': _pnm,
+}
