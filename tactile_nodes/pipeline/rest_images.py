@@ -90,7 +90,7 @@ class RestImages:
                 self._announce(head, added=sharpness(image) - sharpness(self._tracker.reference))
                 seen = self._tracker.stillness(image)
                 self._noise_grey = seen.noise_grey if seen else 0.0
-            self.trouble = self._tracker.waiting
+            self.trouble = self._tracker.refused or self._tracker.waiting
         except ImageError as error:
             self.trouble = str(error)
 

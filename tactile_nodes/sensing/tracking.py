@@ -68,6 +68,8 @@ class FeatureTracker:
         self._marked_share = marked_share
         self._capture: RestCapture | None = None
         self.unsteady = self.still = False
+        self.refused = ''
+        """Why the last rest image of the capture under way could not be measured against."""
 
     @property
     def capturing(self) -> bool:
@@ -77,7 +79,7 @@ class FeatureTracker:
     def begin_capture(self, skip: int = 0) -> None:
         """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
         self._capture = RestCapture(self._rest_frames, skip)
-        self.unsteady = False
+        self.unsteady, self.refused = False, ''
 
     @property
     def waiting(self) -> str:
@@ -98,8 +100,12 @@ class FeatureTracker:
         self.unsteady = self._capture.unsteady
         if finished is None:
             return False
-        self.use_captured(finished)
-        self._capture = None
+        try:
+            self.use_captured(finished)
+        except ImageError as error:
+            self.refused = str(error)
+            raise
+        self._capture, self.refused = None, ''
         return True
 
     def use_captured(self, image: UInt8[np.ndarray, 'h w']) -> None:

@@ -45,10 +45,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
 
 
 def test_a_model_reads_pictures_and_bins_as_the_description_has_them(made: LoadedModel) -> None:
-    """8x12 patches and 20 regions for 18 of them: 9x13."""
+    """8x12 patches and 20 regions for 18 of them: 9x13, and the nearest that divide 200x320 pixels."""
     assert made.image_size == (320, 200)
     assert made.model.bins == BinGrid(4, 6, 18.0, 12.0)
-    assert (made.model.layout.rows, made.model.layout.cols) == (9, 13)
+    assert (made.model.layout.rows, made.model.layout.cols) == (8, 16)
 
 
 def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> None:

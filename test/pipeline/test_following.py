@@ -59,6 +59,16 @@ class Stream:
         return told
 
 
+def test_why_a_rest_image_cannot_be_used_is_said_until_one_can() -> None:
+    """The capture begins anew by itself, and for as long as it lasts nothing else is wrong."""
+    following = Following(FollowingParams(rows=7, cols=10, reference_frames=4))
+    following.begin_capture()
+    for number in range(1, 12):
+        head = conversions.header(S + number * S // 30, 'camera')
+        following.answer(picture(number=number), head, acquire_s=0.0, waited_s=0.0)
+        assert ('7x10 regions do not divide' in following.trouble) == (number >= 4), number
+
+
 def test_nothing_is_said_of_frames_as_they_were_and_the_rest_image_stays() -> None:
     stream = Stream()
     stream.feed(4)

@@ -103,16 +103,13 @@ class FieldFit:
 def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
 
-    They are a tenth narrower than patches, as the paper's sensor has them, and at least `LEAST_REGION_PX` wide.
+    They are about a tenth narrower than patches, as the paper's sensor has them, and at least `LEAST_REGION_PX` wide.
 
     Raises:
         ConfigurationError: hardly any region sees the gel.
     """
-    (rows, cols), size = Regions(sensor, 1, 1).patches.shape, sensor.image.crop_px
-    cols, rows = (
-        max(1, min(round(REGIONS_A_PATCH * count), side // LEAST_REGION_PX))
-        for count, side in ((cols, size[0]), (rows, size[1]))
-    )
+    patches, (width, height) = Regions(sensor, 1, 1).patches.shape, sensor.image.crop_px
+    rows, cols = (_regions(count, side) for count, side in zip(patches, (height, width), strict=True))
     trusted = Regions(sensor, rows, cols).within_gel.reshape(rows, cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
@@ -123,6 +120,12 @@ def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     return InputScaling(
         np.zeros(shape, np.float32), np.full(shape, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
     )
+
+
+def _regions(patches: int, side_px: int) -> int:
+    """How many regions a side of the picture has: of numbers that divide it the nearest to what patches ask for."""
+    dividing = [count for count in range(1, side_px // LEAST_REGION_PX + 1) if side_px % count == 0]
+    return min(dividing, key=lambda count: abs(count - REGIONS_A_PATCH * patches))
 
 
 def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:
