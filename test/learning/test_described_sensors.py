@@ -5,13 +5,16 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.calibrating.files import Source
+from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -66,6 +69,25 @@ def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> No
         assert told.total_n == pytest.approx(table.force_at(0.6), rel=0.15)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
     assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+
+
+def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_path: Path) -> None:
+    """A quarter stiffer than described; pictures of 320x240, of which 320x200 are read."""
+    gel = dataclasses.replace(gel_of(SMALL), mechanics='linear')
+    table, rows = solve(gel), ['picture,x_mm,y_mm,force_n']
+    optics, random = Optics(gel, table), np.random.default_rng(3)
+    for number in range(28):
+        (x, y), depth_mm = random.uniform((-6.5, -3.5), (6.5, 3.5)), float(random.uniform(0.3, 0.9))
+        presses = (Press(float(x), float(y), depth_mm),) if number >= 8 else ()
+        cv2.imwrite(str(tmp_path / f'{number}.png'), optics.render(presses, number))
+        told = f'{x:.3f},{y:.3f},{1.25 * table.force_at(depth_mm):.4f}' if presses else ',,0'
+        rows.append(f'{number}.png,{told}')
+    (tmp_path / 'presses.csv').write_text('\n'.join(rows))
+    save_model(tmp_path / 'described.safetensors', made.model, made.card)
+    source, output = Source.find(str(tmp_path / 'described.safetensors')), tmp_path / 'mine.safetensors'
+    _, made_of_it = calibrate_by_hand(source, tmp_path / 'presses.csv', 'stiffer', output, Progress())
+    assert made_of_it.after.force_median_n < 0.4 * made_of_it.before.force_median_n
+    assert load_model(output).image_size == (320, 200)
 
 
 def test_a_camera_that_looks_beside_the_gel_is_refused() -> None:

@@ -139,7 +139,7 @@ class Calibrator:
         self._centre = centres(loaded, pressed or Pressed())
         self._pressed, self._forced, self._curve = pressed, forced, curve
         flow, encoding = Choice(*loaded.flow), Choice(*loaded.encoding)
-        crop = loaded.image_size[0]
+        crop = loaded.image_size
         options = BuildOptions(
             flow=flow, encoding=encoding, bins=loaded.model.bins, frames='each', gel=self.gel, crop=crop,
             without_contact=UNTOUCHED,
@@ -248,11 +248,11 @@ class Calibrator:
 
     def _require_fitting(self, press: RecordedPress, reference: str) -> None:
         assert press.reference is not None  # or it could not have been measured
-        needed = self.loaded.image_size[0]
-        if self._measurer.side != needed:
+        came, needed = (f'{width}x{height}' for width, height in (self._measurer.size, self.loaded.image_size))
+        if came != needed:
             raise ModelError(
-                f'the images of the presses give {self._measurer.side}x{self._measurer.side} pixels, and model '
-                f'{self.loaded.model_id} needs {needed}x{needed}; set the camera as the model needs it'
+                f'the images of the presses give {came} pixels, and model {self.loaded.model_id} needs {needed}; set '
+                'the camera as the model needs it'
             )
         if reference in self._rests:
             return

@@ -22,6 +22,7 @@ from tactile_nodes.learning.transfer.layer import LayerConfig
 from tactile_nodes.learning.transfer.network import NetworkTransfer, network_readout, transfer_network
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.paths import share_directory
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import NetworkReadout
 
 CALIBRATION = 'calibration'
@@ -144,7 +145,9 @@ def require_source(loaded: LoadedModel, gel: str) -> None:
     Raises:
         ModelError: it cannot be transferred, or is a calibration for this very gel; says which model to begin with.
     """
-    source_readout(loaded)
+    readout = loaded.model.readout
+    if not (isinstance(readout, FieldReadout) and readout.tips is None):  # which is calibrated alone
+        source_readout(loaded)
     if loaded.card.get('data', {}).get('origin') == CALIBRATION and gel and gel == loaded.gel:
         source = loaded.card['source']
         raise ModelError(

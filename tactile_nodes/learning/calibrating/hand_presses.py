@@ -172,16 +172,17 @@ def _fitted(
     loaded: LoadedModel, presses: HandPresses, pressed: Pressed, progress: Progress, *, forced: bool
 ) -> tuple[PartialTransfer, np.ndarray]:
     """The calibration, and the rest image that it was measured against."""
-    readout, outline = source_readout(loaded), outline_between(loaded, presses.rest_picture)
+    outline = outline_between(loaded, presses.rest_picture)
     if isinstance(outline, str) and not presses.pressed:
         raise DatasetError(f'the table holds no press, and the outline of the gel cannot be used: {outline}')
     if isinstance(outline, str):
         progress.say(f'the outline of the gel is not used: {outline}')
-    with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size[0]) as measurer:
+    with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size) as measurer:
         dataset = presses.dataset(measurer)
-        half_px, rest = measurer.side / 2, measurer.rest_image
+        half_px, rest = measurer.size[0] / 2, measurer.rest_image
     if not presses_tell_tips(loaded, pressed):
         return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), rest
+    readout = source_readout(loaded)
     if presses.pressed:
         seen = None if isinstance(outline, str) else outline
         made = transfer_partial(readout, dataset, seen, half_px, progress)

@@ -20,12 +20,10 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import (
     require_presses,
     require_tared,
-    source_readout,
 )
 from tactile_nodes.learning.transfer.errors import Errors
-from tactile_nodes.learning.transfer.fit import OtherGel, Transfer
+from tactile_nodes.learning.transfer.fit import Transfer, at_rest, pressed_gel, reached_mm
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
-from tactile_nodes.learning.transfer.source import axisymmetric_source
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.reading import Contact
@@ -36,12 +34,13 @@ punches, squares and rings up to 2 N it is 0.03 to 0.075."""
 
 
 def presses_tell_tips(loaded: LoadedModel, pressed: Pressed) -> bool:
-    """Whether what reads tips is calibrated: of any model but the field, and of the field where a ball pressed.
+    """Whether what reads tips is calibrated: of any model but a field that has none of it, or that no ball pressed.
 
     Raises:
         ModelError: nobody says what pressed.
     """
-    return not isinstance(loaded.model.readout, FieldReadout) or pressed.known_body(loaded).is_ball
+    readout = loaded.model.readout
+    return not isinstance(readout, FieldReadout) or (readout.tips is not None and pressed.known_body(loaded).is_ball)
 
 
 def centres(loaded: LoadedModel, pressed: Pressed) -> Callable[[float], tuple[float, float]]:
@@ -87,12 +86,11 @@ def transfer_alone(
     """
     body, source = pressed.known_body(loaded), loaded.model.readout
     assert isinstance(source, FieldReadout)
-    known = axisymmetric_source(source_readout(loaded))
-    require_presses(dataset, known)
-    other = OtherGel.of(known, dataset)
-    rows, fold = known_presses(dataset, other.rows)
+    require_presses(dataset, reached_mm(source.tips) if source.tips else (source.bins.width_mm, source.bins.height_mm))
+    scaling, _, pressed_rows = pressed_gel((source.tips or source).scaling, dataset)
+    rows, fold = known_presses(dataset, pressed_rows)
     fit = fit_field(
-        pressed.known_sensor(loaded), other.live_scaling, dataset, rows, fold, body, progress, curve=curve
+        pressed.known_sensor(loaded), at_rest(scaling), dataset, rows, fold, body, progress, curve=curve
     )  # fmt: skip
     assert fit.by is not None
     offset_n, spread_n = fit.offset_n
@@ -101,7 +99,10 @@ def transfer_alone(
     contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
     said = objection('calibration', fit.errors, before, of_the_mean(contacts))
     require_worth(said, 'keep the model, or press at more places', forced=forced)
-    told = f'alone: presses of {body.card_name} tell nothing of tips, which the field reads as any other contact'
+    why = (
+        f'presses of {body.card_name} tell nothing of tips' if source.tips else 'the model has nothing that reads tips'
+    )
+    told = f'alone: {why}, which the field reads as any other contact'
     return Transfer(
         fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, said, told,
         fit.curve,

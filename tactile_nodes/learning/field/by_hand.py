@@ -16,6 +16,7 @@ from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.calibration import Pressed, fit_beside_tips
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import require_presses
+from tactile_nodes.learning.transfer.fit import reached_mm
 from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.learning.transfer.partial import PartialTransfer
 from tactile_nodes.model_file import LoadedModel
@@ -37,7 +38,7 @@ def with_field_by_hand(
     whole = int((known.presses[:, 2] > 0).sum())
     told = f'of {count} presses {whole} have a place and a force that are known'
     try:
-        require_presses(known, made.readout)
+        require_presses(known, reached_mm(made.readout))
     except DatasetError as error:
         return replace(made, field=f'not fitted, so this model reads tips alone: {told}; {error}')
     fit = fit_beside_tips(loaded, made.readout, known, pressed, progress)

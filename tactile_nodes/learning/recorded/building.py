@@ -54,7 +54,7 @@ class BuildOptions:
     without_contact: float = 0.05
     limits: Limits = field(default_factory=Limits)
     gel: dict[str, Any] = field(default_factory=lambda: {'id': ''})
-    crop: int = 440
+    crop: int | tuple[int, int] = 440
     separate_runs: bool = False
     namespace: str | None = None
     reference_clock: str | None = None
@@ -247,7 +247,7 @@ def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Pa
             'channels': list(measurer.encoding.channels),
         },
         'recipe': measurer.recipe_id,
-        'crop_px': measurer.side,
+        'crop_px': measurer.size[0],
         'frames': options.frames,
         'without_contact': {'share': options.without_contact, 'presses_with_such_images': builder.untouched_found},
         'labels': {**asdict(options.bins), 'reading': describe(options.bins)},

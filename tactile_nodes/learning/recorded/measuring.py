@@ -37,16 +37,17 @@ class Measurer:
 
     Args:
         flow, encoding: the methods, by name and options.
-        crop: side of the square cut from the middle of each image, px; smaller images are cut to what fits.
+        crop: side of the square cut from the middle of each image, px, smaller images are cut to what fits; or width
+            and height of a rectangle.
 
     Raises:
         ConfigurationError: no such method or option.
         DatasetError: the cache cannot be used.
     """
 
-    def __init__(self, flow: Choice, encoding: Choice, crop: int = 440) -> None:
+    def __init__(self, flow: Choice, encoding: Choice, crop: int | tuple[int, int] = 440) -> None:
         self.flow, self.encoding = make_flow(flow.name, flow.options), make_encoding(encoding.name, encoding.options)
-        self.side = 0
+        self.size = 0, 0
         self.reference_id = ''
         self.computed = self.found = 0
         self._tracker = FeatureTracker(self.flow, self.encoding)
@@ -123,15 +124,23 @@ class Measurer:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'side side']:
+    def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'ch cw']:
         """The part of an image that is measured. Raises ImageError: it is of another size than those before."""
+        size = self._size(image)
+        if self.size not in ((0, 0), size):
+            came, gave = (f'{width}x{height}' for width, height in (image.shape[::-1], self.size))
+            raise ImageError(f'{came} pixels after images that gave {gave}')
+        self.size = size
+        return np.ascontiguousarray(centre_crop(image, *size))
+
+    def _size(self, image: UInt8[np.ndarray, 'h w']) -> tuple[int, int]:
+        if isinstance(self._crop, tuple) and self._crop[0] != self._crop[1]:
+            return self._crop
+        wanted = self._crop[0] if isinstance(self._crop, tuple) else self._crop
         height, width = image.shape
         regions = self.encoding.options
-        side = largest_side(width, height, self._crop, math.lcm(int(str(regions['rows'])), int(str(regions['cols']))))
-        if side != (self.side or side):
-            raise ImageError(f'{width}x{height} pixels after images that gave {self.side}x{self.side}')
-        self.side = side
-        return np.ascontiguousarray(centre_crop(image, side, side))
+        side = largest_side(width, height, wanted, math.lcm(int(str(regions['rows'])), int(str(regions['cols']))))
+        return side, side
 
 
 def _still(image: np.ndarray) -> np.ndarray:

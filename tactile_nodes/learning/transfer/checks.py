@@ -47,8 +47,8 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout
     return readout.tips
 
 
-def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
-    """Refuse presses that are too few or too close together.
+def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
+    """Refuse presses that are too few, or too close together beside what the model knows along x and along y.
 
     Raises:
         DatasetError: says what to do.
@@ -63,11 +63,10 @@ def require_presses(dataset: Dataset, source: AxisymmetricReadout) -> None:
         )
     if not (touched[:, 3] > 0).any():
         raise DatasetError('a calibration needs presses with a force, and none has one; check the force sensor')
-    known_mm = 2 * source.correction.reach_mm
-    for name, along in zip('xy', places.T, strict=True):
-        if np.ptp(along) < LEAST_SPREAD * known_mm:
+    for name, along, known in zip('xy', places.T, known_mm, strict=True):
+        if np.ptp(along) < LEAST_SPREAD * known:
             raise DatasetError(
-                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known_mm:.1f} mm that the '
+                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known:.1f} mm that the '
                 'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
             )
 

@@ -109,7 +109,7 @@ def transfer(
     """
     progress = progress or Progress()
     known = axisymmetric_source(source)
-    require_presses(dataset, known)
+    require_presses(dataset, reached_mm(known))
     other = OtherGel.of(known, dataset)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
         wholes = {form: other.whole(form) for form in FORMS if form != 'regions'}
@@ -145,6 +145,34 @@ def transfer(
     return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told, said)
 
 
+def reached_mm(known: AxisymmetricReadout) -> tuple[float, float]:
+    """How far the presses of the known gel lay apart along x and along y."""
+    return 2 * known.correction.reach_mm, 2 * known.correction.reach_mm
+
+
+def pressed_gel(
+    known: InputScaling, dataset: Dataset
+) -> tuple[InputScaling, list[Int[np.ndarray, ' pictures']], Int[np.ndarray, ' presses']]:
+    """Of another gel: its regions, which are those that show markers on it, whether or not they did on the known gel;
+    the pictures of each hold, and one of each.
+
+    Raises:
+        DatasetError: regions are too few, or their motion is no number.
+    """
+    scaling = _scaling_of(known, dataset)
+    require_motion(dataset, scaling)
+    holds = still_holds(dataset, np.flatnonzero(dataset.presses[:, 2] > 0), scaling.trusted)
+    return scaling, holds, np.array([each[0] for each in holds])
+
+
+def at_rest(scaling: InputScaling) -> InputScaling:
+    """For pictures to come, which will be measured against another rest image.
+
+    What the presses' own rest image lacks of the gel untouched is noise that no other one shares.
+    """
+    return replace(scaling, mean=np.zeros_like(scaling.mean))
+
+
 @dataclass(frozen=True)
 class OtherGel:
     """Presses on another gel, and what is expected of its regions before any of them is looked at.
@@ -164,17 +192,11 @@ class OtherGel:
 
     @classmethod
     def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
-        """Its regions are those that show markers on it, whether or not they did on the known gel.
-
-        Raises:
-            DatasetError: these are too few, or their motion is no number.
-        """
-        touched = dataset.presses[:, 2] > 0
-        scaling = _scaling_of(source.scaling, dataset)
-        require_motion(dataset, scaling)
-        holds, untouched = still_holds(dataset, np.flatnonzero(touched), scaling.trusted), np.flatnonzero(~touched)
+        """Raises as `pressed_gel`."""
+        scaling, holds, rows = pressed_gel(source.scaling, dataset)
+        untouched = np.flatnonzero(~(dataset.presses[:, 2] > 0))
         typical = Typical.of(source.response, views(source.scaling.trusted))
-        presses, rows = Presses.of_holds(dataset, holds, scaling), np.array([each[0] for each in holds])
+        presses = Presses.of_holds(dataset, holds, scaling)
         pictures = np.array([len(each) for each in holds])
         return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted), pictures)
 
@@ -184,11 +206,8 @@ class OtherGel:
 
     @property
     def live_scaling(self) -> InputScaling:
-        """For pictures to come, which will be measured against another rest image.
-
-        What the presses' own rest image lacks of the gel untouched is noise that no other one shares.
-        """
-        return replace(self.scaling, mean=np.zeros_like(self.scaling.mean))
+        """See `at_rest`."""
+        return at_rest(self.scaling)
 
     @property
     def pressed_n(self) -> float:
