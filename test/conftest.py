@@ -13,6 +13,8 @@ from pathlib import Path
 import hypothesis
 import jaxtyping
 import pytest
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 from pauses import Pauses
 
 PAUSES = Pauses()
@@ -39,6 +41,11 @@ hypothesis.settings.register_profile('suite', database=None, deadline=None, dera
 hypothesis.settings.register_profile('fuzz', database=None, deadline=None, print_blob=True)
 PROFILE = os.environ.get('TACTILE_HYPOTHESIS', 'suite')
 hypothesis.settings.load_profile(PROFILE)
+
+# Hypothesis also tries numbers and texts of those of our modules that are imported. Which these are hangs on the tests
+# that a worker has run before, and it takes each worker some 10 s to read them all.
+NO_CONSTANTS = Constants()
+providers._get_local_constants = lambda: NO_CONSTANTS
 
 LONGEST_ARGUMENT = 3000
 """Characters of an argument as a failure of a random test shows it; more would hide the example that was found."""
