@@ -24,7 +24,7 @@ from tactile_nodes.paths import share_directory
 
 PAPERS = 'simulated'
 AIM = 1.5
-SEED, PER_FAMILY = 404, 4
+SEED, PER_FAMILY = 606, 2
 ABOUT = """\
 {frames} contacts of ten families on each sensor (seed {seed}), most of them dragged, up to 3 N. Nobody pressed any of
 these sensors before: the response of the gel follows from the description. *Misplaced* is half the sum over the bins of

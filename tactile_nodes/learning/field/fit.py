@@ -45,7 +45,8 @@ UNFITTED = 0.04
 
 UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
-so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too."""
+so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
+Where motion changes much over a region (`Regions.uneven`) nobody knows what its markers see: so many times as far."""
 
 REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14
 """Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
@@ -135,7 +136,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
         response = _told(regions.terms_of_patches(known_of(scaling)), _nominal(regions, scaling))
         bar.advance()
     readout = FieldReadout(
-        scaling, response, regions.bins, noise_px(scaling), UNFITTED, _spread('', 0), ROOM,
+        scaling, response, regions.bins, noise_px(scaling), UNFITTED, _spread('', 0, regions.uneven), ROOM,
         surface=regions.surface_under_shear,
     )  # fmt: skip
     return FieldFit(readout, 'description')
@@ -233,7 +234,7 @@ class _Judge:
     ) -> FieldReadout:
         """As these shares have it, which so many presses told."""
         doubt, response = DOUBT if form == 'regions' else UNFITTED, _told(self.terms, shares)
-        noise, spread = noise_px(self.scaling), _spread(form, presses, by_ball=self.by_ball)
+        noise, spread = noise_px(self.scaling), _spread(form, presses, self.regions.uneven, by_ball=self.by_ball)
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
         return FieldReadout(
             self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self.surface
@@ -286,9 +287,9 @@ def _nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regi
     return np.tile(regions.nominal_shares, (len(known_of(scaling)), 1))
 
 
-def _spread(form: str, presses: int, *, by_ball: bool = True) -> FieldSpread:
+def _spread(form: str, presses: int, uneven: float, *, by_ball: bool = True) -> FieldSpread:
     told = by_ball and form == 'regions' and presses > FEW
-    return FieldSpread(response=UNPRESSED * (math.sqrt(FEW / presses) if told else 1.0))
+    return FieldSpread(response=UNPRESSED * (math.sqrt(FEW / presses) if told else max(1.0, uneven)))
 
 
 def _off(

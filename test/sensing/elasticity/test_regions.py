@@ -68,6 +68,11 @@ def test_regions_that_see_beside_the_gel_are_known_as_such() -> None:
     assert Regions(sensor, 10, 10).within_gel.sum() == 8 * 6
 
 
+def test_motion_is_uneven_over_windows_wider_than_twice_the_depth(regions: Regions) -> None:
+    """A window of 1.2 x 22 px at 290 px a radian, 19.25 mm away: 1.75 mm over twice 3.75 mm, more at the rim."""
+    assert regions.uneven == pytest.approx(1.2 * 22 * 19.25 / 290 / 7.5, rel=0.3)
+
+
 def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:
     shares = regions.nominal_shares.reshape(DEPTHS, 3)
     assert shares[:, 0].sum() == pytest.approx(1.0)
