@@ -129,11 +129,7 @@ BENCHMARK = Benchmark(
     draw=draw,
     seed=Plan.seed,
     quick=True,
-    files=tuple(
-        f'{folder}stability{end}'
-        for folder in ('', 'field/')
-        for end in ('.json', '.md', *(f'_{family.replace(" ", "_")}.png' for family in FAMILIES))
-    ),
+    files=('stability.json', 'stability.md', *(f'stability_{family.replace(" ", "_")}.png' for family in FAMILIES)),
     arguments=(
         argument('--only', metavar='NAME', help='only disturbances whose name holds this, or of this family'),
         argument(
