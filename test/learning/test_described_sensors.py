@@ -15,6 +15,8 @@ from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -69,6 +71,15 @@ def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> No
         assert told.total_n == pytest.approx(table.force_at(0.6), rel=0.15)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
     assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+
+
+def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: LoadedModel) -> None:
+    """20 px a region, 1.2 mm of window, over twice 0.55 mm: 1.1; its square times 0.05 is in doubt."""
+    readout = made.model.readout
+    assert isinstance(readout, FieldReadout)
+    assert readout.spread.response == pytest.approx(0.05 * (1.2 * 1.0 / 1.1) ** 2, rel=0.1)
+    assert FieldSpread(response=0.2).normal_n(0.0, 1.0) > 2 * FieldSpread(response=0.2).nominal_n(1.0)
+    assert FieldSpread(response=0.05).normal_n(0.0, 1.0) < 2 * FieldSpread(response=0.05).nominal_n(1.0)
 
 
 def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_path: Path) -> None:

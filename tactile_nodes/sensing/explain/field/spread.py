@@ -19,6 +19,11 @@ NORMAL = np.array([0, 0, 1, 1, 1, 0])
 _SIX = np.arange(6)
 
 
+USUAL_RESPONSE = 0.05
+"""Share that a response without presses is off by where it serves. One that is off by more tells forces that are not
+what is usual of a field, and so not `ok`."""
+
+
 @dataclass(frozen=True)
 class FieldSpread:
     """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
@@ -66,7 +71,7 @@ class FieldSpread:
     def nominal_n(self, total_n: float) -> float:
         """What is usual of a total."""
         floor, share = self.nominal
-        return math.hypot(floor, math.hypot(share, self.response) * total_n)
+        return math.hypot(floor, math.hypot(share, min(self.response, USUAL_RESPONSE)) * total_n)
 
     def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
         """Of the normal force on each bin."""
