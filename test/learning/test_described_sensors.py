@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
@@ -28,6 +29,7 @@ from tactile_nodes.sensors import (
     ImageSettings,
     PatternDescription,
     Sensor,
+    load_sensor,
 )
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import solve
@@ -99,6 +101,24 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
     _, made_of_it = calibrate_by_hand(source, tmp_path / 'presses.csv', 'stiffer', output, Progress())
     assert made_of_it.after.force_median_n < 0.4 * made_of_it.before.force_median_n
     assert load_model(output).image_size == (320, 200)
+
+
+def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:
+    """35 dots 2.5 mm apart, in 48 regions of 40 px, which are 2.3 mm: a window of 1.2 regions holds a dot."""
+    sensor, file = load_sensor('printed_dots'), tmp_path / 'dots.safetensors'
+    described_model(load_model(find_model('field')), sensor, '', file, Progress())
+    made, gel = load_model(file), gel_of(sensor)
+    assert (made.model.layout.rows, made.model.layout.cols) == (6, 8)
+    table, flow = contact_table(gel, 'ball'), make_flow(*made.flow)
+    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
+    rest = [optics.render((), number) for number in range(8)]
+    flow.set_reference(np.mean(rest, axis=0).round().astype(np.uint8))
+    for number, (x_mm, y_mm) in enumerate(((0.0, 0.0), (3.0, -2.0), (-4.0, 1.5), (1.3, 2.6))):
+        seen = optics.render((Press(x_mm, y_mm, 0.8),), 100 + number)
+        told = force.predict(encoding.encode(flow.displacement(seen)))
+        assert told.total_n == pytest.approx(table.force_at(0.8), rel=0.25)
+        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 2.5 / 2
+    assert force.predict(encoding.encode(flow.displacement(optics.render((), 200)))).total_n == 0
 
 
 def test_a_camera_that_looks_beside_the_gel_is_refused() -> None:

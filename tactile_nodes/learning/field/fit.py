@@ -31,7 +31,7 @@ from tactile_nodes.learning.field.presses import (
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.learning.transfer.fit import WORTH
-from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.regions import WINDOW, Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
@@ -58,6 +58,9 @@ LEAST_SEEN = 0.2
 
 KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""
+
+MOST_TIMES = 5.0
+"""No more than a quarter: tips on a membrane are a fifth off, balls on printed dots a tenth."""
 
 JUDGES = 40
 ROOM = 2.0
@@ -105,13 +108,16 @@ class FieldFit:
 def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
 
-    They are about a tenth narrower than patches, as the paper's sensor has them, and at least `LEAST_REGION_PX` wide.
+    They are about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide,
+    and where dots are printed so wide that each one's window holds a dot.
 
     Raises:
         ConfigurationError: hardly any region sees the gel.
     """
-    patches, (width, height) = Regions(sensor, 1, 1).patches.shape, sensor.image.crop_px
-    rows, cols = (_regions(count, side) for count, side in zip(patches, (height, width), strict=True))
+    whole, (width, height) = Regions(sensor, 1, 1), sensor.image.crop_px
+    least_px = whole.px_per_mm * sensor.pattern.pitch_mm / WINDOW if sensor.pattern.kind == 'dots' else 0.0
+    sides = zip(whole.patches.shape, (height, width), strict=True)
+    rows, cols = (_regions(count, side, max(least_px, LEAST_REGION_PX)) for count, side in sides)
     trusted = Regions(sensor, rows, cols).within_gel.reshape(rows, cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
@@ -124,9 +130,9 @@ def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     )
 
 
-def _regions(patches: int, side_px: int) -> int:
+def _regions(patches: int, side_px: int, least_px: float) -> int:
     """How many regions a side of the picture has: of numbers that divide it the nearest to what patches ask for."""
-    dividing = [count for count in range(1, side_px // LEAST_REGION_PX + 1) if side_px % count == 0]
+    dividing = [count for count in range(1, max(1, int(side_px / least_px)) + 1) if side_px % count == 0]
     return min(dividing, key=lambda count: abs(count - REGIONS_A_PATCH * patches))
 
 
@@ -290,7 +296,9 @@ def _nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regi
 
 def _spread(form: str, presses: int, uneven: float, *, by_ball: bool = True) -> FieldSpread:
     told = by_ball and form == 'regions' and presses > FEW
-    return FieldSpread(response=UNPRESSED * (math.sqrt(FEW / presses) if told else max(1.0, uneven**2)))
+    return FieldSpread(
+        response=UNPRESSED * (math.sqrt(FEW / presses) if told else min(max(1.0, uneven**2), MOST_TIMES))
+    )
 
 
 def _off(

@@ -133,9 +133,13 @@ class Regions:
 
         0.3 on the paper's sensor, 2.1 where a window of 1.5 mm shows speckle 0.35 mm below the surface.
         """
-        middle, across = DEPTHS // 2, self._seen[1][..., 0, 0]
-        window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / float(np.median(np.abs(across[middle])))
-        return window_mm / (2 * float(self.depths_mm[middle]))
+        window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / self.px_per_mm
+        return window_mm / (2 * float(self.depths_mm[DEPTHS // 2]))
+
+    @property
+    def px_per_mm(self) -> float:
+        """By how many pixels a millimetre along x moves the picture, where markers are in the middle (median)."""
+        return float(np.median(np.abs(self._seen[1][DEPTHS // 2, ..., 0, 0])))
 
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:

@@ -217,7 +217,15 @@ class FieldSolver:
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         filled = min(1.0, (WIDE / spread_over(pressed)) ** 2)
-        return HELD * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
+        return HELD * self._told * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
+
+    @cached_property
+    def _told(self) -> float:
+        """Share of the weight that holds patches down: less than all where fewer regions than patches tell of forces.
+
+        Of a few dozen printed dots all of it would hold down half of what presses.
+        """
+        return min(1.0, len(self.response) / 2 / self.patches.count) ** 2
 
     def _nothing(self, motion: np.ndarray, weights: Weights) -> Field:
         none = np.zeros((3, self.patches.count))
