@@ -46,8 +46,8 @@ UNFITTED = 0.04
 UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
-Where motion changes much over a region (`Regions.uneven`), as it does under a tip on markers near the surface, patches
-and regions are too coarse for it: by the square of that as far. Tips on a simulated membrane are a fifth off."""
+Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by the square of
+that as far: tips on a simulated membrane are a fifth off."""
 
 REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14
 """Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
