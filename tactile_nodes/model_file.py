@@ -69,14 +69,23 @@ class LoadedModel:
     @property
     def image_size(self) -> tuple[int, int]:
         """Width and height in pixels of the images that the model was trained on."""
-        size = self.card['crop_px']
-        width, height = size if isinstance(size, Sequence) else (size, size)
-        return int(width), int(height)
+        return size_of_crop(self.card['crop_px'])
 
     @property
     def gel(self) -> str:
         """The id of the gel that the model was trained on."""
         return str(self.card['gel']['id'])
+
+
+def size_of_crop(crop_px: int | Sequence[int]) -> tuple[int, int]:
+    """Width and height of images, px, from ``crop_px`` of a card: the side of a square, or both."""
+    width, height = crop_px if isinstance(crop_px, Sequence) else (crop_px, crop_px)
+    return int(width), int(height)
+
+
+def crop_of_size(size: tuple[int, int]) -> int | list[int]:
+    """What a card says as ``crop_px`` of images of this width and height, px."""
+    return size[0] if size[0] == size[1] else list(size)
 
 
 def find_model(name: str) -> Path:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import closing
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from press_bags import Collection
+from press_bags import Sensor as BagSensor
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.calibrating.calibrator import Calibrator
 from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
+from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
@@ -33,7 +38,7 @@ from tactile_nodes.sensors import (
 )
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import solve
-from tactile_nodes.simulation.optics import Optics, Press
+from tactile_nodes.simulation.optics import Optics, Press, Shaping
 
 SMALL = Sensor(
     'small', ImageSettings(320, 240, 320, 200),
@@ -101,6 +106,34 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
     _, made_of_it = calibrate_by_hand(source, tmp_path / 'presses.csv', 'stiffer', output, Progress())
     assert made_of_it.after.force_median_n < 0.4 * made_of_it.before.force_median_n
     assert load_model(output).image_size == (320, 200)
+
+
+class SmallSensor(BagSensor):
+    """The small sensor a quarter stiffer than described; bags keep its pictures as they are."""
+
+    def force_n(self, depth_mm: float) -> float:
+        return 1.25 * super().force_n(depth_mm)
+
+    def image(self, *presses: Shaping) -> np.ndarray:
+        self._seed += 1
+        return self._optics.render(presses, self._seed)
+
+
+def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, own_cache: Path) -> None:
+    """A ball's presses on pictures of 320x240, of which 320x200 are read."""
+    sensor = SmallSensor(dataclasses.replace(gel_of(SMALL), mechanics='linear'))
+    collection, random = Collection(tmp_path / 'bag', sensor), np.random.default_rng(3)
+    collection.reference(0)
+    for slot in range(24):
+        x_mm, y_mm, depth_mm = random.uniform((-6.5, -3.5, 0.3), (6.5, 3.5, 0.8)).tolist()
+        collection.press(slot, slot + 1, x_mm, y_mm, depth_mm)
+    bags = [collection.close()]
+    with closing(Calibrator(made, {'id': 'pressed'})) as calibrator, closing(BagPresses(bags)) as presses:
+        take_presses(calibrator, presses, lambda line: None)
+        finish(calibrator, presses, lambda line: None)
+    assert calibrator.recordings is not None and calibrator.made is not None, calibrator.objection
+    assert calibrator.recordings.card['crop_px'] == [320, 200]
+    assert calibrator.made.after.force_median_n < 0.4 * calibrator.made.before.force_median_n
 
 
 def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, sca
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import told as told_errors
-from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.model_file import LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping, to_values
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -192,7 +192,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     regions = {'rows': layout.rows, 'cols': layout.cols}
     card = {
         **{name: {**source[name], 'options': {**source[name]['options'], **regions}} for name in ('flow', 'encoding')},
-        'crop_px': list(sensor.image.crop_px) if sensor.image.crop_height else sensor.image.crop,
+        'crop_px': crop_of_size(sensor.image.crop_px),
         **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': 'description'},

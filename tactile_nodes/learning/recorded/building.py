@@ -23,6 +23,7 @@ from tactile_nodes.learning.recorded.exclusions import LeftOut, Limits, judge
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.recorded.samples import Sample, Shelf
 from tactile_nodes.messages import types
+from tactile_nodes.model_file import crop_of_size
 from tactile_nodes.params import load_mapping
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
@@ -247,7 +248,7 @@ def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Pa
             'channels': list(measurer.encoding.channels),
         },
         'recipe': measurer.recipe_id,
-        'crop_px': measurer.size[0],
+        'crop_px': crop_of_size(measurer.size),
         'frames': options.frames,
         'without_contact': {'share': options.without_contact, 'presses_with_such_images': builder.untouched_found},
         'labels': {**asdict(options.bins), 'reading': describe(options.bins)},

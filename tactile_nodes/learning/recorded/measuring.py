@@ -51,7 +51,7 @@ class Measurer:
         self.reference_id = ''
         self.computed = self.found = 0
         self._tracker = FeatureTracker(self.flow, self.encoding)
-        self._crop = crop
+        self._crop = (crop, crop) if isinstance(crop, int) else crop
         self._reference = b''
         self._shape = 0, 0, 0
         folder = paths.cache_directory() / 'features'
@@ -134,12 +134,11 @@ class Measurer:
         return np.ascontiguousarray(centre_crop(image, *size))
 
     def _size(self, image: UInt8[np.ndarray, 'h w']) -> tuple[int, int]:
-        if isinstance(self._crop, tuple) and self._crop[0] != self._crop[1]:
+        if self._crop[0] != self._crop[1]:
             return self._crop
-        wanted = self._crop[0] if isinstance(self._crop, tuple) else self._crop
         height, width = image.shape
-        regions = self.encoding.options
-        side = largest_side(width, height, wanted, math.lcm(int(str(regions['rows'])), int(str(regions['cols']))))
+        rows, cols = (int(str(self.encoding.options[name])) for name in ('rows', 'cols'))
+        side = largest_side(width, height, self._crop[0], math.lcm(rows, cols))
         return side, side
 
 

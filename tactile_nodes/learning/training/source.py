@@ -17,7 +17,7 @@ from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.model_file import LoadedModel, size_of_crop
 from tactile_nodes.simulation.gel import Gel
 
 
@@ -250,7 +250,7 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
     for what, theirs, ours in (
         ('flow', loaded.flow, tuple(_method(card['flow']).values())),
         ('encoding', loaded.encoding, tuple(_method(card['encoding']).values())),
-        ('image size', loaded.image_size, (card['crop_px'], card['crop_px'])),
+        ('image size', loaded.image_size, size_of_crop(card['crop_px'])),
     ):
         if theirs != ours:
             raise ModelError(
