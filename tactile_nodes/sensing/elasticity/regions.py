@@ -44,16 +44,6 @@ Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 DISPLACEMENT_MM = 1e-3
 
 
-def camera_of(sensor: Sensor) -> Camera:
-    """The camera that a description tells of."""
-    camera, image = sensor.camera, sensor.image
-    u, v = camera.centre_px
-    if camera.model == 'pinhole':
-        across, down = camera.focal_px
-        return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
-    return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
-
-
 @dataclass(frozen=True)
 class Regions:
     """The regions of a sensor's picture, `rows` by `cols` over what is cut from its middle."""
@@ -163,7 +153,12 @@ class Regions:
 
     @property
     def _camera(self) -> Camera:
-        return camera_of(self.sensor)
+        camera, image = self.sensor.camera, self.sensor.image
+        u, v = camera.centre_px
+        if camera.model == 'pinhole':
+            across, down = camera.focal_px
+            return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
+        return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
 
     @property
     def _turn(self) -> Float[np.ndarray, '3 3']:
