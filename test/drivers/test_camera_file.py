@@ -142,6 +142,16 @@ def test_a_file_that_is_no_video_is_refused(tmp_path: Path, jumping: SteppedCloc
         opened(path, jumping)
 
 
+def test_a_video_of_more_than_64_megapixels_is_refused_before_it_is_decoded(
+    tmp_path: Path, jumping: SteppedClock
+) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / 'huge.avi'), cv2.VideoWriter.fourcc(*'MJPG'), 50.0, (8200, 8200))
+    writer.write(np.zeros((8200, 8200, 3), np.uint8))
+    writer.release()
+    with pytest.raises(ImageError, match=r'huge\.avi \(it is 8200x8200 pixels large, and may be 8192x8192'):
+        opened(tmp_path / 'huge.avi', jumping)
+
+
 def test_a_folder_without_a_rate_says_what_to_set(folder: Path, jumping: SteppedClock) -> None:
     with pytest.raises(ImageError, match='set fps of the camera'):
         opened(folder, jumping, fps=0.0)

@@ -1,4 +1,4 @@
-"""Encoded pictures of the kinds that are read here: PNG, JPEG, BMP, TIFF, WebP, PGM and PPM.
+"""Encoded pictures of the kinds that are read here: PNG, JPEG, BMP, TIFF, WebP, PGM and PPM; and videos.
 
 A few kilobytes can unpack to gigabytes, and OpenCV takes the memory before it says how large a picture is. So the size
 is read from the header first. A kind whose header is not known here is no picture.
@@ -9,7 +9,8 @@ from __future__ import annotations
 import errno
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +43,37 @@ def decode(data: bytes, *, grey: bool) -> Picture | None:
     """
     if (size := size_of(data)) is None:
         return None
-    if size[0] * size[1] > LARGEST_SIDE**2:
-        raise OSError(errno.EFBIG, f'it is {size[0]}x{size[1]} pixels large, and may be {LARGEST} at most')
+    check_pixels(*size)
     cv2 = opencv.load()
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_ANYCOLOR)
     except cv2.error:  # so it ends for some that are damaged
         return None
     return None if image is None else np.asarray(image, np.uint8)
+
+
+def check_pixels(width: int, height: int) -> None:
+    """Raise OSError, with a sentence in `strerror`, for a picture larger than `LARGEST`."""
+    if width * height > LARGEST_SIDE**2:
+        raise OSError(errno.EFBIG, f'it is {width}x{height} pixels large, and may be {LARGEST} at most')
+
+
+def open_video(source: str, options: Sequence[int] = ()) -> Any | None:
+    """A `cv2.VideoCapture` of a file or a stream, by FFmpeg; None if that finds no video there.
+
+    Raises:
+        OSError: its pictures are larger than `LARGEST`; `strerror` says so.
+    """
+    cv2 = opencv.load()
+    video = cv2.VideoCapture(source, cv2.CAP_FFMPEG, options)
+    if not video.isOpened():
+        return None
+    try:
+        check_pixels(round(video.get(cv2.CAP_PROP_FRAME_WIDTH)), round(video.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    except OSError:
+        video.release()
+        raise
+    return video
 
 
 def size_of(data: bytes) -> Size | None:

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera import opencv
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
-from tactile_nodes.drivers.camera.decoding import decode
+from tactile_nodes.drivers.camera.decoding import decode, open_video
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain
@@ -169,8 +169,11 @@ class VideoFile:
         cv2 = opencv.load()
         self.stop()
         _check_readable(self._path)
-        self._video = cv2.VideoCapture(self.name, cv2.CAP_FFMPEG)
-        if not self._video.isOpened():
+        try:
+            self._video = open_video(self.name)
+        except OSError as error:
+            raise ImageError(f'cannot read the video {self.name} ({error.strerror}); make it smaller') from error
+        if self._video is None:
             raise ImageError(f'{self.name} is no video that can be read here; convert it, to MP4 or AVI say')
         self._claimed = self._video.get(cv2.CAP_PROP_FPS)
         if 0 < self._claimed <= FASTEST_CLAIM:

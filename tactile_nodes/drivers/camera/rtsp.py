@@ -17,10 +17,11 @@ import numpy as np
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.camera import opencv
 from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
+from tactile_nodes.drivers.camera.decoding import open_video
 from tactile_nodes.drivers.camera.mjpeg import without_password
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 
 PORTS = {'rtsp': 554, 'rtsps': 322}
 CONNECT_S = 3.0
@@ -73,10 +74,11 @@ class RtspCamera(LiveCamera):
             (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(CONNECT_S * 1000)),
             (cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(self._settings.stall_s * 1000)),
         ]
-        video = cv2.VideoCapture(
-            self._settings.source.strip(), cv2.CAP_FFMPEG, [value for pair in limits for value in pair]
-        )
-        if not video.isOpened():
+        try:
+            video = open_video(self._settings.source.strip(), [value for pair in limits for value in pair])
+        except OSError as error:
+            raise DeviceError(f'{self.name} sends too large pictures: {error.strerror}; set it lower') from error
+        if video is None:
             raise DeviceNotFoundError(
                 f'{self.name} answers and gives no video; check the path, user and password: '
                 'rtsp://user:password@host/path'
