@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import deque
 from dataclasses import dataclass, replace
@@ -16,10 +15,9 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.paths import is_file
-from tactile_nodes.pipeline.force_status import ALTERED, INVALID, UNMEASURED, judged
+from tactile_nodes.pipeline.force_status import ALTERED, INVALID, UNMEASURED, found_reasons, judged
 from tactile_nodes.pipeline.methods import told
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.reading import Acting, Contact
@@ -279,11 +277,11 @@ class Estimating:
         return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
     def _reasons(self, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
-        size = features.image_width, features.image_height
-        faults = {
-            FORCE.REASON_NOT_FINITE: not (features.reasons & UNMEASURED or math.isfinite(found.total_n)),
-            FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
-            FORCE.REASON_UNLIKE_TRAINING: not (features.untouched or known(found.unlikeness, found.contacts)),
-            FORCE.REASON_OTHER_IMAGE: size != self.now.inputs.image_size,
-        }
-        return sum(bit for bit, present in faults.items() if present)
+        reasons = found_reasons(found, least_confidence)
+        if features.reasons & UNMEASURED:
+            reasons &= ~FORCE.REASON_NOT_FINITE
+        if features.untouched:
+            reasons &= ~FORCE.REASON_UNLIKE_TRAINING
+        if (features.image_width, features.image_height) != self.now.inputs.image_size:
+            reasons |= FORCE.REASON_OTHER_IMAGE
+        return int(reasons)

@@ -6,12 +6,16 @@ import math
 from dataclasses import dataclass
 
 from tactile_nodes.messages import types
+from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import OK_TIMES, ForceMap
 
 FORCE = types.ForceDistribution
 
 KNOWN_SHARE = 0.99
 """Share of the known regions that undisturbed frames show at least."""
+
+LEAST_CONFIDENCE = 0.85
+"""Share of the known regions that a live launch asks for (config/live.yaml)."""
 
 LEAST_DOUBT_N = 0.05
 
@@ -52,6 +56,16 @@ class Judged:
     sigma_n: float
     status: int
     reasons: int
+
+
+def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -> int:
+    """What a force that was found says against itself: no number, too few regions seen, novelty."""
+    faults = {
+        FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
+        FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
+        FORCE.REASON_UNLIKE_TRAINING: not known(found.unlikeness, found.contacts),
+    }
+    return sum(bit for bit, present in faults.items() if present)
 
 
 def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: int = 0) -> Judged:

@@ -28,7 +28,7 @@ def found(*contacts: tuple[float, float, float], unlikeness: float = 0.3) -> For
 def test_a_pair_is_found_whichever_tip_is_the_stronger() -> None:
     for order in (1, -1):
         contacts = [(-4.5, 0.5, 0.55), (4.0, 3.9, 0.17)][::order]
-        near, placed, counted, flagged, off_n = judged(TIPS, found(*contacts), 0.05)
+        near, placed, counted, flagged, *_, off_n = judged(TIPS, found(*contacts), 0.05)
         assert (near, placed, counted, flagged) == (True, True, True, False)
         assert off_n == pytest.approx(0.02)
 
@@ -54,6 +54,14 @@ def test_an_unlike_frame_is_flagged() -> None:
     assert judged(TIPS, found((0, 0, 0.6), unlikeness=1.2), 0.05)[3]
 
 
+def test_a_total_beyond_its_interval_is_not_held() -> None:
+    """1.645 standard deviations of 20 mN are 33 mN; the tips press with 0.7 N."""
+    answer = dataclasses.replace(found((-4, 0, 0.52), (4, 3, 0.21)), total_sigma_n=0.02, nominal_n=0.02)
+    assert judged(TIPS, answer, 0.05)[4:7] == (False, True, True)  # so close to each other they do not just add up
+    answer = dataclasses.replace(answer, total_n=0.74)
+    assert not judged(TIPS, answer, 0.05)[6]
+
+
 def test_pairs_lie_within_the_reach_at_every_distance_alike() -> None:
     pairs = planned_pairs(DataConfig(seed=5, reach_mm=13.5), 2000)
     places = np.array([[(each.x_mm, each.y_mm) for each in pair] for pair in pairs])
@@ -68,9 +76,10 @@ def test_pairs_lie_within_the_reach_at_every_distance_alike() -> None:
 
 
 def test_the_table_has_a_row_for_each_distance() -> None:
-    scores = PairScores(40, 0.95, 0.975, 1.0, 0.0, 0.05, 0.0123)
+    scores = PairScores(40, 0.95, 0.975, 1.0, 0.0, 0.05, 0.5, 0.4, 0.9, 0.0123)
     text = str(pairs_table({'all pairs': scores, '5 to 7.5 mm apart': dataclasses.replace(scores, pairs=7)}))
-    assert text.splitlines()[1].split() == ['all', 'pairs', '40', '95.0%', '97.5%', '100.0%', '0.0%', '5.0%', '0.0123']
+    cells = 'all pairs 40 95.0% 97.5% 100.0% 0.0% 5.0% 50.0% 40.0% 90.0% 0.0123'
+    assert text.splitlines()[1].split() == cells.split()
 
 
 def test_pairs_are_refused_beside_recorded_presses(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,11 +10,13 @@ import pytest
 
 from tactile_nodes.learning.evaluation import scores
 from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.learning.evaluation.statuses import score_status
 from tactile_nodes.learning.evaluation.uncertainty import force_uncertainty, position_uncertainty
 from tactile_nodes.learning.evaluation.unlike import score_unlike
 from tactile_nodes.sensing.geometry import BinGrid
 
 BINS = BinGrid()
+OK, DEGRADED, INVALID = 0, 1, 2  # msg/ForceDistribution.msg
 
 
 def answers(
@@ -27,6 +29,8 @@ def answers(
     sigma_n: float | Sequence[float] = math.nan,
     sigma_mm: float | Sequence[float] = math.nan,
     unlikeness: float | Sequence[float] = math.nan,
+    status: Sequence[int] | None = None,
+    nominal_n: float = math.nan,
 ) -> Predictions:
     """Answers whose whole force is in the true bin; a force of 0 is a frame at rest."""
     place, count = np.array(places_mm, float), len(places_mm)
@@ -37,7 +41,8 @@ def answers(
     whole = np.ones(count)
     return Predictions(
         place, deep, true, found, place + np.array(off_mm or [(0.0, 0.0)] * count), np.array(found_n, float),
-        whole * sigma_n, whole * sigma_mm, whole * unlikeness, whole, BINS, contact_threshold_n=0.02,
+        whole * sigma_n, whole * sigma_mm, whole * unlikeness, whole,
+        np.array(status or [OK] * count), whole * sigma_n, whole * nominal_n, BINS, contact_threshold_n=0.02,
     )  # fmt: skip
 
 
@@ -145,3 +150,21 @@ def test_places_of_light_touches_count_where_they_are_detected() -> None:
     light = scores.score_light(found)
     assert light.place_coverage == 0.75  # of four coordinates one is 2 mm off, and 1.645 times 0.5 are stated
     assert light.force_coverage == pytest.approx(2 / 3)
+
+
+def test_a_status_is_scored_by_what_it_promises() -> None:
+    """Ok means within twice the nominal 10 mN: of the two ok ones one is 30 mN off. The invalid one claims nothing."""
+    found = answers(
+        [(0, 0)] * 5, [0.5] * 5, [0.51, 0.53, 0.5, 0.6, 0.9], sigma_n=0.02, nominal_n=0.01,
+        status=[OK, OK, DEGRADED, DEGRADED, INVALID],
+    )  # fmt: skip
+    scored = score_status(found)
+    assert (scored.frames, scored.ok, scored.degraded, scored.invalid) == (5, 0.4, 0.4, 0.2)
+    assert scored.held == 0.75  # 1.645 * 20 mN hold 10, 30 and 0 mN, and not 100
+    assert scored.wrong_while_ok == 0.5
+
+
+def test_a_model_without_an_uncertainty_promises_nothing() -> None:
+    scored = score_status(answers([(0, 0)], [0.5], [0.5]))
+    assert math.isnan(scored.held)
+    assert math.isnan(scored.wrong_while_ok)

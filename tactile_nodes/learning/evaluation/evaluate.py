@@ -17,6 +17,7 @@ from tactile_nodes.learning.evaluation.disturbed import disturbed_samples
 from tactile_nodes.learning.evaluation.pairs import PairScores, score_pairs
 from tactile_nodes.learning.evaluation.predictions import Predictions, name_of, predictions_of
 from tactile_nodes.learning.evaluation.scores import (
+    ALL,
     LightScores,
     PressScores,
     RestScores,
@@ -24,6 +25,7 @@ from tactile_nodes.learning.evaluation.scores import (
     score_light,
     score_rest,
 )
+from tactile_nodes.learning.evaluation.statuses import AT_REST, LIGHT, StatusScores, score_status
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty, force_uncertainty, position_uncertainty
 from tactile_nodes.learning.evaluation.unlike import UnlikeScores, score_unlike
 from tactile_nodes.learning.progress import Progress
@@ -51,6 +53,7 @@ class Evaluation:
     fingerprint: str
     answers: Predictions = dataclasses.field(repr=False)
     data: str = ''
+    statuses: Mapping[str, StatusScores] = dataclasses.field(default_factory=dict)
     light: LightScores | None = None
     unlike: Mapping[str, UnlikeScores] = dataclasses.field(default_factory=dict)
     pairs: Mapping[str, PairScores] = dataclasses.field(default_factory=dict)
@@ -82,10 +85,13 @@ def evaluate(
     config = evaluation_config(loaded, presses, seed)
     dataset = simulate(config, progress)
     light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress), progress)
+    disturbed = read_disturbed(loaded, config, unlike, progress) if unlike else {}
+    found = score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress)
     return dataclasses.replace(
-        score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress),
+        found,
+        statuses={**found.statuses, **statuses_of({LIGHT: light, **disturbed})},
         light=score_light(light),
-        unlike=score_disturbed(loaded, config, unlike, progress) if unlike else {},
+        unlike={name: score_unlike(each) for name, each in disturbed.items()},
         pairs=score_pairs(loaded, config, pairs, progress) if pairs else {},
     )
 
@@ -159,16 +165,25 @@ def score(
         fingerprint=dataset.fingerprint,
         answers=answers,
         data=data,
+        statuses={
+            **statuses_of({ALL: answers}),
+            **({} if answers.touched.all() else {AT_REST: score_status(answers[~answers.touched])}),
+        },
     )
 
 
-def score_disturbed(
+def read_disturbed(
     loaded: LoadedModel, config: TrainConfig, presses: int, progress: Progress
-) -> dict[str, UnlikeScores]:
-    """Scores by disturbance, over presses of the depths of `config`."""
+) -> dict[str, Predictions]:
+    """What a model says by disturbance, of presses of the depths of `config`."""
     data = dataclasses.replace(config.data, presses=presses * 5 // 4, seed=config.data.seed + 2)
     samples = disturbed_samples(dataclasses.replace(config, data=data), progress)
-    return {name: score_unlike(predictions_of(loaded, dataset)) for name, dataset in samples.items()}
+    return {name: predictions_of(loaded, dataset) for name, dataset in samples.items()}
+
+
+def statuses_of(found: Mapping[str, Predictions]) -> dict[str, StatusScores]:
+    """Scores of the status of presses, by what was done to them."""
+    return {name: score_status(each[each.touched]) for name, each in found.items() if each.touched.any()}
 
 
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:

@@ -24,6 +24,9 @@ from tactile_nodes.learning.datasets.simulated import recipe_id
 from tactile_nodes.learning.evaluation.scores import percentile, share
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.pipeline.force_status import FORCE, found_reasons
+from tactile_nodes.pipeline.force_status import judged as status_of
+from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.features import Features
@@ -61,7 +64,8 @@ class PairScores:
     """What a model says of pairs: shares of them, and the 95th percentile of the total's error.
 
     `found`: both places within 1 mm and both forces within 20 %. `placed`: both places, whatever the forces. `counted`:
-    just two contacts reach the model's threshold. `wrong`: neither found nor flagged as unlike, so believed.
+    just two contacts reach the model's threshold. `wrong`: neither found nor flagged as unlike, so believed. `ok` and
+    `degraded`: what the force topic would call them; `held`: the total lies within the 90 % interval told.
     """
 
     pairs: int
@@ -70,6 +74,9 @@ class PairScores:
     counted: float
     flagged: float
     wrong: float
+    ok: float
+    degraded: float
+    held: float
     total_p95_n: float
 
 
@@ -88,14 +95,17 @@ def score_pairs(loaded: LoadedModel, config: TrainConfig, pairs: int, progress: 
 
 
 def judged(tips: Float[np.ndarray, '2 4'], found: ForceMap, threshold_n: float) -> tuple[float, ...]:
-    """Found, placed, counted, flagged (1 or 0), and the error of the total (N)."""
+    """Found, placed, counted, flagged, ok, degraded, held (1 or 0), and the error of the total (N)."""
     contacts = [each for each in found.contacts if each.force_n >= threshold_n]
     placed = near = False
     for first, second in ((0, 1), (1, 0)) if len(contacts) >= 2 else ():
         pairs = [(contacts[0], tips[first]), (contacts[1], tips[second])]
         if all(_away_mm(*pair) <= PLACE_MM for pair in pairs):
             placed, near = True, all(_force_fits(*pair) for pair in pairs)
-    return near, placed, len(contacts) == 2, found.unlikeness > 1, abs(found.total_n - tips[:, 3].sum())
+    told, off_n = status_of(found, found_reasons(found)), abs(found.total_n - tips[:, 3].sum())
+    ok, degraded = (told.status == each for each in (FORCE.STATUS_OK, FORCE.STATUS_DEGRADED))
+    held = off_n <= metrics.interval_factor(metrics.INTERVAL) * told.sigma_n
+    return near, placed, len(contacts) == 2, found.unlikeness > 1, ok, degraded, held, off_n
 
 
 def _away_mm(contact: Contact, tip: np.ndarray) -> float:
@@ -112,8 +122,8 @@ def _groups(distance_mm: Float[np.ndarray, ' pairs']) -> dict[str, np.ndarray]:
     return {ALL: np.ones(len(distance_mm), bool), **by_distance}
 
 
-def _scores(verdicts: Float[np.ndarray, 'pairs 5']) -> PairScores:
-    found, placed, counted, flagged = verdicts[:, :4].T.astype(bool)
+def _scores(verdicts: Float[np.ndarray, 'pairs 8']) -> PairScores:
+    found, placed, counted, flagged, ok, degraded, held = verdicts[:, :7].T.astype(bool)
     return PairScores(
         pairs=len(verdicts),
         found=share(found),
@@ -121,7 +131,10 @@ def _scores(verdicts: Float[np.ndarray, 'pairs 5']) -> PairScores:
         counted=share(counted),
         flagged=share(flagged),
         wrong=share(~found & ~flagged),
-        total_p95_n=percentile(verdicts[:, 4], 95),
+        ok=share(ok),
+        degraded=share(degraded),
+        held=share(held),
+        total_p95_n=percentile(verdicts[:, 7], 95),
     )
 
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.pipeline.force_status import found_reasons, judged
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -21,7 +22,9 @@ class Predictions:
     """Truth and answer of each sample; lengths in mm in the surface frame, forces in N, NaN where a model knows none.
 
     A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `regions_seen` is the share
-    of the regions that the model knows in which there are markers to follow.
+    of the regions that the model knows in which there are markers to follow. `status`, `told_sigma_n` (the standard
+    deviation of the total) and `nominal_n` (the one that is usual) are what the force topic would say of an
+    undisturbed picture.
     """
 
     place_mm: Float[np.ndarray, 'samples 2']
@@ -34,6 +37,9 @@ class Predictions:
     position_sigma_mm: Float[np.ndarray, ' samples']
     unlikeness: Float[np.ndarray, ' samples']
     regions_seen: Float[np.ndarray, ' samples']
+    status: Int[np.ndarray, ' samples']
+    told_sigma_n: Float[np.ndarray, ' samples']
+    nominal_n: Float[np.ndarray, ' samples']
     bins: BinGrid
     contact_threshold_n: float
 
@@ -104,7 +110,7 @@ def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = N
 def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
     """Truth and answers for all samples of a data set."""
     found = predict(loaded, dataset, progress)
-    bins = loaded.model.bins
+    bins, told = loaded.model.bins, [judged(each, found_reasons(each)) for each in found]
     return Predictions(
         place_mm=np.asarray(dataset.presses[:, :2], np.float64),
         depth_mm=np.asarray(dataset.presses[:, 2], np.float64),
@@ -116,6 +122,9 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | N
         position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
         unlikeness=np.array([each.unlikeness for each in found], np.float64),
         regions_seen=np.array([each.confidence for each in found], np.float64),
+        status=np.array([each.status for each in told], np.int64),
+        told_sigma_n=np.array([each.sigma_n for each in told], np.float64),
+        nominal_n=np.array([each.nominal_n for each in found], np.float64),
         bins=bins,
         contact_threshold_n=loaded.model.contact_threshold_n,
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.learning.evaluation.pairs import PairScores
 from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
+from tactile_nodes.learning.evaluation.statuses import StatusScores
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
 from tactile_nodes.learning.evaluation.unlike import UnlikeScores
 
@@ -26,9 +27,14 @@ UNLIKE = {
     'unflagged_rmse_n': 'RMSE N, not flagged', 'unflagged_p95_mm': '95 % mm, not flagged', 'rmse_n': 'RMSE N, all',
     'unlikeness_median': 'unlikeness', 'regions_seen': 'regions seen',
 }  # fmt: skip
+STATUSES = {
+    'frames': 'frames', 'ok': 'ok', 'degraded': 'degraded', 'invalid': 'invalid', 'held': '90 % interval holds',
+    'wrong_while_ok': 'wrong while ok',
+}  # fmt: skip
 PAIRS = {
     'pairs': 'pairs', 'found': 'both found', 'placed': 'both placed', 'counted': 'two counted', 'flagged': 'flagged',
-    'wrong': 'wrong, not flagged', 'total_p95_n': 'total 95 % N',
+    'wrong': 'wrong, not flagged', 'ok': 'ok', 'degraded': 'degraded', 'held': '90 % interval holds',
+    'total_p95_n': 'total 95 % N',
 }  # fmt: skip
 
 
@@ -77,6 +83,7 @@ def tables(evaluation: Evaluation) -> list[Table]:
     return [
         groups_table([evaluation]),
         rest_table([evaluation]),
+        status_table(evaluation.statuses),
         *([light_table(evaluation.light)] if evaluation.light else []),
         *([coverage_table([evaluation])] if stated else []),
         *(curve_table(each) for each in stated),
@@ -196,6 +203,12 @@ def left_out_table(stated: Uncertainty) -> Table:
         (f'at best {stated.unit}', *(number(value, places) for value in stated.at_best)),
     )
     return Table('', heads, rows)
+
+
+def status_table(statuses: Mapping[str, StatusScores]) -> Table:
+    """What the force topic would call the answers, and whether that is true."""
+    rows = tuple((name, *_cells(asdict(scores), STATUSES)) for name, scores in statuses.items())
+    return Table('', ('status', *STATUSES.values()), rows)
 
 
 def unlike_table(unlike: Mapping[str, UnlikeScores]) -> Table:

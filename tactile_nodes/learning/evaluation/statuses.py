@@ -1,0 +1,47 @@
+"""What the force topic would call each answer, ok, degraded or invalid, and whether that is true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.learning.evaluation.scores import share
+from tactile_nodes.messages import types
+from tactile_nodes.sensing import metrics
+from tactile_nodes.sensing.explain.model import OK_TIMES
+
+AT_REST, LIGHT = 'at rest', 'light touches'
+
+
+@dataclass(frozen=True)
+class StatusScores:
+    """Shares of frames by status.
+
+    `held` is the share of those not invalid whose 90 % interval of the total, as the topic states it, holds the truth;
+    `wrong_while_ok` is the share of the ok ones that are off by more than ok means: twice the nominal error. NaN where
+    there is no such frame, or the model states none.
+    """
+
+    frames: int
+    ok: float
+    degraded: float
+    invalid: float
+    held: float
+    wrong_while_ok: float
+
+
+def score_status(found: Predictions) -> StatusScores:
+    """Scores over samples."""
+    kind = types.ForceDistribution
+    ok, usable = found.status == kind.STATUS_OK, found[found.status != kind.STATUS_INVALID]
+    limit_n = OK_TIMES * found.nominal_n[ok]
+    return StatusScores(
+        frames=len(found),
+        ok=share(ok),
+        degraded=share(found.status == kind.STATUS_DEGRADED),
+        invalid=share(found.status == kind.STATUS_INVALID),
+        held=metrics.coverage(usable.force_error_n, usable.told_sigma_n),
+        wrong_while_ok=share(np.abs(found.force_error_n[ok]) > limit_n) if np.isfinite(limit_n).all() else float('nan'),
+    )
