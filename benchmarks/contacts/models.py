@@ -10,13 +10,14 @@ import numpy as np
 
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.field.calibration import sensor_of, with_field
+from tactile_nodes.learning.field.calibration import with_field
 from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.fit import transfer
 from tactile_nodes.model_file import LoadedModel, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.gel import Gel
 
 DEEPEST_MM, SHALLOWEST_MM = 1.15, 0.25
@@ -38,7 +39,7 @@ def calibrated(source: LoadedModel, gel: Gel, presses: int, folder: Path, progre
         fitted = made.readout
     else:
         scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
-        fitted = described(sensor_of(card, source.model_id), scaling, progress).readout
+        fitted = described(load_sensor('simulated'), scaling, progress).readout
     card['gel'] = {'id': gel.gel_id}
     save_model(file, replace(source.model, readout=fitted, model_id='unsaved'), card)
     return file

@@ -164,6 +164,10 @@ def _of_description(arguments: argparse.Namespace) -> int:
     sensor = load_sensor(arguments.sensor)
     model_id = described_model(load_model(source), sensor, arguments.gel, arguments.output, TerminalProgress())
     print(f'{arguments.output}: model {model_id}, from the description {arguments.sensor} and no press')
+    if (off := sensor.gel.moduli_off) > 0:
+        print(
+            f'its forces may be off by {off:.0%} (gel.moduli_off) until a few known ones calibrate it: docs/sensors.md'
+        )
     return 0
 
 

@@ -893,6 +893,7 @@ class ForceDistribution(Message):
     REASON_BLURRED: ClassVar[int]
     REASON_REST_DOUBTFUL: ClassVar[int]
     REASON_BEGINNING: ClassVar[int]
+    REASON_UNCALIBRATED: ClassVar[int]
     EXPLANATION_UNKNOWN: ClassVar[int]
     EXPLANATION_NOTHING: ClassVar[int]
     EXPLANATION_TIPS: ClassVar[int]

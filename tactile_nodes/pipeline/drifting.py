@@ -31,6 +31,7 @@ EXPLAINED = (
     | FORCE.REASON_REST_DOUBTFUL
     | FORCE.REASON_UNLIKE_TRAINING
     | FORCE.REASON_BEGINNING
+    | FORCE.REASON_UNCALIBRATED
 )
 """What the monitor itself says of a force, or what is to be found out; any other reason makes a frame useless to it."""
 

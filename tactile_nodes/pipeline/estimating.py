@@ -115,6 +115,12 @@ class Ready:
         """Reasons for which nobody can say how far off it is: a network's errors in altered pictures follow no rule."""
         return ALTERED if isinstance(self.loaded.model.readout, NetworkReadout) else 0
 
+    @property
+    def reasons(self) -> int:
+        """What speaks against every force of it, unless that is within what is usual."""
+        described = self.loaded.card.get('data', {}).get('origin') == 'description'
+        return int(FORCE.REASON_UNCALIBRATED) if described else 0
+
     def found(self, features: types.FlowFeatures) -> ForceMap:
         """The force of one frame.
 
@@ -218,7 +224,7 @@ class Estimating:
         self._last, start_ns = features, perf_ns()
         found = self._found(features)
         stages, predict_s = features.stages, (perf_ns() - start_ns) * 1e-9
-        reasons = int(features.reasons | self._reasons(features, found, least_confidence))
+        reasons = int(features.reasons | self.now.reasons | self._reasons(features, found, least_confidence))
         touching, begun_n = self._contact_now(found, reasons)
         reasons |= self.calibration.at(stamp_ns(features.header.stamp))
         self._acting = found.acting

@@ -95,6 +95,9 @@ class GelDescription:
     moduli_mpa: tuple[float, ...] = parameter((0.111, 0.111), 'shear modulus of each layer')
     poisson_ratios: tuple[float, ...] = parameter((0.5, 0.5), 'of each layer, at most 0.5 (incompressible)')
     markers_mm: tuple[float, ...] = parameter((1.5, 6.0), 'depths between which what is visible lies')
+    moduli_off: float = parameter(
+        0.6, 'share by which the moduli may be off, as a standard deviation: 0.6 if nobody measured them', minimum=0.0
+    )
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)

@@ -23,6 +23,7 @@ _SENTENCES = {
     _KIND.REASON_BLURRED: 'The picture is less sharp than it was: look at lens and focus.',
     _KIND.REASON_REST_DOUBTFUL: 'Something touched while the rest image was taken: capture it again.',
     _KIND.REASON_BEGINNING: 'Contact began in this frame, which may have caught it moving.',
+    _KIND.REASON_UNCALIBRATED: 'No force was ever compared with this model: calibrate it with a few known ones.',
 }
 
 

@@ -21,9 +21,11 @@ from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.pipeline.estimating import Estimating
+from tactile_nodes.pipeline.force_status import FORCE, judged
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.model import ForceEstimator
+from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import BinGrid
@@ -43,8 +45,8 @@ from tactile_nodes.simulation.optics import Optics, Press, Shaping
 SMALL = Sensor(
     'small', ImageSettings(320, 240, 320, 200),
     CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
-    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.49,), (0.3, 0.8)), PatternDescription('spheres', 4000, (0.1, 0.15)),
-    BinSettings(4, 6),
+    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.49,), (0.3, 0.8), 0.0),
+    PatternDescription('spheres', 4000, (0.1, 0.15)), BinSettings(4, 6),
 )  # fmt: skip
 """3 mm a bin, 20 px a millimetre: 16x10 mm are seen."""
 
@@ -87,6 +89,21 @@ def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: Lo
     assert readout.spread.response == pytest.approx(0.05 * (1.2 * 1.0 / 1.1) ** 2, rel=0.1)
     assert FieldSpread(response=0.2).normal_n(0.0, 1.0) > 2 * FieldSpread(response=0.2).nominal_n(1.0)
     assert FieldSpread(response=0.05).normal_n(0.0, 1.0) < 2 * FieldSpread(response=0.05).nominal_n(1.0)
+
+
+def test_a_gel_of_half_or_twice_the_modulus_lies_within_the_interval_where_nobody_measured_it(tmp_path: Path) -> None:
+    """Of 1 N told 0.5 and 2 N were true; 1.645 * 0.6 = 0.99 N to either side hold both, and no such force is ok."""
+    unmeasured = dataclasses.replace(SMALL, gel=dataclasses.replace(SMALL.gel, moduli_off=0.6))
+    described_model(load_model(find_model('field')), unmeasured, '', tmp_path / 'm.safetensors', Progress())
+    estimating = Estimating(str(tmp_path / 'm.safetensors'))
+    readout = estimating.now.loaded.model.readout
+    assert isinstance(readout, FieldReadout)
+    interval_n = 1.645 * readout.spread.normal_n(0.0, 1.0)
+    assert interval_n == pytest.approx(0.99, abs=0.02)
+    found = ForceMap(np.zeros((4, 6), np.float32), 1.0, 1.0, (0.0, 0.0), 1.0, total_sigma_n=interval_n / 1.645,
+        unlikeness=0.5, nominal_n=readout.nominal_n(1.0))  # fmt: skip
+    verdict = judged(found, estimating.now.reasons)
+    assert (verdict.status, verdict.reasons) == (FORCE.STATUS_DEGRADED, FORCE.REASON_UNCALIBRATED)
 
 
 def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -137,13 +137,18 @@ def _regions(patches: int, side_px: int, least_px: float) -> int:
 
 
 def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:
-    """The readout that follows from a description alone; `scaling` says which regions are known and how they rest."""
+    """The readout that follows from a description alone; `scaling` says which regions are known and how they rest.
+
+    All its forces are off by as much as the moduli are, of which a picture shows nothing.
+    """
     regions = regions_of(sensor, scaling)
+    spread = _spread('', 0, regions.uneven)
+    spread = replace(spread, response=math.hypot(spread.response, sensor.gel.moduli_off))
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         response = _told(regions.terms_of_patches(known_of(scaling)), _nominal(regions, scaling))
         bar.advance()
     readout = FieldReadout(
-        scaling, response, regions.bins, noise_px(scaling), UNFITTED, _spread('', 0, regions.uneven), ROOM,
+        scaling, response, regions.bins, noise_px(scaling), UNFITTED, spread, ROOM,
         surface=regions.surface_under_shear,
     )  # fmt: skip
     return FieldFit(readout, 'description')

@@ -50,7 +50,8 @@ def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'
     lever = float(np.sqrt((pressed * np.square(away).sum(axis=1)).sum() / total))
     region = Region(
         (float(shear[0].sum()), float(shear[1].sum())), spread.shear_n(along, total), torsion,
-        spread.torsion_n_mm(turning, total, lever), *_extent(pressed, away, patches), slip_share(pressed, shear),
+        spread.torsion_n_mm(turning, torsion, total, lever), *_extent(pressed, away, patches),
+        slip_share(pressed, shear),
     )  # fmt: skip
     return Contact(
         float(centre[0]), float(centre[1]), total, spread.place_mm(across), spread.normal_n(normal, total),

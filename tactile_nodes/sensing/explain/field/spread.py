@@ -60,9 +60,9 @@ class FieldSpread:
         """Of a shear force along an axis, beside so much normal force."""
         return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n, self.response * force_n)
 
-    def torsion_n_mm(self, fitted: float, force_n: float, lever_mm: float) -> float:
+    def torsion_n_mm(self, fitted: float, torsion: float, force_n: float, lever_mm: float) -> float:
         """Of a torsion of a contact whose force is so far (root mean square) from its centre."""
-        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n * lever_mm)
+        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n * lever_mm, self.response * torsion)
 
     def place_mm(self, fitted: float) -> float:
         """Of a place along an axis."""
