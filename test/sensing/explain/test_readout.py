@@ -10,9 +10,9 @@ import pytest
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
-from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -108,15 +108,20 @@ def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout)
     assert reading.total_sigma_n > 2 * plain.total_sigma_n
 
 
-@pytest.mark.parametrize(('row', 'unlike'), [(17, True), (15, False)])
-def test_a_contact_of_which_part_may_lie_out_of_sight_is_unlike_what_is_known(
-    readout: FieldReadout, row: int, unlike: bool
+@pytest.mark.parametrize(('row', 'usual'), [(17, False), (12, True)])
+def test_a_contact_that_little_of_the_picture_shows_is_less_sure_than_is_usual(
+    readout: FieldReadout, row: int, usual: bool
 ) -> None:
-    """On the outermost patches; two further inside all of it is seen, though pressed and dragged as hard."""
+    """On the outermost patches; five further inside regions all around tell of it, pressed and dragged as hard."""
     forces = np.roll(edge(readout).reshape(3, 18, 18), row - 6, axis=1)
     reading = readout.read(*seen(readout, forces))
     assert reading.normal_force_n.any()
-    assert (reading.unlikeness >= BEYOND_UNLIKENESS) == unlike
+    assert (reading.total_sigma_n <= 2 * readout.nominal_n(float(reading.normal_force_n.sum()))) == usual
+
+
+def test_forces_that_show_half_as_much_are_off_by_three_fifths() -> None:
+    assert FieldSpread().out_of_sight(1.0).normal_n(0.0, 1.0) == pytest.approx(0.6, abs=0.001)
+    assert FieldSpread().out_of_sight(0.0) == FieldSpread()
 
 
 def test_a_noisy_picture_is_less_sure_and_hardly_further_off(readout: FieldReadout) -> None:

@@ -21,7 +21,6 @@ from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
 from tactile_nodes.sensing.explain.reading import (
-    BEYOND_UNLIKENESS,
     UNKNOWN,
     Acting,
     Contact,
@@ -46,10 +45,6 @@ TABLE_SHARE = 0.8
 WORTH = 2.0
 """Unlikeness beyond which tips are no explanation: the first step towards one promises 1.3 at most, towards two 1.6;
 where another body presses it is 2.2 and more."""
-
-AT_RIM, OF_ALL = 0.25, 0.1
-"""A contact that has this share of the force, and whose centre lies beyond the middles of the outermost patches or less
-than this part of a patch inside of them, is partly out of sight: 0.5 mm from both rims 0.5 N are told as 0.23."""
 
 ALIKE = 0.93
 """Unlikeness up to which tips explain a frame, and the field is not asked."""
@@ -201,8 +196,9 @@ class FieldReadout:
 
     def _told(self, found: Field, unlike: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
+        hidden = self.solver.hidden(found.forces_n[0])
         found = replace(found, forces_n=moved_along(found.forces_n, self.surface, patches))
-        spread = self.spread.times(widened)
+        spread = self.spread.out_of_sight(hidden).times(widened)
         forces = patches.over_bins(found.forces_n).astype(np.float32)
         wrench, covariance = spread.wrench(found, patches)
         acting = Acting(
@@ -210,15 +206,7 @@ class FieldReadout:
             wrench, covariance, partial(self._surface, found, widened),
         )  # fmt: skip
         contacts, sigma_n = contacts_of(found, patches, spread), math.sqrt(covariance[2, 2])
-        if any(self._at_rim(each) for each in contacts if each.force_n >= OF_ALL * found.total_n):
-            unlike = max(unlike, BEYOND_UNLIKENESS)
         return Reading(forces[0], contacts, sigma_n, unlike, acting=acting)
-
-    def _at_rim(self, contact: Contact) -> bool:
-        """Whether part of a contact may lie where nobody sees it."""
-        patches = self.solver.patches
-        sides = zip((contact.x_mm, contact.y_mm), patches.lines_mm, patches.size_mm, strict=True)
-        return any(abs(at) > line[-1] - AT_RIM * size for at, line, size in sides)
 
     def _surface(self, found: Field, widened: float) -> SurfaceField:
         """Pressure and shear on the patches."""

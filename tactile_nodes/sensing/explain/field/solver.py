@@ -51,6 +51,9 @@ MOVED, EVEN_N = 2.0, 0.1
 """Residual of no force, in units of what is expected, from which all bins are tried, evenly, where the linear answer
 finds no force: where markers lie near the surface it takes a small contact between bins for suction."""
 
+LEAST_SHOWN = 0.1
+"""Of what is usual: forces that show less are told so seldom that no more needs to be said."""
+
 ACTIVE, LEAST_N = 0.05, 1e-3
 """Bins are solved on that hold this share of the strongest bin's force, and so much; then patches around which there is
 this share of what is around any."""
@@ -195,6 +198,18 @@ class FieldSolver:
         of_each = np.diag_indices(len(information))
         information[of_each] += np.float32(max(granted, UNSTABLE * float(information[of_each].max())))
         return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
+
+    def hidden(self, pressed: Float[np.ndarray, ' patches']) -> float:
+        """How many times less forces show in the picture than on most patches, beside 1; 0 of what shows as well."""
+        shown = float(pressed @ self._shown) / max(float(pressed.sum()), LEAST_N)
+        return max(1 / max(shown, LEAST_SHOWN) - 1, 0.0)
+
+    @cached_property
+    def _shown(self) -> Float[np.ndarray, ' patches']:
+        """How much a newton on each patch moves the regions, beside what is usual."""
+        moved = np.linalg.norm(self._by_force[: self.patches.count].astype(float), axis=1)
+        share: np.ndarray = moved / np.median(moved)
+        return share
 
     @cached_property
     def _by_force(self) -> Float32[np.ndarray, 'unknowns rows']:

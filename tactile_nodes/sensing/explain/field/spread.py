@@ -24,6 +24,12 @@ USUAL_RESPONSE = 0.05
 what is usual of a field, and so not `ok`."""
 
 
+OUT_OF_SIGHT = 0.6
+"""Share that forces are off by where a newton moves half as much of the picture as usual: near rims, and above all in
+corners, regions on one side alone tell of it. Of 78 contacts along the rims (ten families, seed 101) 90 % intervals
+then hold 90 % of the totals, without it 76 %."""
+
+
 @dataclass(frozen=True)
 class FieldSpread:
     """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
@@ -51,6 +57,10 @@ class FieldSpread:
         pairs, numbers = ('normal', 'shear', 'bins', 'place'), ('wide', 'response', 'floor_n')
         larger: dict[str, Any] = {name: tuple(factor * each for each in getattr(self, name)) for name in pairs}
         return replace(self, **larger, **{name: factor * getattr(self, name) for name in numbers})
+
+    def out_of_sight(self, hidden: float) -> FieldSpread:
+        """Of forces that show `hidden` times less than usual, beside 1: 1 where they show half as much."""
+        return replace(self, response=math.hypot(self.response, OUT_OF_SIGHT * hidden)) if hidden > 0 else self
 
     def normal_n(self, fitted: float, force_n: float) -> float:
         """Of a normal force."""
