@@ -76,7 +76,7 @@ class Following:
             rest_frames=params.reference_frames,
             marked_share=params.marked_share,
             check=make_check(params.stillness),
-            registration=make_registration(params.registration),
+            registration=make_registration(params.registration, flow),
             compiled=compiled,
         )
         renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None

@@ -9,6 +9,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
@@ -42,7 +43,10 @@ class MethodParams:
         '', 'take flow and features from this model (name or file) instead of the parameters below', read_only=True
     )
     method: str = parameter(
-        'inverse_compositional', 'how motion is measured', choices=('dis', 'inverse_compositional'), read_only=True
+        'inverse_compositional',
+        'how motion is measured',
+        choices=('dis', 'dots', 'inverse_compositional'),
+        read_only=True,
     )
     dis: DisParams = field(default_factory=DisParams)
     inverse_compositional: InverseCompositionalParams = field(default_factory=InverseCompositionalParams)
@@ -88,9 +92,12 @@ def make_check(params: StillnessParams) -> StillnessCheck | None:
     return StillnessCheck(StillnessOptions(params.limit, params.most_noise_grey, params.full_every))
 
 
-def make_registration(params: RegistrationParams) -> Registration | None:
-    """What takes the motion of the whole picture out; None where it is to be left in."""
-    if not params.check:
+def make_registration(params: RegistrationParams, flow: FlowMethod) -> Registration | None:
+    """What takes the motion of the whole picture out; None where it is to be left in.
+
+    It follows patches of texture, and between printed dots there is none: what touches a few dozen moves most of them.
+    """
+    if not params.check or isinstance(flow, DotsFlow):
         return None
     return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
 
@@ -106,9 +113,11 @@ def make_measuring(params: MethodParams, *, compiled: bool = False) -> Measuring
         loaded = load_model(find_model(params.model))
         return Measuring(make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding), compiled)
     regions = {'rows': params.rows, 'cols': params.cols}
-    options = asdict(params.dis)
-    if params.method == 'inverse_compositional':
-        options = {**asdict(params.inverse_compositional), **regions}
+    options = {
+        'dis': asdict(params.dis),
+        'dots': regions,
+        'inverse_compositional': {**asdict(params.inverse_compositional), **regions},
+    }[params.method]
     flow = make_flow(params.method, options, compiled=compiled)
     return Measuring(flow, make_encoding(params.encoding, regions), compiled)
 

@@ -23,11 +23,18 @@ from tactile_nodes.params import from_mapping, to_values
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
 
 SENSOR = 'sensor'
 """What a card says of the sensor."""
+
+NO_TEXTURE = 1e-3
+"""Gradient (grey levels a pixel) at which a region of dots counts half: its dots say themselves how sure they are."""
+
+DOTS_NOISE_PX = 0.015
+"""What the motion of a region of printed dots is off by, on simulated ones 18 px wide."""
 
 KEPT = 'flow', 'encoding', 'crop_px'
 """What a calibrated model's card has from its source's."""
@@ -182,16 +189,17 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     if not isinstance(readout, FieldReadout):
         raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
     source = loaded.card
-    if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor):
+    dots = sensor.pattern.kind == 'dots'
+    if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor) and not dots:
         scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
         layout = model.layout
     else:
-        scaling = scaling_of(sensor, float(np.median(readout.scaling.gain[readout.scaling.trusted > 0])))
+        usual = float(np.median(readout.scaling.gain[readout.scaling.trusted > 0]))
+        scaling = scaling_of(sensor, 1 / DOTS_NOISE_PX if dots else usual)
         layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
     made = described(sensor, scaling, progress).readout
-    regions = {'rows': layout.rows, 'cols': layout.cols}
     card = {
-        **{name: {**source[name], 'options': {**source[name]['options'], **regions}} for name in ('flow', 'encoding')},
+        **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}),
         'crop_px': crop_of_size(sensor.image.crop_px),
         **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
@@ -200,6 +208,15 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     }
     made_model = replace(model, layout=layout, bins=made.bins, readout=made, model_id='unsaved')
     return save_model(output, made_model, card)
+
+
+def _measured_by(sensor: Sensor, source: Mapping[str, Any], regions: dict[str, int]) -> dict[str, Any]:
+    """Flow and encoding by region: those of the source, of printed dots the flow by dots, which no texture weighs."""
+    ways = {name: {**source[name], 'options': {**source[name]['options'], **regions}} for name in ('flow', 'encoding')}
+    if sensor.pattern.kind == 'dots':
+        ways['flow'] = {'name': DotsFlow.name, 'options': regions}
+        ways['encoding']['options']['texture_grey'] = NO_TEXTURE
+    return ways
 
 
 def bins_of(sensor: Sensor) -> BinGrid:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.flow.dots import DotsFlow, DotsOptions
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, FlowMethod, checked_options
 
@@ -22,8 +23,14 @@ def _make_inverse_compositional(options: Mapping[str, object], compiled: bool) -
     return InverseCompositionalFlow(InverseCompositionalOptions(**checked), compiled=compiled)  # type: ignore[arg-type]
 
 
+def _make_dots(options: Mapping[str, object], compiled: bool) -> FlowMethod:
+    del compiled  # a few dozen dots take a millisecond
+    return DotsFlow(DotsOptions(**checked_options(DotsFlow.name, DotsOptions, options)))  # type: ignore[arg-type]
+
+
 FLOW_METHODS: dict[str, Callable[[Mapping[str, object], bool], FlowMethod]] = {
     'dis': _make_dis,
+    'dots': _make_dots,
     'inverse_compositional': _make_inverse_compositional,
 }
 

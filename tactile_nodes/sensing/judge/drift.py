@@ -32,9 +32,6 @@ from tactile_nodes.sensing.picture.quality import FAINT_LIGHT, FAR_LIGHT
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 
 STANDARD_GRAVITY = 9.80665
-MOVED_CLEARLY_PX = 0.15
-"""A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it only quiet ones count."""
-
 PLAIN_CONTRAST = 0.3
 """A picture with less of its contrast is dim or covered; one with more that is not found again shows something else."""
 
@@ -52,6 +49,9 @@ class Limits:
     dented_px: tuple[float, float] = (0.05, 0.2)
     contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
+    moved_clearly_px: float = 0.15
+    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it only quiet ones count.
+    What touches a gel of a few dozen dots moves most of them."""
     unlike: float = 0.5
     force: tuple[float, float] = (0.05, 0.15)
 
@@ -62,6 +62,8 @@ class Limits:
         Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches have light as an unknown,
         and where a network is `witnessed` forces in another light are those of its witness, which light hardly moves.
         """
+        if name == 'dots':
+            return cls(moved_clearly_px=math.inf)
         return cls(contrast=(0.9, 0.75)) if name == 'dis' and not witnessed else cls()
 
 
@@ -155,7 +157,7 @@ class DriftMonitor:
         quiet = since_rest.quiet
         if quiet:
             self._quiet_ns = stamp_ns
-        if quiet or since_rest.middle_px >= MOVED_CLEARLY_PX:
+        if quiet or since_rest.middle_px >= self.limits.moved_clearly_px:
             self._moved.feed(stamp_ns, since_rest.size_px)
         self._light.feed(stamp_ns, _darker(since_rest.contrast))
         self._lost.feed(stamp_ns, 1 - since_rest.found)

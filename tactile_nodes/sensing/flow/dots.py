@@ -1,0 +1,199 @@
+"""Motion of printed dots: each is found again by its centre, and regions tell what those about them moved by.
+
+Between dots there is no texture that a patch could follow, and what there is (shading, dirt) does not move with the
+gel. A dot's centre is that of the darkness, or brightness, beside its surroundings, found by mean shift (Comaniciu and
+Meer 2002) from where it was at rest, or from where its neighbours went.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int, UInt8
+
+from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
+from tactile_nodes.sensing.flow.methods import DisplacementField, require_grey, require_like
+
+COARSE = 4
+"""Surroundings are found at a quarter of the resolution."""
+
+REACH = 0.75
+"""Of a dot's diameter: radius within which its centre is looked for, all of the dot and nothing of the next one."""
+
+ROUNDS, CLOSE_PX = 12, 0.01
+"""Steps towards a centre, at most, and how short the last one is."""
+
+LEAST_MASS = 0.4
+"""Of what a dot shows at rest: with less it is not there, or covered."""
+
+NEIGHBOURS, APART = 6, 0.35
+"""Of the pitch: a dot that moved by so much more than its neighbours was taken for another one."""
+
+ABOUT = 0.45
+"""Of the pitch: standard deviation of the weights of the dots about a region."""
+
+STIFF = 1.0
+"""Ridge on the slopes of a region's motion, as a share of the weights: at the rim dots on one side alone tell of it."""
+
+
+@dataclass(frozen=True)
+class DotsOptions:
+    """Motion is told on `rows` x `cols` regions, evenly over the picture."""
+
+    rows: int = 10
+    cols: int = 10
+
+
+class DotsFlow:
+    """Printed dots that are found again one by one; the field has one displacement a region, with its confidence."""
+
+    name = 'dots'
+
+    def __init__(self, options: DotsOptions | None = None) -> None:
+        self._options = options or DotsOptions()
+        self._reference: np.ndarray | None = None
+        self._rest: _Rest
+
+    @property
+    def options(self) -> dict[str, object]:
+        return asdict(self._options)
+
+    def set_reference(self, image: np.ndarray) -> None:
+        require_grey(image)
+        dots = find_dots(image)
+        if dots is None:
+            raise ImageError(
+                'the rest image shows no printed dots in rows and columns; look at focus and light, or describe the '
+                'pattern as spheres'
+            )
+        self._rest = _Rest.of(dots, image, self._options)
+        self._reference = image.copy()
+
+    def displacement(self, image: np.ndarray) -> DisplacementField:
+        require_like(self._reference, image)
+        motion, found = self._rest.followed(image)
+        return self._rest.told(motion, found)
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """The dots at rest, and what each region has of them."""
+
+    dark: bool
+    level: float
+    reach_px: float
+    pitch_px: float
+    centres_px: Float[np.ndarray, 'dots 2']
+    mass: Float[np.ndarray, ' dots']
+    near: Int[np.ndarray, 'dots near']
+    weights: Float[np.ndarray, 'regions dots']
+    levers: Float[np.ndarray, 'regions dots 3']
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, dots: Dots, image: UInt8[np.ndarray, 'h w'], options: DotsOptions) -> _Rest:
+        height = contrast(image, dark=dots.dark)
+        rows, cols = np.rint(dots.centres_px[:, ::-1]).astype(int).T
+        level = float(np.median(height[rows, cols])) / 4
+        reach_px = REACH * dots.diameter_px
+        centres, mass = centred(height, dots.centres_px, reach_px, level)
+        away = np.hypot(*(centres[:, None] - centres[None]).transpose(2, 0, 1))
+        near = np.argsort(away, axis=1)[:, 1 : NEIGHBOURS + 1]
+        weights, levers = _about(centres, dots.pitch_px, image.shape, options)
+        return cls(
+            dots.dark, level, reach_px, dots.pitch_px, centres, mass, near, weights, levers,
+            (options.rows, options.cols),
+        )  # fmt: skip
+
+    def followed(
+        self, image: UInt8[np.ndarray, 'h w']
+    ) -> tuple[Float[np.ndarray, 'dots 2'], Bool[np.ndarray, ' dots']]:
+        """How far each dot moved, and whether it was found."""
+        height = contrast(image, dark=self.dark)
+        places, mass = centred(height, self.centres_px, self.reach_px, self.level)
+        motion = places - self.centres_px
+        around = self._around(motion)
+        strayed = self._strayed(motion, around) | (mass < LEAST_MASS * self.mass)
+        if strayed.any():
+            again, seen = centred(height, (self.centres_px + around)[strayed], self.reach_px, self.level)
+            motion[strayed], mass[strayed] = again - self.centres_px[strayed], seen
+            strayed = self._strayed(motion, self._around(motion))
+        return motion, ~strayed & (mass >= LEAST_MASS * self.mass)
+
+    def _around(self, motion: Float[np.ndarray, 'dots 2']) -> Float[np.ndarray, 'dots 2']:
+        """What the neighbours of each dot moved by."""
+        median: np.ndarray = np.median(motion[self.near], axis=1)
+        return median
+
+    def _strayed(
+        self, motion: Float[np.ndarray, 'dots 2'], around: Float[np.ndarray, 'dots 2']
+    ) -> Bool[np.ndarray, ' dots']:
+        strayed: np.ndarray = np.hypot(*(motion - around).T) > APART * self.pitch_px
+        return strayed
+
+    def told(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
+        """The motion of each region: of a plane through that of the dots about it, by least squares."""
+        weights = self.weights * found
+        normal = np.einsum('rd,rdi,rdj->rij', weights, self.levers, self.levers)
+        whole = np.maximum(weights.sum(axis=1), 1e-9)
+        normal[:, [1, 2], [1, 2]] += STIFF * whole[:, None]
+        normal[:, 0, 0] += 1e-6 * whole
+        seen = np.einsum('rd,rdi,dc->ric', weights, self.levers, motion)
+        planes = np.linalg.solve(normal, seen)
+        sure = weights.sum(axis=1) / self.weights.sum(axis=1)
+        return DisplacementField(
+            planes[:, 0].reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
+        )
+
+
+def contrast(image: UInt8[np.ndarray, 'h w'], *, dark: bool) -> Float32[np.ndarray, 'h w']:
+    """How much darker, or brighter, each pixel is than what is around it, as a share of that."""
+    height, width = image.shape
+    small = cv2.resize(image, (width // COARSE, height // COARSE), interpolation=cv2.INTER_AREA)
+    usual = cv2.medianBlur(small, min(small.shape) // 4 | 1)
+    around = np.maximum(cv2.resize(usual, (width, height)).astype(np.float32), 1.0)
+    share: np.ndarray = image / around - 1
+    return -share if dark else share
+
+
+def centred(
+    height: Float32[np.ndarray, 'h w'], start: Float[np.ndarray, 'dots 2'], reach_px: float, level: float
+) -> tuple[Float[np.ndarray, 'dots 2'], Float[np.ndarray, ' dots']]:
+    """The centre of what is higher than a level about each place, and how much that is; what is twice as high counts
+    no more, so that shading within a dot does not move it."""
+    reach = int(reach_px) + 1
+    steps = np.arange(-reach, reach + 1)
+    down, right = (each.ravel() for each in np.meshgrid(steps, steps, indexing='ij'))
+    padded = np.pad(height, 2 * reach)
+    above, width = np.clip(padded - level, 0.0, level).ravel(), padded.shape[1]
+    limit = np.array(height.shape[::-1]) - 1
+    places, mass = np.clip(start, 0, limit), np.zeros(len(start))
+    for _ in range(ROUNDS):
+        pixel = np.rint(places).astype(int)
+        index = (pixel[:, 1:] + 2 * reach + down) * width + pixel[:, :1] + 2 * reach + right
+        offset = pixel - places
+        away = np.square(offset[:, :1] + right) + np.square(offset[:, 1:] + down)
+        counted = above[index] * (away <= reach_px**2)
+        mass = counted.sum(axis=1)
+        step = np.stack([counted @ right, counted @ down], 1) / np.maximum(mass, 1e-9)[:, None] + offset
+        step[mass <= 0] = 0.0
+        places = np.clip(places + step, 0, limit)
+        if np.abs(step).max(initial=0.0) < CLOSE_PX:
+            break
+    return places, mass
+
+
+def _about(
+    centres: Float[np.ndarray, 'dots 2'], pitch_px: float, shape: tuple[int, ...], options: DotsOptions
+) -> tuple[Float[np.ndarray, 'regions dots'], Float[np.ndarray, 'regions dots 3']]:
+    """How much each dot counts for each region, and 1 and its way from there (in pitches)."""
+    height, width = shape
+    x = (np.arange(options.cols) + 0.5) * width / options.cols - 0.5
+    y = (np.arange(options.rows) + 0.5) * height / options.rows - 0.5
+    middles = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
+    ways = (centres - middles) / pitch_px
+    weights = np.exp(-np.square(ways).sum(axis=-1) / (2 * ABOUT**2))
+    return weights, np.concatenate([np.ones((*ways.shape[:2], 1)), ways], axis=-1)

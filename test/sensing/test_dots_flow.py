@@ -1,0 +1,65 @@
+"""Printed dots that are found again one by one: motion as drawn, whatever the light, and what is lost is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.methods import DisplacementField
+
+WIDTH, HEIGHT, PITCH_PX, RADIUS_PX = 320, 240, 44.0, 9.0
+PLACES = np.array([(38.0 + PITCH_PX * col, 32.0 + PITCH_PX * row) for row in range(5) for col in range(6)])
+
+
+def drawn(places: np.ndarray, light: float = 1.0, seed: int = 0) -> np.ndarray:
+    """Dark discs with soft edges on a sheet that is brighter on the left, with noise of one grey level."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
+    sheet = 150.0 - 0.15 * x
+    for px, py in places:
+        sheet *= 1 - 0.6 / (1 + np.exp((np.hypot(x - px, y - py) - RADIUS_PX) / 0.7))
+    noisy = light * sheet + np.random.default_rng(seed).normal(0, 1, sheet.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def seen(places: np.ndarray, light: float = 1.0) -> DisplacementField:
+    flow = make_flow('dots', {'rows': 6, 'cols': 8})
+    flow.set_reference(drawn(PLACES))
+    return flow.displacement(drawn(places, light, seed=1))
+
+
+@pytest.mark.parametrize('shift', [(0.3, -0.2), (1.7, 2.2), (-9.0, 12.0), (0.0, 20.0)])
+def test_a_shift_of_up_to_nearly_half_the_pitch_is_told_everywhere(shift: tuple[float, float]) -> None:
+    field = seen(PLACES + np.array(shift))
+    assert np.abs(field.displacement_px - np.array(shift)).max() < 0.08
+    assert field.confidence is not None
+    assert field.confidence.min() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('light', [0.7, 1.3])
+def test_light_is_no_motion(light: float) -> None:
+    assert np.abs(seen(PLACES, light).displacement_px).max() < 0.08
+
+
+def test_a_picture_that_grows_moves_more_towards_its_rim() -> None:
+    """2 % about (148, 120): a region at (60, 120) goes 88 * 0.02 = 1.76 px to the left."""
+    field = seen(PLACES + 0.02 * (PLACES - (148.0, 120.0)))
+    x = (np.arange(8) + 0.5) * WIDTH / 8 - 0.5
+    np.testing.assert_allclose(field.displacement_px[2:4, 1:7, 0].mean(axis=0), 0.02 * (x[1:7] - 148), atol=0.15)
+
+
+def test_a_dot_that_is_covered_is_left_out_and_makes_the_regions_about_it_less_sure() -> None:
+    gone = np.argmin(np.hypot(*(PLACES - (170.0, 120.0)).T))
+    field = seen(np.delete(PLACES + np.array((2.0, 0.0)), gone, axis=0))
+    assert np.abs(field.displacement_px - (2.0, 0.0)).max() < 0.1
+    assert field.confidence is not None
+    lowest = np.unravel_index(field.confidence.argmin(), field.confidence.shape)
+    assert field.confidence[lowest] < 0.6
+    assert field.confidence[0, 0] == pytest.approx(1.0)
+    assert abs(lowest[1] - PLACES[gone][0] / 40) < 1.5
+
+
+def test_a_picture_without_dots_is_refused() -> None:
+    with pytest.raises(ImageError, match='shows no printed dots in rows and columns'):
+        make_flow('dots').set_reference(np.full((HEIGHT, WIDTH), 120, np.uint8))
