@@ -23,11 +23,13 @@ from tactile_nodes.learning.datasets.press_tables import read_table
 from tactile_nodes.learning.run.folder import read_run
 from tactile_nodes.model_file import load_model
 from tactile_nodes.params import load_parameter_file
+from tactile_nodes.sensors.camera_file import read_camera_file
 
 READERS: dict[str, Callable[[Path], object]] = {
     'a.npz': load_dataset,
     'a.safetensors': load_model,
     'a.yaml': load_parameter_file,
+    'camera.yaml': read_camera_file,
     'a.csv': read_points,
     'a.png': read_grey,
     'b.png': read_image,

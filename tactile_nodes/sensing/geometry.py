@@ -66,35 +66,70 @@ class BinGrid:
         return float(np.abs(np.concatenate([inner_x - x_mm, inner_y - y_mm])).min(initial=np.inf))
 
 
+UNDISTORTING = 20
+"""Steps of Newton's method: lenses converge in about five."""
+
+
 @dataclass(frozen=True)
 class FisheyeCamera:
     """An equidistant fisheye: a ray at angle theta to the optical axis lands r = focal * theta from the centre.
 
     Points are (x, y, z) in the optical frame (z forward), pixels (u, v) with the centre of the first pixel
     at (0, 0). With 300 px/rad a point at 45 degrees to the right lands 300 * pi/4 = 235.62 px from the centre.
+    With `distortion` (k1 to k4 of OpenCV's fisheye and ROS's `equidistant`) theta counts as
+    theta (1 + k1 theta² + k2 theta⁴ + k3 theta⁶ + k4 theta⁸): with k1 of 0.1 the same point lands 250.15 px away.
+    `focal_ratio` is the focal length along v over that along u. Source: OpenCV, Fisheye camera model.
     """
 
     width: int = 640
     height: int = 480
     focal_px_per_rad: float = 300.0
     centre_px: tuple[float, float] = (319.5, 239.5)
+    distortion: tuple[float, ...] = ()
+    focal_ratio: float = 1.0
 
     def project(self, points: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 2']:
         """Pixel of each point. The scale of the points does not matter."""
         across = np.hypot(points[:, 0], points[:, 1])
         theta = np.arctan2(across, points[:, 2])
+        if any(self.distortion):
+            theta = theta * self._stretch(theta)[0]
         # theta / across tends to 1 / z on the axis; the maximum only avoids 0 / 0 there.
         scale = self.focal_px_per_rad * theta / np.maximum(across, np.finfo(points.dtype).tiny)
-        pixels: np.ndarray = points[:, :2] * scale[:, None] + np.asarray(self.centre_px, points.dtype)
+        plane = points[:, :2] * scale[:, None]
+        if self.focal_ratio != 1:
+            plane[:, 1] *= self.focal_ratio
+        pixels: np.ndarray = plane + np.asarray(self.centre_px, points.dtype)
         return pixels
 
     def unproject(self, pixels: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 3']:
         """Unit vector along the ray of each pixel: (0.7071, 0, 0.7071) for the example above."""
         offset = pixels - np.asarray(self.centre_px, pixels.dtype)
+        if self.focal_ratio != 1:
+            offset[:, 1] /= self.focal_ratio
         radius = np.hypot(offset[:, 0], offset[:, 1])
         theta = radius / self.focal_px_per_rad
+        if any(self.distortion):
+            theta = self._angle(theta)
         sideways = offset * (np.sin(theta) / np.maximum(radius, np.finfo(pixels.dtype).tiny))[:, None]
         return np.column_stack([sideways, np.cos(theta)])
+
+    def _stretch(self, theta: Float[np.ndarray, ' n']) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, ' n']]:
+        """How much further out the lens makes an angle appear, and the slope of what appears along the angle."""
+        square = theta * theta
+        stretch, slope = np.zeros_like(theta), np.zeros_like(theta)
+        for order in range(len(self.distortion), 0, -1):
+            stretch = (stretch + self.distortion[order - 1]) * square
+            slope = (slope + (2 * order + 1) * self.distortion[order - 1]) * square
+        return 1 + stretch, 1 + slope
+
+    def _angle(self, seen: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+        """The angle that appears as one, by Newton's method."""
+        theta = seen
+        for _ in range(UNDISTORTING):
+            stretch, slope = self._stretch(theta)
+            theta = theta - (theta * stretch - seen) / slope
+        return theta
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from tactile_nodes.sensors.description import (
     ImageSettings,
     PatternDescription,
     Sensor,
-    load_sensor,
 )
+from tactile_nodes.sensors.loading import load_sensor
 
 __all__ = [
     'BinSettings',

@@ -6,18 +6,23 @@ out of the gel. The camera looks along +z, is tilted about its x, then its y axi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.params import from_mapping, load_mapping, parameter
-from tactile_nodes.paths import share_directory
+from tactile_nodes.params import parameter
 
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
 
 LENGTHS = {'centre_px': 2, 'position_mm': 3, 'tilt_deg': 2, 'focal_px': 2, 'distortion': 5}
 """How many numbers belong to the entries of `camera` that hold several."""
+
+FISHEYE_LENS = 4
+"""Numbers of a fisheye's distortion that may differ from 0."""
+
+
+STEPS = 100
+"""Places at which a lens is looked at, from the axis to the corner of the picture."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +53,18 @@ class ImageSettings:
 class CameraDescription:
     """How angles become pixels, and where it is: `position_mm` is its entrance pupil's place in the surface frame.
 
-    A fisheye is equidistant. A pinhole has OpenCV's lens distortion, as ROS's `camera_info` tells it.
+    Both models are OpenCV's, as ROS's `camera_info` tells them: a fisheye is equidistant but for its distortion.
     """
 
     model: str = parameter('fisheye', 'how angles become pixels', choices=('fisheye', 'pinhole'))
     focal_px_per_rad: float = parameter(290.0, 'of a fisheye: pixels from the centre for each radian', minimum=1.0)
     focal_px: tuple[float, ...] = parameter((600.0, 600.0), 'of a pinhole: focal lengths along u and v')
-    distortion: tuple[float, ...] = parameter((0.0,) * 5, 'of a pinhole: k1, k2, p1, p2, k3 (plumb_bob)')
+    distortion: tuple[float, ...] = parameter((0.0,) * 5, 'of a pinhole: k1, k2, p1, p2, k3; of a fisheye: k1 to k4, 0')
     centre_px: tuple[float, ...] = parameter((319.5, 239.5), 'where the optical axis meets the picture (u, v)')
     position_mm: tuple[float, ...] = parameter((0.0, 0.0, -23.0), 'the pupil in the surface frame')
     tilt_deg: tuple[float, ...] = parameter((0.0, 0.0), 'about x, then about y')
     roll_deg: float = parameter(0.0, 'about the optical axis')
+    focal_ratio: float = parameter(1.0, 'of a fisheye: its focal length along v over that along u', minimum=0.1)
 
     def __post_init__(self) -> None:
         for name, count in LENGTHS.items():
@@ -66,6 +72,8 @@ class CameraDescription:
                 raise ValueError(f'camera.{name} must hold {count} numbers, got {len(getattr(self, name))}')
         if min(self.focal_px) <= 0:
             raise ValueError('camera.focal_px must hold numbers above 0')
+        if self.model == 'fisheye' and self.distortion[FISHEYE_LENS]:
+            raise ValueError('camera.distortion of a fisheye has four numbers, k1 to k4; the fifth must be 0')
 
     @property
     def distortion_model(self) -> str:
@@ -74,15 +82,35 @@ class CameraDescription:
 
     @property
     def lens(self) -> tuple[float, ...]:
-        """Coefficients of that: none of a fisheye differs from 0."""
-        return (0.0,) * 4 if self.model == 'fisheye' else self.distortion
+        """Coefficients of that."""
+        return self.distortion[:FISHEYE_LENS] if self.model == 'fisheye' else self.distortion
 
     @property
     def matrix(self) -> tuple[tuple[float, ...], ...]:
         """OpenCV's camera matrix: focal lengths and centre (px)."""
-        across, down = (self.focal_px_per_rad,) * 2 if self.model == 'fisheye' else self.focal_px
-        u, v = self.centre_px
+        (across, down), (u, v) = self.focal_lengths_px, self.centre_px
         return (across, 0.0, u), (0.0, down, v), (0.0, 0.0, 1.0)
+
+    @property
+    def focal_lengths_px(self) -> tuple[float, float]:
+        """Along u and v, whichever the model."""
+        if self.model == 'fisheye':
+            return self.focal_px_per_rad, self.focal_px_per_rad * self.focal_ratio
+        across, down = self.focal_px
+        return across, down
+
+    def shows(self, reach_px: float) -> bool:
+        """Whether the lens maps all that lies up to so far from the optical axis to one place each."""
+        angle = [reach_px / min(self.focal_lengths_px) * step / STEPS for step in range(3 * STEPS)]
+        powers = self.lens if self.model == 'fisheye' else (self.distortion[0], self.distortion[1], self.distortion[4])
+        for each in angle:
+            stretch = 1 + sum(k * each ** (2 * n) for n, k in enumerate(powers, 1))
+            slope = 1 + sum((2 * n + 1) * k * each ** (2 * n) for n, k in enumerate(powers, 1))
+            if each * stretch >= angle[STEPS]:
+                return True
+            if slope <= 0:
+                return False
+        return False
 
 
 @dataclass(frozen=True)
@@ -158,17 +186,14 @@ class Sensor:
                 f'camera.position_mm is {self.camera.position_mm[2]:g} mm high, which is not below the markers, '
                 f'whose lowest lie at {lowest:g} mm'
             )
-
-
-def load_sensor(name: Path | str) -> Sensor:
-    """A description by the name of one that ships ('simulated'), or its file.
-
-    Raises:
-        ConfigurationError: there is none, an unknown key, or numbers that contradict each other.
-    """
-    shipped = share_directory() / 'config' / 'sensors' / f'{name}.yaml'
-    file = shipped if shipped.is_file() else Path(name)
-    if not file.is_file():
-        known = ', '.join(sorted(each.stem for each in shipped.parent.glob('*.yaml')))
-        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or one that ships: {known}')
-    return from_mapping(Sensor, load_mapping(file), source=str(file), exact=False)
+        u, v = self.camera.centre_px
+        width, height = self.image.crop_px
+        if not self.camera.shows(math.hypot(width / 2, height / 2)):
+            raise ValueError(
+                f'camera.distortion {list(self.camera.distortion)} folds the picture back before its corner; check it, '
+                'or calibrate the camera again'
+            )
+        if not (0 <= u < self.image.width and 0 <= v < self.image.height):
+            raise ValueError(
+                f'camera.centre_px ({u:g}, {v:g}) lies outside of pictures of {self.image.width}x{self.image.height}'
+            )

@@ -17,8 +17,9 @@ def camera_of(gel: Gel) -> Camera:
         (gel.image_width - 1) / 2 + right, (gel.image_height - 1) / 2 + down,
     )  # fmt: skip
     if gel.camera == 'pinhole':
-        return PinholeCamera(*size, (gel.focal_px_per_rad, gel.focal_px_per_rad), centre, gel.distortion)
-    return FisheyeCamera(*size, gel.focal_px_per_rad, centre)
+        focal_px = gel.focal_px_per_rad, gel.focal_px_per_rad * gel.focal_ratio
+        return PinholeCamera(*size, focal_px, centre, gel.distortion)
+    return FisheyeCamera(*size, gel.focal_px_per_rad, centre, gel.distortion[:4], gel.focal_ratio)
 
 
 def shade(gel: Gel) -> Float32[np.ndarray, 'h w']:

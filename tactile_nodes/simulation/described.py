@@ -14,14 +14,12 @@ def gel_of(sensor: Sensor) -> Gel:
     """A gel as a description says; of the simulated sensor that ships, the gel that is simulated by default.
 
     Raises:
-        ConfigurationError: its layers differ, or it is a pinhole with two focal lengths; the simulator has one of each.
+        ConfigurationError: its layers differ; the simulator has one modulus.
     """
     camera, gel, image, pattern = sensor.camera, sensor.gel, sensor.image, sensor.pattern
     if len({*zip(gel.moduli_mpa, gel.poisson_ratios, strict=True)}) > 1:
         raise ConfigurationError(f'{sensor.name} has layers that differ, and the simulator knows one modulus for all')
-    focal_px = camera.focal_px_per_rad if camera.model == 'fisheye' else camera.focal_px[0]
-    if camera.model == 'pinhole' and camera.focal_px[1] != focal_px:
-        raise ConfigurationError(f'{sensor.name} has two focal lengths, and the simulator knows one for both axes')
+    focal_px, down_px = camera.focal_lengths_px
     high, low = gel.markers_mm
     right, up, away = camera.position_mm
     across, down = camera.centre_px
@@ -30,7 +28,8 @@ def gel_of(sensor: Sensor) -> Gel:
         'skin_mm': high, 'soft_mm': gel.depth_mm - high,
         'markers_thickness_mm': 0.0 if low >= gel.depth_mm - 1e-9 else low - high,
         'shear_modulus_mpa': gel.moduli_mpa[0], 'poisson_ratio': gel.poisson_ratios[0],
-        'camera': camera.model, 'focal_px_per_rad': focal_px, 'distortion': camera.distortion,
+        'camera': camera.model, 'focal_px_per_rad': focal_px, 'focal_ratio': down_px / focal_px,
+        'distortion': camera.distortion,
         'camera_shift_mm': (right, up), 'camera_tilt_deg': camera.tilt_deg, 'camera_roll_deg': camera.roll_deg,
         'centre_shift_px': (across - (image.width - 1) / 2, down - (image.height - 1) / 2),
         'pupil_below_markers_mm': -away - gel.depth_mm,

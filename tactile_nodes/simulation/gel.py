@@ -16,7 +16,10 @@ CHOICES = {
     'pattern': ('spheres', 'dots'),
 }
 
-LATER = 'height_mm', 'camera', 'distortion', 'centre_shift_px', 'pattern', 'pitch_mm', 'markers_thickness_mm'
+LATER = (
+    'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
+    'markers_thickness_mm',
+)  # fmt: skip
 """Properties that gels did not have at first: one that has them as they were then keeps its id."""
 
 
@@ -36,7 +39,8 @@ class Gel:
     is how much brighter (as a share) it is half an image right of and below the middle than there.
 
     The gel is `size_mm` wide and `height_mm` high (0: as wide). A 'pinhole' camera has `focal_px_per_rad` pixels in the
-    middle, and OpenCV's `distortion` (k1, k2, p1, p2, k3); `centre_shift_px` is where the optical axis is beside the
+    middle, and OpenCV's `distortion` (k1, k2, p1, p2, k3; of a fisheye k1 to k4, 0); `focal_ratio` is the focal length
+    along v over that along u; `centre_shift_px` is where the optical axis is beside the
     middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
     many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns. A
     `marker_grey` below 0 makes them darker than the background.
@@ -75,6 +79,7 @@ class Gel:
     height_mm: float = 0.0
     camera: str = 'fisheye'
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    focal_ratio: float = 1.0
     centre_shift_px: tuple[float, float] = (0.0, 0.0)
     pattern: str = 'spheres'
     pitch_mm: float = 2.0

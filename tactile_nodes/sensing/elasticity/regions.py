@@ -158,7 +158,9 @@ class Regions:
         if camera.model == 'pinhole':
             across, down = camera.focal_px
             return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
-        return FisheyeCamera(image.width, image.height, camera.focal_px_per_rad, (u, v))
+        return FisheyeCamera(
+            image.width, image.height, camera.focal_px_per_rad, (u, v), camera.lens, camera.focal_ratio
+        )
 
     @property
     def _turn(self) -> Float[np.ndarray, '3 3']:

@@ -1,0 +1,118 @@
+"""Calibrations as OpenCV and ROS write them become cameras of descriptions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.geometry import FisheyeCamera
+from tactile_nodes.sensors import load_sensor
+
+ROS = """\
+image_width: 800
+image_height: 600
+camera_name: narrow
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [700.5, 0.0, 401.25, 0.0, 702.25, 299.5, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.1, 0.02, 0.001, -0.002, 0.0]
+"""
+ECHOED = """\
+header:
+  stamp: {sec: 1, nanosec: 2}
+height: 480
+width: 640
+distortion_model: equidistant
+d:
+- 0.01
+- -0.02
+- 0.0
+- 0.0
+k: [300.0, 0.0, 320.5, 0.0, 303.0, 239.0, 0.0, 0.0, 1.0]
+---
+"""
+
+
+def written(folder: Path, calibration: str, more: str = '', image: str = '{crop: 440}') -> Path:
+    (folder / 'camera.yaml').write_text(calibration)
+    (folder / 'mine.yaml').write_text(f'image: {image}\ncamera: {{calibration: camera.yaml{more}}}\n')
+    return folder / 'mine.yaml'
+
+
+def test_a_file_of_ros_says_lens_and_size(tmp_path: Path) -> None:
+    sensor = load_sensor(written(tmp_path, ROS))
+    assert (sensor.image.width, sensor.image.height) == (800, 600)
+    assert sensor.camera.model == 'pinhole'
+    assert sensor.camera.matrix == ((700.5, 0, 401.25), (0, 702.25, 299.5), (0, 0, 1))
+    assert sensor.camera.lens == (-0.1, 0.02, 0.001, -0.002, 0.0)
+
+
+def test_a_message_of_ros_printed_to_a_file_does_too(tmp_path: Path) -> None:
+    camera = load_sensor(written(tmp_path, ECHOED)).camera
+    assert camera.distortion_model == 'equidistant'
+    assert camera.matrix == ((300.0, 0, 320.5), (0, 303.0, 239.0), (0, 0, 1))
+    assert camera.lens == (0.01, -0.02, 0.0, 0.0)
+
+
+def test_a_file_that_opencv_wrote_is_read_with_its_four_coefficients(tmp_path: Path) -> None:
+    file = cv2.FileStorage(str(tmp_path / 'camera.yml'), cv2.FILE_STORAGE_WRITE)
+    file.write('image_width', 640)
+    file.write('image_height', 480)
+    file.write('camera_matrix', np.array([[500.0, 0, 310], [0, 505.0, 250], [0, 0, 1]]))
+    file.write('distortion_coefficients', np.array([[0.05, -0.01, 0.001, 0.002]]))
+    file.release()
+    sensor = load_sensor(written(tmp_path, (tmp_path / 'camera.yml').read_text()))
+    assert sensor.camera.model == 'pinhole'
+    assert sensor.camera.matrix == ((500.0, 0, 310.0), (0, 505.0, 250.0), (0, 0, 1))
+    assert sensor.camera.lens == (0.05, -0.01, 0.001, 0.002, 0.0)
+
+
+def test_a_fisheye_of_opencv_sees_as_opencv_says() -> None:
+    """Against cv2.fisheye.projectPoints; and each pixel's ray leads back to it."""
+    points = np.random.default_rng(1).uniform((-2, -2, 1), (2, 2, 2), (50, 3))
+    matrix, lens = np.array([[300.0, 0, 320.5], [0, 303.0, 239.0], [0, 0, 1]]), (0.02, -0.01, 0.002, -0.0005)
+    camera = FisheyeCamera(640, 480, 300.0, (320.5, 239.0), lens, 1.01)
+    expected, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), matrix, np.array(lens))
+    np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    np.testing.assert_allclose(camera.unproject(camera.project(points)), rays, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('calibration', 'more', 'said'),
+    [
+        ('camera_matrix: 7\n', '', 'no camera_matrix'),
+        ('<?xml version="1.0"?><opencv_storage/>', '', 'no OpenCV or camera_info YAML'),
+        (ROS.replace('plumb_bob', 'pinhole_eq'), '', "distortion_model 'pinhole_eq' is none of plumb_bob"),
+        (ROS.replace('-0.002, 0.0]', '-0.002, 0.0, 0.1, 0.0, 0.0]'), '', 'distortion has 8 numbers'),
+        (ROS.replace('700.5', 'nan'), '', 'not finite'),
+        (ROS.replace('700.5', 'one'), '', 'what is no number'),
+        (ROS, ', model: fisheye', 'its lens is a pinhole, and the description says camera.model: fisheye'),
+        (ROS, ', focal_px: [600.0, 600.0]', r"mine.yaml:2: 'camera.focal_px' is \[600.0, 600.0\], and the calibration"),
+        (ROS.replace('-0.1, 0.02', '-9.0, 0.0'), '', 'folds the picture back before its corner'),
+        (ROS.replace('401.25', '901.25'), '', r'centre_px \(901.25, 299.5\) lies outside of pictures of 800x600'),
+    ],
+)
+def test_a_calibration_that_contradicts_is_refused(tmp_path: Path, calibration: str, more: str, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        load_sensor(written(tmp_path, calibration, more))
+
+
+def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"mine.yaml:1: 'image.width' is 640, .* says 800; remove one"):
+        load_sensor(written(tmp_path, ROS, image='{width: 640, crop: 440}'))
+
+
+def test_a_calibration_that_is_not_there_is_told_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / 'mine.yaml').write_text('camera: {calibration: none.yaml}\n')
+    with pytest.raises(ConfigurationError, match=r'cannot read the calibration .*none\.yaml'):
+        load_sensor(tmp_path / 'mine.yaml')
