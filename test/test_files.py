@@ -24,6 +24,7 @@ from tactile_nodes.learning.run.folder import read_run
 from tactile_nodes.model_file import load_model
 from tactile_nodes.params import load_parameter_file
 from tactile_nodes.sensors.camera_file import read_camera_file
+from tactile_nodes.sensors.covering import read_mask
 
 READERS: dict[str, Callable[[Path], object]] = {
     'a.npz': load_dataset,
@@ -33,6 +34,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     'a.csv': read_points,
     'a.png': read_grey,
     'b.png': read_image,
+    'mask.png': read_mask,
     'b.csv': read_table,
     'a.npy': lambda file: body_of(str(file)),
     'a.stl': lambda file: body_of(str(file)),
@@ -71,7 +73,7 @@ def test_a_name_that_no_file_can_have_is_refused(name: str, tmp_path: Path) -> N
     assert 'no file can have such a name' in refusal(READERS[name], tmp_path / 'a\0' / name)
 
 
-@pytest.mark.parametrize('name', ['a.png', 'b.png'])
+@pytest.mark.parametrize('name', ['a.png', 'b.png', 'mask.png'])
 def test_a_small_file_of_a_gigantic_picture_is_not_unpacked(name: str, tmp_path: Path) -> None:
     header = b'IHDR' + struct.pack('>IIBBBBB', 32000, 32000, 8, 0, 0, 0, 0)
     chunks = struct.pack('>I', 13) + header + struct.pack('>I', zlib.crc32(header)) + bytes(4) + b'IEND\xaeB`\x82'

@@ -129,5 +129,6 @@ def image_size(params: MethodParams) -> tuple[int, int] | None:
 
 
 def told(flow: FlowMethod) -> str:
-    """A flow method in words, such as ``dis(preset=medium)``."""
-    return f'{flow.name}({", ".join(f"{name}={value}" for name, value in flow.options.items() if value is not None)})'
+    """A flow method in words, such as ``dis(preset=medium)``; of a list, how many it names."""
+    options = {name: len(value) if isinstance(value, tuple) else value for name, value in flow.options.items()}
+    return f'{flow.name}({", ".join(f"{name}={value}" for name, value in options.items() if value is not None)})'

@@ -1,5 +1,6 @@
 """Sensors as data: image, camera, gel and bins in one YAML file, read by all that has to know them."""
 
+from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.description import (
     BinSettings,
     CameraDescription,
@@ -15,6 +16,7 @@ __all__ = [
     'CameraDescription',
     'GelDescription',
     'ImageSettings',
+    'MaskSettings',
     'PatternDescription',
     'Sensor',
     'load_sensor',

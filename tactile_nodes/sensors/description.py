@@ -9,7 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+from jaxtyping import Bool
+
 from tactile_nodes.params import parameter
+from tactile_nodes.sensors.covering import MaskSettings
 
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
@@ -178,6 +182,14 @@ class Sensor:
     gel: GelDescription = field(default_factory=GelDescription)
     pattern: PatternDescription = field(default_factory=PatternDescription)
     bins: BinSettings = field(default_factory=BinSettings)
+    mask: MaskSettings = field(default_factory=MaskSettings)
+
+    @property
+    def covered(self) -> Bool[np.ndarray, 'h w']:
+        """Which pixels of what is cut from a picture show no gel, as the mask says."""
+        (width, height), image = self.image.crop_px, self.image
+        x, y = (image.width - width) // 2, (image.height - height) // 2
+        return self.mask.covers(image.width, image.height)[y : y + height, x : x + width]
 
     def __post_init__(self) -> None:
         lowest = -self.gel.markers_mm[1]
@@ -197,3 +209,5 @@ class Sensor:
             raise ValueError(
                 f'camera.centre_px ({u:g}, {v:g}) lies outside of pictures of {self.image.width}x{self.image.height}'
             )
+        if self.mask.polygons_px and self.covered.all():
+            raise ValueError('mask covers all of the picture; black, or within a polygon, is what to leave out')

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import Located, from_mapping, load_mapping
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors.camera_file import read_camera_file
+from tactile_nodes.sensors.covering import MaskSettings, mask_of
 from tactile_nodes.sensors.description import Sensor
 
-CALIBRATION = 'camera.calibration'
-"""Names a file; what that says stands in the description instead."""
+CALIBRATION, MASK = 'camera.calibration', 'mask.file'
+"""Name files; what these say stands in the description instead."""
 
 
 def load_sensor(name: Path | str) -> Sensor:
@@ -26,7 +28,31 @@ def load_sensor(name: Path | str) -> Sensor:
     if not file.is_file():
         known = ', '.join(sorted(each.stem for each in shipped.parent.glob('*.yaml')))
         raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or one that ships: {known}')
-    return from_mapping(Sensor, _calibrated(load_mapping(file), file), source=str(file), exact=False)
+    written = load_mapping(file)
+    values = _calibrated(written, file)
+    values.pop(MASK, None)
+    sensor = from_mapping(Sensor, values, source=str(file), exact=False)
+    if MASK not in written:
+        return sensor
+    if sensor.mask.polygons_px:
+        raise ConfigurationError(f'{file}: it has mask.file and mask.polygons_px; remove one')
+    return masked(sensor, mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height), str(file))
+
+
+def masked(sensor: Sensor, mask: MaskSettings, source: str) -> Sensor:
+    """A sensor with a mask. Raises ConfigurationError: it covers everything."""
+    try:
+        return replace(sensor, mask=mask)
+    except ValueError as error:
+        raise ConfigurationError(f'{source}: {error}') from error
+
+
+def _beside(file: Path, key: str, written: Mapping[str, Located]) -> Path:
+    """A file that a description names, beside its own."""
+    named = written[key]
+    if not isinstance(named.value, str):
+        raise ConfigurationError.at(named.source, named.line, f'{key!r} must name a file, got {named.value!r}')
+    return file.parent / Path(named.value).expanduser()
 
 
 def _calibrated(written: Mapping[str, Located], file: Path) -> dict[str, object]:
@@ -34,17 +60,11 @@ def _calibrated(written: Mapping[str, Located], file: Path) -> dict[str, object]
     values: dict[str, object] = dict(written)
     if CALIBRATION not in written:
         return values
-    named = written[CALIBRATION]
     del values[CALIBRATION]
-    if not isinstance(named.value, str):
-        raise ConfigurationError.at(named.source, named.line, f'{CALIBRATION!r} must name a file, got {named.value!r}')
     model = written['camera.model'].value if 'camera.model' in written else ''
-    told = read_camera_file(file.parent / Path(named.value).expanduser(), str(model))
+    told = read_camera_file(_beside(file, CALIBRATION, written), str(model))
     for key, value in told.items():
         if key in written and written[key].value != value:
-            raise ConfigurationError.at(
-                written[key].source,
-                written[key].line,
-                f'{key!r} is {written[key].value!r}, and the calibration {named.value} says {value!r}; remove one',
-            )
+            text = f'{key!r} is {written[key].value!r}, and the calibration says {value!r}; remove one'
+            raise ConfigurationError.at(written[key].source, written[key].line, text)
     return values | told

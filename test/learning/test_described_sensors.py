@@ -34,6 +34,7 @@ from tactile_nodes.sensors import (
     CameraDescription,
     GelDescription,
     ImageSettings,
+    MaskSettings,
     PatternDescription,
     Sensor,
     load_sensor,
@@ -80,6 +81,24 @@ def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> No
         assert told.total_n == pytest.approx(table.force_at(0.6), rel=0.15)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
     assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+
+
+def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
+    """The left quarter of the picture shows something else than the gel, which goes 3 px to the right there."""
+    file = tmp_path / 'masked.safetensors'
+    masked = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
+    described_model(load_model(find_model('field')), masked, '', file, Progress())
+    made, gel = load_model(file), dataclasses.replace(gel_of(SMALL), mechanics='linear')
+    assert isinstance(made.model.readout, FieldReadout)
+    assert not made.model.readout.scaling.trusted[:, :4].any()
+    optics, flow = Optics(gel, solve(gel)), make_flow(*made.flow)
+    rest, seen = (np.ascontiguousarray(optics.render((), number)[20:220]) for number in range(2))
+    flow.set_reference(rest)
+    seen[:, 3:80] = seen[:, :77].copy()
+    field = flow.displacement(seen)
+    features = make_encoding(*made.encoding).encode(field)
+    assert not features.confidence[:, :4].any()
+    assert ForceEstimator(made.model).predict(features).total_n < 0.005
 
 
 def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: LoadedModel) -> None:

@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from tactile_nodes import opencv
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera import opencv
+from tactile_nodes.decoding import decode, open_video
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
-from tactile_nodes.drivers.camera.decoding import decode, open_video
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain

@@ -7,7 +7,7 @@ those of ITU-T T.81, table B.1: FFD8 begins an image, FFD9 ends it.
 
 from __future__ import annotations
 
-from tactile_nodes.drivers.camera import decoding
+from tactile_nodes import decoding
 from tactile_nodes.drivers.camera.contract import Picture
 
 START = b'\xff\xd8'

@@ -17,9 +17,9 @@ import urllib.parse
 from collections.abc import Mapping
 
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.decoding import LARGEST
 from tactile_nodes.drivers.camera import jpeg
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, check_size
-from tactile_nodes.drivers.camera.decoding import LARGEST
 from tactile_nodes.drivers.camera.multipart import MultipartParser, Part
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from tactile_nodes.drivers.camera.decoding import decode
+from tactile_nodes.decoding import decode
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import PICTURE_BYTES, read_plain
 

@@ -18,8 +18,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from tactile_nodes import clock as clocks
+from tactile_nodes import opencv
 from tactile_nodes.clock import Clock
-from tactile_nodes.drivers.camera import jpeg, opencv, v4l2_controls
+from tactile_nodes.drivers.camera import jpeg, v4l2_controls
 from tactile_nodes.drivers.camera.contract import CameraSettings, Picture, check_size
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps

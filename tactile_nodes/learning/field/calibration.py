@@ -14,7 +14,7 @@ from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, KnownBody, body_of_card
-from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, scaling_of
+from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import told as told_errors
@@ -169,7 +169,7 @@ def _fitted(
     """By a picture of each press whose place and force are known."""
     other = OtherGel.of(tips, dataset)
     rows, fold = known_presses(dataset, other.rows)
-    return fit_field(sensor, other.live_scaling, dataset, rows, fold, body, progress, curve=curve)
+    return fit_field(sensor, uncovered(sensor, other.live_scaling), dataset, rows, fold, body, progress, curve=curve)
 
 
 def known_presses(dataset: Dataset, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -191,15 +191,16 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     source = loaded.card
     dots = sensor.pattern.kind == 'dots'
     if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor) and not dots:
-        scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))
+        scaling = uncovered(sensor, replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean)))
         layout = model.layout
     else:
         usual = float(np.median(readout.scaling.gain[readout.scaling.trusted > 0]))
         scaling = scaling_of(sensor, 1 / DOTS_NOISE_PX if dots else usual)
         layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
     made = described(sensor, scaling, progress).readout
+    covered = np.flatnonzero(regions_of(sensor, scaling).covered).tolist()
     card = {
-        **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}),
+        **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
         'crop_px': crop_of_size(sensor.image.crop_px),
         **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
@@ -210,13 +211,18 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     return save_model(output, made_model, card)
 
 
-def _measured_by(sensor: Sensor, source: Mapping[str, Any], regions: dict[str, int]) -> dict[str, Any]:
+def _measured_by(
+    sensor: Sensor, source: Mapping[str, Any], regions: dict[str, int], covered: list[int]
+) -> dict[str, Any]:
     """Flow and encoding by region: those of the source, of printed dots the flow by dots, which no texture weighs."""
-    ways = {name: {**source[name], 'options': {**source[name]['options'], **regions}} for name in ('flow', 'encoding')}
-    if sensor.pattern.kind == 'dots':
-        ways['flow'] = {'name': DotsFlow.name, 'options': regions}
-        ways['encoding']['options']['texture_grey'] = NO_TEXTURE
-    return ways
+    dots = sensor.pattern.kind == 'dots'
+    flow = {'name': DotsFlow.name, 'options': {}} if dots else source['flow']
+    encoding, unseen = source['encoding'], {'covered': covered} if covered else {}
+    weighed = {'texture_grey': NO_TEXTURE} if dots else {}
+    return {
+        'flow': {**flow, 'options': {**flow['options'], **regions, **unseen}},
+        'encoding': {**encoding, 'options': {**encoding['options'], **regions, **weighed}},
+    }
 
 
 def bins_of(sensor: Sensor) -> BinGrid:

@@ -118,16 +118,34 @@ def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     least_px = whole.px_per_mm * sensor.pattern.pitch_mm / WINDOW if sensor.pattern.kind == 'dots' else 0.0
     sides = zip(whole.patches.shape, (height, width), strict=True)
     rows, cols = (_regions(count, side, max(least_px, LEAST_REGION_PX)) for count, side in sides)
-    trusted = Regions(sensor, rows, cols).within_gel.reshape(rows, cols)
+    trusted = Regions(sensor, rows, cols).usable.reshape(rows, cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
-            'camera.position_mm and its focal length, gel.width_mm and gel.height_mm'
+            'camera.position_mm and its focal length, gel.width_mm, gel.height_mm and mask'
         )
     shape = (rows, cols, 2)
     return InputScaling(
         np.zeros(shape, np.float32), np.full(shape, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
     )
+
+
+def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
+    """A scaling that knows no region which the sensor's mask covers.
+
+    Raises:
+        ConfigurationError: hardly any is left.
+    """
+    covered = regions_of(sensor, scaling).covered.reshape(scaling.trusted.shape)
+    if not covered.any():
+        return scaling
+    trusted = np.where(covered, np.float32(0), scaling.trusted)
+    if (trusted > 0).mean() < LEAST_SEEN:
+        raise ConfigurationError(
+            f'the mask of {sensor.name} leaves {(trusted > 0).sum()} of {trusted.size} regions of its picture, too few '
+            'to read a force by; cover less'
+        )
+    return replace(scaling, trusted=trusted)
 
 
 def _regions(patches: int, side_px: int, least_px: float) -> int:

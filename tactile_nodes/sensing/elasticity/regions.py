@@ -9,6 +9,7 @@ distance from the pupil, until presses say better (`nominal_shares`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -137,6 +138,29 @@ class Regions:
         side = np.array([self.sensor.gel.width_mm, self.sensor.gel.height_mm])
         inside: np.ndarray = (np.abs(self._seen[0]) <= side / 2).all(axis=(0, 2, 3))
         return inside
+
+    @property
+    def covered(self) -> Bool[np.ndarray, ' regions']:
+        """Which regions have a window with something in it that the mask covers."""
+        covered, (width, height) = self.sensor.covered, self.sensor.image.crop_px
+        found = np.zeros((self.rows, self.cols), bool)
+        if covered.any():
+            for row, col in np.ndindex(self.rows, self.cols):
+                down, across = (
+                    slice(max(0, math.floor(low)), math.ceil(low + WINDOW * side))
+                    for low, side in (
+                        ((at + 0.5 - WINDOW / 2) * side, side)
+                        for at, side in ((row, height / self.rows), (col, width / self.cols))
+                    )
+                )
+                found[row, col] = covered[down, across].any()
+        return found.ravel()
+
+    @property
+    def usable(self) -> Bool[np.ndarray, ' regions']:
+        """Which regions see the gel, and nothing else."""
+        usable: np.ndarray = self.within_gel & ~self.covered
+        return usable
 
     def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
         """Where the rays of all windows meet a depth, in the surface frame."""

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
-from tactile_nodes.sensing.flow.methods import DisplacementField, require_grey, require_like
+from tactile_nodes.sensing.flow.methods import DisplacementField, require_covered, require_grey, require_like
 
 COARSE = 4
 """Surroundings are found at a quarter of the resolution."""
@@ -41,10 +41,11 @@ STIFF = 1.0
 
 @dataclass(frozen=True)
 class DotsOptions:
-    """Motion is told on `rows` x `cols` regions, evenly over the picture."""
+    """Motion is told on `rows` x `cols` regions, evenly over the picture, and not believed on those that are `covered`."""
 
     rows: int = 10
     cols: int = 10
+    covered: tuple[int, ...] = ()
 
 
 class DotsFlow:
@@ -54,12 +55,14 @@ class DotsFlow:
 
     def __init__(self, options: DotsOptions | None = None) -> None:
         self._options = options or DotsOptions()
+        require_covered(self.name, self._options.covered, self._options.rows, self._options.cols)
         self._reference: np.ndarray | None = None
         self._rest: _Rest
 
     @property
     def options(self) -> dict[str, object]:
-        return asdict(self._options)
+        told = asdict(self._options)
+        return told if self._options.covered else {name: told[name] for name in told if name != 'covered'}
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
@@ -74,8 +77,10 @@ class DotsFlow:
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         require_like(self._reference, image)
-        motion, found = self._rest.followed(image)
-        return self._rest.told(motion, found)
+        field = self._rest.told(*self._rest.followed(image))
+        if self._options.covered and field.confidence is not None:
+            field.confidence.flat[list(self._options.covered)] = 0
+        return field
 
 
 @dataclass(frozen=True)

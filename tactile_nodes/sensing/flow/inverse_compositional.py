@@ -16,7 +16,14 @@ from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, DisplacementField, require_grey, require_like
+from tactile_nodes.sensing.flow.methods import (
+    DisFlow,
+    DisOptions,
+    DisplacementField,
+    require_covered,
+    require_grey,
+    require_like,
+)
 from tactile_nodes.sensing.flow.patches import (
     LARGEST_ANSWER_PX,
     LEAST_GAIN,
@@ -66,7 +73,8 @@ class InverseCompositionalOptions:
     `rows` x `cols` patches, each `window` times as wide as their distance. `finest_scale` 0 measures at full size, 1 at
     half, 2 at a quarter. A patch is read at most `iterations` times from one start. `texture_grey` is the root mean
     square gradient, in grey levels per pixel, at which a patch counts half. When more than `search_share` of the
-    patches are lost, a dense search is made: 1 never does. `threads` is what OpenCV is told to use.
+    patches are lost, a dense search is made: 1 never does. `threads` is what OpenCV is told to use. `covered` are the
+    numbers of patches, row by row, that show no gel: nothing is believed there.
     """
 
     rows: int = 40
@@ -77,6 +85,7 @@ class InverseCompositionalOptions:
     texture_grey: float = 4.0
     search_share: float = 0.01
     threads: int = 1
+    covered: tuple[int, ...] = ()
 
 
 class InverseCompositionalFlow:
@@ -92,7 +101,8 @@ class InverseCompositionalFlow:
 
     @property
     def options(self) -> dict[str, object]:
-        return asdict(self._options)
+        told = asdict(self._options)
+        return told if self._options.covered else {name: told[name] for name in told if name != 'covered'}
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
@@ -112,6 +122,7 @@ class InverseCompositionalFlow:
         self._reference = image.copy()
         texture = np.square(self._templates.texture_grey)
         self._known = texture / (texture + np.float32(options.texture_grey**2))
+        self._known[list(options.covered)] = 0
         self._for_loops = (
             self._templates.grid.corner, self._templates.grid.window_px, self._templates.for_loops,
             (LEAST_GAIN, LARGEST_ANSWER_PX, AGAIN_PX, LOST), options.iterations, self._known, _BLUR,
@@ -223,6 +234,7 @@ def _require_possible(options: InverseCompositionalOptions) -> None:
             raise ConfigurationError(
                 f"option {name!r} of 'inverse_compositional' must be at least {value}, got {getattr(options, name)}"
             )
+    require_covered('inverse_compositional', options.covered, options.rows, options.cols)
 
 
 def filled(

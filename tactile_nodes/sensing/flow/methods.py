@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol, get_args, get_type_hints, runtime_checkable
+from typing import Protocol, get_args, get_origin, get_type_hints, runtime_checkable
 
 import cv2
 import numpy as np
@@ -198,14 +198,25 @@ def checked_options(method: str, options_type: type, options: Mapping[str, objec
     for name, value in options.items():
         if name not in hints:
             raise ConfigurationError(f'{method!r} has no option {name!r}; it has: {", ".join(hints)}')
-        wanted = get_args(hints[name]) or (hints[name],)
+        listed = get_origin(hints[name]) is tuple
+        wanted = (hints[name],) if listed else get_args(hints[name]) or (hints[name],)
         if not any(_fits(value, each) for each in wanted):
             names = ' or '.join(each.__name__ for each in wanted)
             raise ConfigurationError(f'option {name!r} of {method!r} must be of type {names}, got {value!r}')
-    return dict(options)
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
+
+
+def require_covered(method: str, covered: tuple[int, ...], rows: int, cols: int) -> None:
+    """Raise ConfigurationError if one of the regions that are covered is none of rows x cols."""
+    if beyond := [each for each in covered if not 0 <= each < rows * cols]:
+        raise ConfigurationError(
+            f"option 'covered' of {method!r} names region {beyond[0]}, and there are {rows}x{cols}"
+        )
 
 
 def _fits(value: object, wanted: type) -> bool:
+    if get_origin(wanted) is tuple:
+        return isinstance(value, (list, tuple)) and all(isinstance(each, get_args(wanted)[0]) for each in value)
     if isinstance(value, bool):
         return wanted is bool
     return isinstance(value, (int, float)) if wanted is float else isinstance(value, wanted)

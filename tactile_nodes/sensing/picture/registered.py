@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.features import fewer_means
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
@@ -29,11 +29,13 @@ class Registered:
         self.image = image
         self.fit = MotionFit(image.shape, PATCHES, PATCHES, compiled=compiled)
         self.watch = None
+        seen = np.ones(PATCHES**2, bool)
         if own.confidence is None or min(own.confidence.shape) < PATCHES:
             self.watch = _watch(image, compiled)
+            seen = seen if own.confidence is None else believed(own.confidence)
             own = self.watch.displacement(image) if self.watch else own
         self.confidence = coarse(own)[1] if own.confidence is not None else np.zeros(PATCHES**2)
-        self.known = self.confidence >= FOUND
+        self.known = (self.confidence >= FOUND) & seen
         self.known_count = int(self.known.sum())
 
 
@@ -45,6 +47,13 @@ def _watch(image: UInt8[np.ndarray, 'h w'], compiled: bool) -> InverseCompositio
     flow = InverseCompositionalFlow(options, compiled=compiled)
     flow.set_reference(image)
     return flow
+
+
+def believed(confidence: Float[np.ndarray, 'rows cols']) -> Bool[np.ndarray, ' patches']:
+    """Which of 10x10 patches lie where a method believes anything at all: it does not where the gel is covered."""
+    rows, cols = (np.arange(PATCHES) * count // PATCHES for count in confidence.shape)
+    found: np.ndarray = (confidence > 0)[np.ix_(rows, cols)]
+    return found.ravel()
 
 
 def coarse(field: DisplacementField) -> tuple[Float[np.ndarray, 'patches 2'], Float[np.ndarray, ' patches']]:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tactile_nodes.decoding import decode, size_of
 from tactile_nodes.drivers.camera import jpeg
-from tactile_nodes.drivers.camera.decoding import decode, size_of
 
 LOSSLESS = [cv2.IMWRITE_WEBP_QUALITY, 101]
 KINDS = [

@@ -13,14 +13,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from tactile_nodes.drivers.camera import opencv
-from tactile_nodes.drivers.camera.contract import Picture
+from tactile_nodes import opencv
 
 LARGEST_SIDE = 8192
 LARGEST = f'{LARGEST_SIDE}x{LARGEST_SIDE} pixels (64 megapixels)'
 """In words; a narrower picture may be longer."""
 
+Picture = npt.NDArray[np.uint8]
 Size = tuple[int, int]
 """Width, height."""
 

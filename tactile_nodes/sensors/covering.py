@@ -1,0 +1,110 @@
+"""What of a camera's picture shows no gel: polygons, written as SVG writes them, or a picture that is black there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from tactile_nodes.decoding import decode
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.files import PICTURE_BYTES, read_plain
+from tactile_nodes.params import parameter
+
+MOST_POLYGONS = 100
+SMOOTH_PX = 1.0
+"""By so much polygons may differ from the picture that they were made of."""
+
+_FINE = 16
+"""Steps of a pixel that corners are drawn in."""
+
+
+@dataclass(frozen=True)
+class MaskSettings:
+    """What is covered: all that an odd number of polygons hold, so that one within another is a hole."""
+
+    polygons_px: tuple[str, ...] = parameter(
+        (), "what is covered in the camera's whole picture, a text a polygon: corners 'x,y x,y x,y' [px]"
+    )
+
+    def __post_init__(self) -> None:
+        for number, text in enumerate(self.polygons_px, 1):
+            try:
+                corners_of(text)
+            except ValueError as error:
+                raise ValueError(
+                    f'polygon {number} of mask.polygons_px is {text[:60]!r}, and must hold three corners or more, '
+                    "as '0,0 640,0 640,20 0,20'"
+                ) from error
+
+    def covers(self, width: int, height: int) -> Bool[np.ndarray, 'h w']:
+        """Which pixels of a picture are covered; the middle of the first one is at (0, 0)."""
+        import cv2
+
+        drawn = np.zeros((height, width), np.uint8)
+        if self.polygons_px:
+            corners = [np.rint(corners_of(each) * _FINE).astype(np.int32) for each in self.polygons_px]
+            cv2.fillPoly(drawn, corners, 1, shift=_FINE.bit_length() - 1)
+        return drawn > 0
+
+
+def corners_of(text: str) -> Float[np.ndarray, 'corners 2']:
+    """A polygon's corners (x, y) of its text: '0,0 9,0 9,9' has three. Raises ValueError."""
+    found = np.array([[float(number) for number in pair.split(',')] for pair in text.split()])
+    if found.ndim != 2 or found.shape[1] != 2 or len(found) < 3 or not (np.abs(found) < 1e5).all():
+        raise ValueError(text)
+    return found
+
+
+def polygons_of(covered: Bool[np.ndarray, 'h w']) -> tuple[str, ...]:
+    """Polygons that cover the same as a picture does, as good as to the pixel."""
+    import cv2
+
+    found, _ = cv2.findContours(covered.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    smooth = [cv2.approxPolyDP(each, SMOOTH_PX, closed=True) for each in found]
+    chosen = [each if len(each) > 2 else whole for each, whole in zip(smooth, found, strict=True)]
+    return tuple(_text(each.reshape(-1, 2)) for each in chosen)
+
+
+def _text(found: Int[np.ndarray, 'corners 2']) -> str:
+    """At least three corners, the last one repeated."""
+    corners: list[list[int]] = found.tolist()
+    return ' '.join(f'{x},{y}' for x, y in [*corners, *[corners[-1]] * (3 - len(corners))])
+
+
+def read_mask(path: Path) -> UInt8[np.ndarray, 'h w']:
+    """The picture of a mask, black where it covers.
+
+    Raises:
+        ConfigurationError: no such file, or no picture.
+    """
+    try:
+        picture = decode(read_plain(path, PICTURE_BYTES), grey=True)
+    except OSError as error:
+        raise ConfigurationError(f'cannot read the mask {path}: {error.strerror}') from error
+    if picture is None:
+        raise ConfigurationError(f'the mask {path} is no picture that can be read; save it as PNG')
+    return picture
+
+
+def mask_of(path: Path, width: int, height: int) -> MaskSettings:
+    """What a picture of the size of the camera's covers.
+
+    Raises:
+        ConfigurationError: it cannot be read, has another size, or is spotted.
+    """
+    picture = read_mask(path)
+    if picture.shape != (height, width):
+        raise ConfigurationError(
+            f'the mask {path} has {picture.shape[1]}x{picture.shape[0]} pixels, and image says {width}x{height}; '
+            "draw it over the camera's whole picture"
+        )
+    polygons = polygons_of(picture < 128)
+    if len(polygons) > MOST_POLYGONS:
+        raise ConfigurationError(
+            f'the mask {path} has {len(polygons)} separate parts, at most {MOST_POLYGONS} are read; paint what is '
+            'covered black and all else white, without grain'
+        )
+    return MaskSettings(polygons)
