@@ -28,6 +28,7 @@ VERBS = {
     'dataset': 'make a training set of collected bags, say what one holds',
     'export': 'turn bags into parquet, zarr or a LeRobot data set for robot learning',
     'collect': 'look at a plan of presses before a rig does it',
+    'sensor': 'describe a sensor from its pictures, and judge pictures beside its description',
     'train': 'make a force model from simulated or recorded presses',
     'calibrate': 'transfer a model to another gel by a few presses',
     'tune': 'find the smallest configuration that is good or fast enough',

@@ -31,7 +31,8 @@ from tactile_nodes.learning.field.presses import (
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.learning.transfer.fit import WORTH
-from tactile_nodes.sensing.elasticity.regions import WINDOW, Regions
+from tactile_nodes.sensing.elasticity.region_choice import usual_regions
+from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
@@ -48,10 +49,6 @@ UNPRESSED, FEW = 0.05, 10
 so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
 Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by the square of
 that as far: tips on a simulated membrane are a fifth off."""
-
-REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14
-"""Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
-texture can be followed in."""
 
 LEAST_SEEN = 0.2
 """Share of the regions that must see the gel."""
@@ -108,23 +105,17 @@ class FieldFit:
 def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
     """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
 
-    They are about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide,
-    and where dots are printed so wide that each one's window holds a dot.
-
     Raises:
         ConfigurationError: hardly any region sees the gel.
     """
-    whole, (width, height) = Regions(sensor, 1, 1), sensor.image.crop_px
-    least_px = whole.px_per_mm * sensor.pattern.pitch_mm / WINDOW if sensor.pattern.kind == 'dots' else 0.0
-    sides = zip(whole.patches.shape, (height, width), strict=True)
-    rows, cols = (_regions(count, side, max(least_px, LEAST_REGION_PX)) for count, side in sides)
-    trusted = Regions(sensor, rows, cols).usable.reshape(rows, cols)
+    regions = usual_regions(sensor)
+    trusted = regions.usable.reshape(regions.rows, regions.cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
             'camera.position_mm and its focal length, gel.width_mm, gel.height_mm and mask'
         )
-    shape = (rows, cols, 2)
+    shape = (*trusted.shape, 2)
     return InputScaling(
         np.zeros(shape, np.float32), np.full(shape, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
     )
@@ -146,12 +137,6 @@ def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
             'to read a force by; cover less'
         )
     return replace(scaling, trusted=trusted)
-
-
-def _regions(patches: int, side_px: int, least_px: float) -> int:
-    """How many regions a side of the picture has: of numbers that divide it the nearest to what patches ask for."""
-    dividing = [count for count in range(1, max(1, int(side_px / least_px)) + 1) if side_px % count == 0]
-    return min(dividing, key=lambda count: abs(count - REGIONS_A_PATCH * patches))
 
 
 def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:

@@ -170,6 +170,12 @@ class Regions:
         points: np.ndarray = place + towards * reach[:, None]
         return points
 
+    def seen_at(self, points_mm: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 2']:
+        """Where points in the surface frame are in what is cut from the camera's picture (px)."""
+        image = self.sensor.image
+        corner = (np.array([image.width, image.height]) - np.array(image.crop_px)) // 2
+        return np.asarray(self._project(points_mm[None])[0] - corner)
+
     def _project(self, points: Float[np.ndarray, 'depths rays 3']) -> Float[np.ndarray, 'depths rays 2']:
         away = (points - np.asarray(self.sensor.camera.position_mm, float)) @ self._turn
         pixels: np.ndarray = self._camera.project(away.reshape(-1, 3)).reshape(*points.shape[:2], 2)

@@ -1,0 +1,33 @@
+"""``tactile sensor``: make the description of a sensor from its pictures, and judge pictures beside one."""
+
+from __future__ import annotations
+
+import argparse
+
+from tactile_nodes.cli.sensor import check, new
+from tactile_nodes.cli.session import Verbs
+
+DESCRIPTION = (
+    'Make the description of a sensor from its pictures and a few questions, and judge pictures beside a description.'
+)
+EPILOG = """\
+examples:
+  tactile sensor new /dev/video0 -o mine.yaml                       asks what no picture shows, and draws mine.png
+  tactile sensor new rest.png -o mine.yaml --width 19 --thickness 4 --yes
+  tactile sensor new pictures/ -o mine.yaml --width 19 --camera-info ost.yaml
+  tactile sensor check mine.yaml /dev/video0                        words, and mine_check.png
+  tactile sensor check printed_dots simulated                       a sensor that ships, beside its simulated twin
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The commands of the verb."""
+    verbs = Verbs(parser)
+    new.add_arguments(verbs.add('new', new.run, 'describe a sensor from pictures of its gel at rest, and questions'))
+    check.add_arguments(verbs.add('check', check.run, 'judge pictures of a gel at rest beside a description'))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """What the command does; its exit status."""
+    status: int = arguments.action(arguments)
+    return status

@@ -1,0 +1,181 @@
+"""Questions about a sensor that a person can answer, each also a flag, with what is usual where nobody knows."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tactile_nodes.cli.session import positive_float
+
+if TYPE_CHECKING:
+    from tactile_nodes.sensing.inspection.describing import Answers, Understood
+    from tactile_nodes.sensors import CameraDescription
+
+FOUND = 'found in the picture'
+OF_PICTURE = (
+    'pattern.kind',
+    'pattern.count',
+    'pattern.diameter_mm',
+    'pattern.pitch_mm',
+    'pattern.dark',
+    'mask.polygons_px',
+)
+OF_CALIBRATION = 'focal_px', 'focal_px_per_rad', 'focal_ratio', 'distortion', 'centre_px'
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked, the flag that answers it, how answers are read, what is usual, and which entries follow."""
+
+    flag: str
+    text: str
+    read: Callable[[str], Any]
+    usual: Any
+    entries: tuple[str, ...]
+
+
+def depths(text: str) -> tuple[float, float]:
+    """Of a pattern: '0.3' is a layer of 0.1 mm there, '1.5-6' what lies between."""
+    low, _, high = text.partition('-')
+    top = positive_float(low)
+    bottom = positive_float(high) if high else top + 0.1
+    if bottom <= top:
+        raise argparse.ArgumentTypeError(f'{text!r} does not go down: write the upper depth first, as 1.5-6')
+    return top, bottom
+
+
+def modulus(text: str) -> float:
+    """Shear modulus (MPa), given itself or by Shore A: a third of Young's modulus by Gent (1958); '10A' is 0.138."""
+    if not text.upper().endswith('A'):
+        return positive_float(text)
+    shore = positive_float(text[:-1])
+    if shore > 90:
+        raise argparse.ArgumentTypeError(f'{text!r} is harder than any gel; Shore A from 1 to 90')
+    return 0.0981 * (56 + 7.62336 * shore) / (0.137505 * (254 - 2.54 * shore)) / 3
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height: '640x480'."""
+    found = re.fullmatch(r'(\d{2,5})x(\d{2,5})', text)
+    if not found:
+        raise argparse.ArgumentTypeError(f'{text!r} is no size; write width and height as 640x480')
+    return int(found[1]), int(found[2])
+
+
+WIDTH = Question(
+    'width', 'How many mm of gel does the picture show from left to right?', positive_float, 0.0,
+    ('gel.width_mm', 'gel.height_mm'),
+)  # fmt: skip
+THICKNESS = Question(
+    'thickness', 'How thick is the gel, down to what it is glued to [mm]?', positive_float, 4.0, ('gel.layers_mm',)
+)
+DOTS_DEPTH, TEXTURE_DEPTH = (
+    Question('depth', 'How deep below the surface is the pattern [mm], as 0.3 or 1.5-6?', depths, usual, entries)
+    for usual, entries in (((0.3, 0.4), ('gel.markers_mm',)), ((0.2, 0.5), ('gel.markers_mm',)))
+)
+STIFFNESS = Question(
+    'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A as 10A?', modulus, 0.1, ('gel.moduli_mpa',)
+)
+DISTANCE = Question(
+    'distance', 'How far is the lens from the surface of the gel [mm]?', positive_float, 20.0,
+    ('camera.position_mm',),
+)  # fmt: skip
+
+
+def answered(
+    arguments: argparse.Namespace, seen: Understood, size_px: tuple[int, int]
+) -> tuple[Answers, dict[str, str]]:
+    """What flags and a person say, and where each entry of the description comes from.
+
+    Raises:
+        ConfigurationError: the calibration cannot be used, or the questions end before they are answered.
+    """
+    from tactile_nodes.sensing.inspection.describing import Answers
+
+    asking = _Asking(arguments)
+    camera = _calibrated(arguments, size_px)
+    width = 0.0 if arguments.pitch and not arguments.width else asking.of(WIDTH)
+    given = {each.flag: asking.of(each) for each in (THICKNESS, STIFFNESS)}
+    markers = asking.of(TEXTURE_DEPTH if seen.dots is None else DOTS_DEPTH)
+    distance = (arguments.distance or 0.0) if camera else asking.of(DISTANCE)
+    sources = {**asking.sources, **dict.fromkeys(OF_PICTURE, FOUND), 'gel.poisson_ratios': 'assumed'}
+    sources['camera.focal_px'] = 'by width and distance'
+    if camera:
+        sources |= dict.fromkeys((f'camera.{each}' for each in OF_CALIBRATION), f'from {arguments.camera_info}')
+        sources['camera.position_mm'] = 'by calibration and width'
+    if arguments.mask:
+        sources['mask.polygons_px'] = 'as given'
+    sources |= dict.fromkeys(WIDTH.entries, f'what is seen, by the {"width" if width else "pitch"} given')
+    answers = Answers(
+        arguments.output.stem, width, arguments.pitch or 0.0, given['thickness'], given['stiffness'], markers, distance,
+        camera,
+    )  # fmt: skip
+    return answers, sources
+
+
+class _Asking:
+    """Takes what flags say, asks for what they leave out, and remembers where each value came from."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._given = arguments
+        self._asks = sys.stdin.isatty() and not arguments.yes
+        self.sources: dict[str, str] = {}
+
+    def of(self, question: Question) -> Any:
+        """The answer to a question."""
+        from tactile_nodes.errors import ConfigurationError
+
+        given = getattr(self._given, question.flag)
+        value = given if given is not None else self._asked(question) if self._asks else None
+        if value is None and not question.usual:
+            raise ConfigurationError(f'{question.text} No picture shows that: say it with --{question.flag}')
+        source = 'assumed' if value is None else 'as given'
+        self.sources |= dict.fromkeys(question.entries, source)
+        return question.usual if value is None else value
+
+    def _asked(self, question: Question) -> Any:
+        """None: nobody knows."""
+        from tactile_nodes.errors import ConfigurationError
+
+        usual = f' (nothing: {_told(question.usual)})' if question.usual else ''
+        while True:
+            try:
+                text = input(f'{question.text}{usual} ').strip()
+            except EOFError as error:
+                raise ConfigurationError(f'the questions ended unanswered; answer with --{question.flag}') from error
+            if not text and question.usual:
+                return None
+            try:
+                return question.read(text)
+            except argparse.ArgumentTypeError as error:
+                print(error)
+
+
+def _told(value: Any) -> str:
+    return '-'.join(f'{each:g}' for each in (value if isinstance(value, tuple) else (value,)))
+
+
+def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> CameraDescription | None:
+    """The camera that a calibration tells of. Raises ConfigurationError: it is of pictures of another size."""
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.params import from_mapping
+    from tactile_nodes.sensors import CameraDescription
+    from tactile_nodes.sensors.camera_file import read_camera_file
+
+    file: Path | None = arguments.camera_info
+    if file is None:
+        return None
+    told = read_camera_file(file, 'fisheye' if arguments.fisheye else '')
+    of = told.pop('image.width', size_px[0]), told.pop('image.height', size_px[1])
+    if of != size_px:
+        raise ConfigurationError(
+            f'{file} was calibrated with pictures of {of[0]}x{of[1]}, and these have {size_px[0]}x{size_px[1]}; '
+            'calibrate at the size that is used'
+        )
+    values = {name.removeprefix('camera.'): value for name, value in told.items()}
+    return from_mapping(CameraDescription, values, source=str(file), exact=False)

@@ -1,0 +1,224 @@
+"""From a picture of an untouched gel, and what no picture shows, to the description of a sensor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.inspection.dots import Dots, find_dots
+from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
+from tactile_nodes.sensors import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    MaskSettings,
+    PatternDescription,
+    Sensor,
+)
+from tactile_nodes.sensors.covering import polygons_of
+
+REGION_STEP = 40
+"""Sides of what is cut from a picture are multiples of it, so that regions of many sizes divide them."""
+
+BEYOND = 1.05
+"""Times the width that is seen that the gel is taken to be wide: regions at the rim look a little beyond it."""
+
+BIN_MM = 2.7
+"""Width of a bin, about as on the simulated sensors."""
+
+LENS_PX = 0.6
+LEAST_RADIUS_PX = 0.5
+SAME = 0.1
+"""Share by which two ways to the same length may differ."""
+
+LEAST_COVERED = 0.01
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a person says. 0 or empty: unknown.
+
+    Attributes:
+        name: of the sensor.
+        width_mm: that the picture shows of the gel from left to right, as far as it is cut.
+        pitch_mm: of printed dots, instead of that.
+        thickness_mm: of the gel.
+        modulus_mpa: its shear modulus.
+        markers_mm: depths between which the pattern lies.
+        distance_mm: from the entrance pupil of the lens to the surface of the gel.
+        camera: a calibrated camera, whose place is not known.
+    """
+
+    name: str
+    width_mm: float = 0.0
+    pitch_mm: float = 0.0
+    thickness_mm: float = 4.0
+    modulus_mpa: float = 0.1
+    markers_mm: tuple[float, float] = (0.2, 0.5)
+    distance_mm: float = 20.0
+    camera: CameraDescription | None = None
+
+
+@dataclass(frozen=True)
+class Understood:
+    """A picture cut as the sensor's will be, and what is seen in it."""
+
+    picture: UInt8[np.ndarray, 'h w']
+    dots: Dots | None
+    covered: Bool[np.ndarray, 'h w'] = field(repr=False)
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        share = f'{100 * self.covered.mean():.0f} % of the picture look covered'
+        if self.dots is None:
+            return f'texture, no dots in rows and columns; {share}'
+        tone = 'dark' if self.dots.dark else 'bright'
+        return (
+            f'{len(self.dots)} {tone} dots, {self.dots.diameter_px:.1f} px wide and {self.dots.pitch_px:.1f} px apart; '
+            f'{share}'
+        )
+
+
+def understood(picture: UInt8[np.ndarray, 'h w'], pattern: str = 'auto') -> Understood:
+    """The pattern of a picture, and what covers it.
+
+    Raises:
+        ConfigurationError: dots are wanted and none are there, or everything looks covered.
+    """
+    dots = None if pattern == 'spheres' else find_dots(picture)
+    if pattern == 'dots' and dots is None:
+        raise ConfigurationError(
+            'the picture shows no dots in rows and columns; check light and focus, or leave the pattern to be found'
+        )
+    covered = looks_covered(picture, dots)
+    if covered.mean() < LEAST_COVERED:
+        covered = np.zeros_like(covered)
+    if covered.all():
+        raise ConfigurationError('the whole picture looks covered; check light and focus, or give the mask yourself')
+    return Understood(picture, dots, covered)
+
+
+def usual_crop(width: int, height: int) -> tuple[int, int]:
+    """The largest part of a picture whose sides many regions divide: all of 640x480, 1920x1080, 400x280 of 410x308."""
+    return max(REGION_STEP, width // REGION_STEP * REGION_STEP), max(REGION_STEP, height // REGION_STEP * REGION_STEP)
+
+
+def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Sensor:
+    """The sensor that cuts such a picture from its camera's, which are `size_px` wide and high.
+
+    Raises:
+        ConfigurationError: answers contradict each other or the picture.
+    """
+    if seen.covered.all():
+        raise ConfigurationError('the mask covers all of the picture; black is what to leave out')
+    px_per_mm = _scale(seen, answers)
+    middle_mm = sum(answers.markers_mm) / 2
+    (height, width), camera = seen.picture.shape, answers.camera
+    away_mm = _distance(answers, px_per_mm, middle_mm, width)
+    if camera is None:
+        focal = px_per_mm * (away_mm - middle_mm)
+        camera = CameraDescription('pinhole', focal_px=(focal, focal), centre_px=tuple((n - 1) / 2 for n in size_px))
+    low, high = _seen_mm(seen, camera, size_px, px_per_mm, away_mm - middle_mm)
+    # Rays spread: what is seen at the middle of the pattern is less than what is seen at its top.
+    top = (away_mm - answers.markers_mm[0]) / (away_mm - middle_mm)
+    wide_mm, high_mm = (math.ceil(10 * top * side) / 10 for side in (high - low).tolist())
+    x_mm, y_mm = (-np.round(top * (low + high) / 2, 1) + 0.0).tolist()
+    try:
+        return Sensor(
+            answers.name,
+            ImageSettings(*size_px, width, height),
+            replace(camera, position_mm=(x_mm, y_mm, -away_mm)),
+            GelDescription(
+                wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.49,), answers.markers_mm
+            ),
+            _pattern(seen, px_per_mm, wide_mm * high_mm),
+            BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
+            _mask(seen, size_px),
+        )  # fmt: skip
+    except ValueError as error:
+        raise ConfigurationError(f'the answers contradict each other: {error}') from error
+
+
+def _scale(seen: Understood, answers: Answers) -> float:
+    """Pixels a millimetre at the pattern."""
+    by_width = seen.picture.shape[1] / answers.width_mm if answers.width_mm else 0.0
+    by_pitch = seen.dots.pitch_px / answers.pitch_mm if seen.dots and answers.pitch_mm else 0.0
+    if answers.pitch_mm and not by_pitch:
+        raise ConfigurationError('the picture shows no dots in rows and columns, whose pitch was given; leave it out')
+    if not (by_width or by_pitch):
+        raise ConfigurationError('nothing says how large the gel is in the picture; give the width that is seen')
+    if by_width and by_pitch and abs(by_width / by_pitch - 1) > SAME:
+        raise ConfigurationError(
+            f'{answers.width_mm:g} mm across the picture are {by_width:.1f} px a millimetre, and dots '
+            f'{answers.pitch_mm:g} mm apart {by_pitch:.1f}; check both, or leave one out'
+        )
+    return by_pitch or by_width
+
+
+def _seen_mm(
+    seen: Understood, camera: CameraDescription, size_px: tuple[int, int], px_per_mm: float, away_mm: float
+) -> tuple[Float[np.ndarray, ' 2'], Float[np.ndarray, ' 2']]:
+    """Left upper and right lower corner (mm from the optical axis) of what is uncovered, `away_mm` from the pupil.
+
+    At the rim of the picture the gel is taken to go on, a little.
+    """
+    height, width = seen.covered.shape
+    free = np.argwhere(~seen.covered)[:, ::-1]
+    low, high, size = free.min(axis=0), free.max(axis=0), np.array([width, height])
+    more = (BEYOND - 1) / 2 * size
+    corners = np.where(low == 0, -more, low), np.where(high == size - 1, size - 1 + more, high)
+    middle = np.array(camera.centre_px) - (np.array(size_px) - size) // 2
+    if camera.model == 'pinhole':
+        left, right = ((each - middle) / px_per_mm for each in corners)
+    else:
+        steep = 1 / np.array(camera.focal_lengths_px)
+        left, right = (away_mm * np.tan(np.clip((each - middle) * steep, -1.4, 1.4)) for each in corners)
+    return left, right
+
+
+def _distance(answers: Answers, px_per_mm: float, middle_mm: float, width_px: int) -> float:
+    """From the pupil to the surface (mm): by the calibration, or as a person says."""
+    if answers.camera is None:
+        return answers.distance_mm
+    focal_px = answers.camera.focal_lengths_px[0]
+    if answers.camera.model == 'fisheye':
+        half = width_px / 2
+        focal_px = half / math.tan(min(half / focal_px, 1.5))
+    found = focal_px / px_per_mm + middle_mm
+    if answers.distance_mm and abs(answers.distance_mm / found - 1) > 2 * SAME:
+        raise ConfigurationError(
+            f'by its calibration and the width that is seen the lens is {found:.1f} mm away, and '
+            f'{answers.distance_mm:g} mm were given; check both, or leave one out'
+        )
+    return found
+
+
+def _pattern(seen: Understood, px_per_mm: float, area_mm2: float) -> PatternDescription:
+    """What is visible, in millimetres."""
+    if seen.dots is not None:
+        wide = round(seen.dots.diameter_px / px_per_mm, 3)
+        pitch = round(seen.dots.pitch_px / px_per_mm, 3)
+        return PatternDescription('dots', 1, (wide, wide), pitch, seen.dots.dark)
+    shown, free = marks(seen.picture), ~seen.covered
+    dark = float(np.mean(shown[free] ** 3)) < 0
+    variance = mark_px(seen.picture, free) ** 2 - 1 / 12 - LENS_PX**2
+    wide = round(4 * math.sqrt(max(variance, LEAST_RADIUS_PX**2 / 4)) / px_per_mm, 3)
+    per_mm2 = float(peaks(seen.picture, dark=dark)[free].mean()) * px_per_mm**2
+    return PatternDescription('spheres', max(1, round(per_mm2 * area_mm2)), (wide, wide), 2.0, dark)
+
+
+def _mask(seen: Understood, size_px: tuple[int, int]) -> MaskSettings:
+    """In the camera's whole picture, of which the one that was looked at is the middle."""
+    if not seen.covered.any():
+        return MaskSettings()
+    whole = np.zeros(size_px[::-1], bool)
+    height, width = seen.covered.shape
+    x, y = (size_px[0] - width) // 2, (size_px[1] - height) // 2
+    whole[y : y + height, x : x + width] = seen.covered
+    return MaskSettings(polygons_of(whole))

@@ -1,0 +1,128 @@
+"""Printed dots in a picture: where they are, how wide, and how far apart in rows and columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, UInt8
+
+LEAST_DOTS = 8
+LEAST_CONTRAST = 8.0
+"""Grey levels by which a dot differs from what is around it."""
+
+DIMMEST = 0.2
+"""Of the usual light: where there is less, differences of grey levels are not taken for more."""
+
+OF_CONTRAST = 0.5
+"""Of what the strongest differ by: where a dot ends."""
+
+LEAST_PX = 3.0
+"""Diameter of the smallest dot: what is smaller is texture."""
+
+ROUND = 0.55
+"""Share of its surrounding square that a dot fills at least (a disc: pi/4), and its narrow side over its wide one."""
+
+ALIKE = 2.0
+"""Times the usual area, and over it, that a dot may have."""
+
+IN_ROW, REGULAR = 0.2, 0.6
+"""Of the pitch: how far a dot may lie beside its place next to another. Of the dots: how many must lie so."""
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Dots of a picture, without those at its rim.
+
+    `across_px` and `down_px` are the ways (x, y) from a dot to the next one right of it and below it. `edge_px` is the
+    standard deviation of the blur of their edges.
+    """
+
+    centres_px: Float[np.ndarray, 'dots 2']
+    diameter_px: float
+    dark: bool
+    across_px: Float[np.ndarray, ' 2']
+    down_px: Float[np.ndarray, ' 2']
+    edge_px: float
+
+    @property
+    def pitch_px(self) -> float:
+        """From one dot to the next, mean of both ways."""
+        return float((np.hypot(*self.across_px) + np.hypot(*self.down_px)) / 2)
+
+    @property
+    def turn_deg(self) -> float:
+        """By how much rows are turned from left to right towards down."""
+        return math.degrees(math.atan2(self.across_px[1], self.across_px[0]))
+
+    def __len__(self) -> int:
+        return len(self.centres_px)
+
+
+def find_dots(picture: UInt8[np.ndarray, 'h w']) -> Dots | None:
+    """The dots of a picture, dark or bright ones, whichever are more; None if it shows none in rows and columns."""
+    side = min(picture.shape) // 4 | 1
+    around = cv2.medianBlur(picture, side).astype(np.float32)
+    usual = max(float(np.median(around)), 1.0)
+    above = (picture - around) * usual / np.maximum(around, DIMMEST * usual)
+    found = [each for each in (_found(-above, dark=True), _found(above, dark=False)) if each is not None]
+    return max(found, key=len, default=None)
+
+
+def _found(above: Float32[np.ndarray, 'h w'], *, dark: bool) -> Dots | None:
+    """Dots that are higher than what is around them."""
+    contrast = float(np.percentile(above, 98))
+    if contrast < LEAST_CONTRAST:
+        return None
+    centres, areas = _discs(above > OF_CONTRAST * contrast)
+    if len(centres) < LEAST_DOTS:
+        return None
+    across, down = _next(centres, axis=0), _next(centres, axis=1)
+    if across is None or down is None:
+        return None
+    edge_px = _edge_px(above, centres, math.sqrt(float(np.median(areas)) * 4 / math.pi))
+    return Dots(centres, math.sqrt(float(np.median(areas)) * 4 / math.pi), dark, across, down, edge_px)
+
+
+def _discs(on: Bool[np.ndarray, 'h w']) -> tuple[Float[np.ndarray, 'n 2'], Float[np.ndarray, ' n']]:
+    """Centres and areas of round parts of one size, away from the rim."""
+    height, width = on.shape
+    _, _, boxes, centres = cv2.connectedComponentsWithStats(on.astype(np.uint8), connectivity=4)
+    left, top, wide, high, area = boxes[1:].T.astype(float)
+    inside = (left > 0) & (top > 0) & (left + wide < width) & (top + high < height)
+    even = np.minimum(wide, high) >= ROUND * np.maximum(wide, high)
+    good = inside & even & (area >= ROUND * wide * high) & (area >= LEAST_PX**2 * math.pi / 4)
+    if not good.any():
+        return np.zeros((0, 2)), np.zeros(0)
+    usual = float(np.median(area[good]))
+    good &= (area < ALIKE * usual) & (area > usual / ALIKE)
+    return centres[1:][good], area[good]
+
+
+def _next(centres: Float[np.ndarray, 'n 2'], axis: int) -> Float[np.ndarray, ' 2'] | None:
+    """The usual way from a dot to the next along x (0) or y (1); None where hardly any lies so."""
+    ways = centres[None] - centres[:, None]
+    along, beside = ways[..., axis], np.abs(ways[..., 1 - axis])
+    away = np.where((along > 0) & (beside < along / 2), np.hypot(along, beside), np.inf)
+    nearest = away.argmin(axis=1)
+    has = np.isfinite(away[np.arange(len(centres)), nearest])
+    if has.sum() < LEAST_DOTS / 2:
+        return None
+    chosen = ways[np.flatnonzero(has), nearest[has]]
+    usual: np.ndarray = np.median(chosen, axis=0)
+    off = np.hypot(*(chosen - usual).T)
+    return usual if (off < IN_ROW * np.hypot(*usual)).mean() >= REGULAR else None
+
+
+def _edge_px(above: Float32[np.ndarray, 'h w'], centres: Float[np.ndarray, 'n 2'], diameter_px: float) -> float:
+    """Blur of edges: a step of height a, blurred by s, is a / (s sqrt(2 pi)) steep at most."""
+    smooth = cv2.GaussianBlur(above, (0, 0), 1.0)
+    steep = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1))))
+    reach, blurs = round(0.9 * diameter_px), []
+    for x, y in np.rint(centres).astype(int).tolist():
+        cut = slice(max(y - reach, 0), y + reach + 1), slice(max(x - reach, 0), x + reach + 1)
+        height = float(np.percentile(smooth[cut], 95) - np.percentile(smooth[cut], 5))
+        blurs.append(height / (math.sqrt(2 * math.pi) * max(float(np.percentile(steep[cut], 98)), 1e-3)))
+    return math.sqrt(max(float(np.median(blurs)) ** 2 - 1, 0.0))

@@ -1,0 +1,303 @@
+"""Pictures of an untouched sensor judged beside its description, finding by finding, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.elasticity.region_choice import usual_regions
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.features import RegionOptions, texture_confidence
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.methods import FlowMethod
+from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.sensing.inspection.dots import Dots, find_dots
+from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
+from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
+from tactile_nodes.sensors import Sensor
+
+OK, LOOK, BAD = 'ok', 'look', 'bad'
+"""Fine; works, but look at it; nothing useful can be measured like this."""
+
+DIM_GREY, BURNT_SHARE, FLICKER = 60, 0.01, 0.02
+"""Brightest parts of a picture that are too dim; share of burnt pixels that is too much; change of light."""
+
+BLURRED, LEAST_EDGE_PX = 1.6, 2.5
+"""Times as wide as a sharp picture has them marks are, and blur of edges of dots, that speak of bad focus."""
+
+LENS_PX = 0.6
+"""Blur of a good lens and its pixels beside their size (standard deviation)."""
+
+PITCH_OFF, TURNED_DEG, DOTS_FOUND = 0.05, 3.0, 0.8
+"""Share by which dots may be further apart than described; angle by which their rows may be turned; share of the
+described ones that should be found."""
+PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
+
+MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
+"""Confidence in a region's motion from which models of described sensors use it; share of the usable regions that must
+reach it, and that should."""
+
+UNSTEADY_PX = 0.3
+"""Motion of regions at rest beyond which something moved, or light does."""
+
+UNMASKED = 0.01
+"""Share of the picture that may look covered and not be in the mask."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was looked at, how it is (`OK`, `LOOK`, `BAD`), and that in a sentence."""
+
+    what: str
+    level: str
+    text: str
+
+
+class Inspection:
+    """What pictures show of a sensor that nothing touches.
+
+    Args:
+        sensor: its description.
+        pictures: whole grey pictures of the camera by their names, at least one.
+
+    Raises:
+        ConfigurationError: a picture has another size than the description says.
+    """
+
+    def __init__(self, sensor: Sensor, pictures: Mapping[str, UInt8[np.ndarray, 'h w']]) -> None:
+        self.sensor, self.regions = sensor, usual_regions(sensor)
+        image = sensor.image
+        for name, picture in pictures.items():
+            if picture.shape != (image.height, image.width):
+                raise ConfigurationError(
+                    f'{name} has {picture.shape[1]}x{picture.shape[0]} pixels, and image of {sensor.name} says '
+                    f'{image.width}x{image.height}; set the camera to that size, or change image.width and image.height'
+                )
+        crop = Crop.centred(image.width, image.height, *image.crop_px)
+        self.pictures = [np.ascontiguousarray(crop.apply(each)) for each in pictures.values()]
+
+    @cached_property
+    def rest(self) -> UInt8[np.ndarray, 'h w']:
+        """The mean of all pictures, cut as the sensor's are."""
+        return np.asarray(np.rint(np.mean(self.pictures, axis=0)), np.uint8)
+
+    @cached_property
+    def gel(self) -> Bool[np.ndarray, 'h w']:
+        """Where the picture should show the gel, and nothing that the mask covers."""
+        drawn = np.zeros(self.rest.shape, np.uint8)
+        cv2.fillPoly(drawn, [np.rint(outline_px(self.regions)).astype(np.int32)], 1)
+        return np.asarray((drawn > 0) & ~self.sensor.covered)
+
+    @cached_property
+    def dots(self) -> Dots | None:
+        """Printed dots in the picture."""
+        return find_dots(np.where(self.sensor.covered, np.uint8(np.median(self.rest)), self.rest))
+
+    @cached_property
+    def unmasked(self) -> Bool[np.ndarray, 'h w']:
+        """What should be gel and looks covered."""
+        return np.asarray(looks_covered(self.rest, self.dots) & self.gel)
+
+    @cached_property
+    def marked(self) -> Bool[np.ndarray, ' regions']:
+        """Which regions show a pattern that motion can be measured by."""
+        return np.asarray(self._confidence >= MEASURED)
+
+    @cached_property
+    def _confidence(self) -> Float[np.ndarray, ' regions']:
+        """In the motion of each region, as the rest image has it."""
+        return np.asarray(self._flow(self.rest).displacement(self.rest).confidence, float).ravel()
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """All that was looked at, in the order in which it is to be mended."""
+        seen = self._size(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask(), self._rest()
+        return tuple(each for each in seen if each is not None)
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing is bad."""
+        return all(each.level != BAD for each in self.findings)
+
+    def _size(self) -> Finding:
+        image, (width, height) = self.sensor.image, self.sensor.image.crop_px
+        count = len(self.pictures)
+        told = f'{count} picture{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
+        return Finding('size', OK, told)
+
+    def _light(self) -> Finding:
+        faults = [picture_faults(each) for each in self.pictures]
+        bright = float(np.percentile(self.rest, 99))
+        burnt = float((self.rest[self.gel] == 255).mean()) if self.gel.any() else 0.0
+        levels = [each.level for each in faults]
+        flicker = max(levels) / max(min(levels), 1.0) - 1
+        told = f'brightest parts at {bright:.0f} of 255, {_percent(burnt)} of the gel burnt out'
+        if any(each.dark for each in faults):
+            return Finding('light', BAD, f'{told}; a picture is black: switch on the light or uncover the lens')
+        if any(each.saturated for each in faults):
+            return Finding('light', BAD, f'{told}; lower the exposure, the gain or the light')
+        if bright < DIM_GREY:
+            return Finding('light', LOOK, f'{told}; raise the exposure or the light')
+        if burnt > BURNT_SHARE:
+            return Finding('light', LOOK, f'{told}; lower the exposure, or mask what reflects')
+        if flicker > FLICKER:
+            told += f'; it differs by {_percent(flicker)} between pictures: fix exposure and gain'
+            return Finding('light', LOOK, told)
+        return Finding('light', OK, told)
+
+    def _pattern(self) -> Sequence[Finding]:
+        if self.sensor.pattern.kind == 'dots':
+            return self._described_dots()
+        if self.dots is not None:
+            told = f'{len(self.dots)} dots in rows and columns, and the description says spheres: set pattern.kind'
+            return (Finding('pattern', BAD, told),)
+        count = self.regions.usable
+        inside = self._per_region(peaks(self.rest, dark=self.sensor.pattern.dark))[count]
+        few = int(np.median(inside)) if inside.size else 0
+        level = BAD if few < 1 else LOOK if few < 2 else OK
+        return (Finding('pattern', level, f'{few} markers a region (median)'),)
+
+    def _described_dots(self) -> Sequence[Finding]:
+        pattern, wanted = self.sensor.pattern, self.expected_dots
+        if self.dots is None:
+            told = (
+                f'no dots in rows and columns; {len(wanted)} are described: check light and focus, or set pattern.kind '
+                'to spheres'
+            )
+            return (Finding('dots', BAD, told),)
+        if self.dots.dark != pattern.dark:
+            told = f'dots are {_tone(self.dots.dark)}, and the description says {_tone(pattern.dark)}: set pattern.dark'
+            return (Finding('dots', BAD, told),)
+        described_px = self.regions.px_per_mm * pattern.pitch_mm
+        off, turned = self.dots.pitch_px / described_px - 1, self.dots.turn_deg + self.sensor.camera.roll_deg
+        told = f'{self.dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
+        if abs(off) > PITCH_OFF:
+            told += f': {PITCH_HELP}'
+        level = LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK
+        found = f'{len(self.dots)} {_tone(pattern.dark)} dots found, {len(wanted)} described within the picture'
+        enough = len(self.dots) >= DOTS_FOUND * len(wanted)
+        return Finding('dots', OK if enough else LOOK, found), Finding('pitch', level, told)
+
+    @cached_property
+    def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
+        """Where described dots are in the picture, those whose whole disc is in it and uncovered."""
+        gel, pattern = self.sensor.gel, self.sensor.pattern
+        lines = [
+            pattern.pitch_mm * (np.arange(count) - (count - 1) / 2)
+            for count in (int(side // pattern.pitch_mm) for side in (gel.width_mm, gel.height_mm))
+        ]
+        x, y = np.meshgrid(*lines)
+        depth = np.full(x.size, -sum(gel.markers_mm) / 2)
+        places = self.regions.seen_at(np.column_stack([x.ravel(), y.ravel(), depth]))
+        radius = self.regions.px_per_mm * sum(pattern.diameter_mm) / 4
+        size = np.array(self.sensor.image.crop_px)
+        inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
+        near = np.rint(places[inside]).astype(int)
+        return np.asarray(places[inside][~self.sensor.covered[near[:, 1], near[:, 0]]])
+
+    def _focus(self) -> Finding | None:
+        if self.sensor.pattern.kind == 'dots':
+            if self.dots is None:
+                return None
+            told = f'edges of dots are blurred by {self.dots.edge_px:.1f} px (standard deviation)'
+            level = OK if self.dots.edge_px < LEAST_EDGE_PX else LOOK
+        else:
+            wide, sharp = mark_px(self.rest, self.gel), self._sharp_px
+            told = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
+            level = OK if wide < BLURRED * sharp else LOOK
+        return Finding('focus', level, told if level == OK else f'{told}; turn the lens until they are narrowest')
+
+    @property
+    def _sharp_px(self) -> float:
+        """Width of described markers under a good lens: a disc's variance is a quarter of its squared radius."""
+        radius_px = self.regions.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
+        return math.sqrt(radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
+
+    def _seen(self) -> Finding:
+        usable = self.regions.usable
+        share = float(self.marked[usable].mean()) if usable.any() else 0.0
+        sure = float(np.median(self._confidence[usable])) if usable.any() else 0.0
+        told = (
+            f'{usable.sum()} of {usable.size} see the gel and nothing else, {_percent(share)} of them a pattern to '
+            f'measure by (confidence {sure:.2f}, median)'
+        )
+        if share < MARKED or (refused := self._refused()):
+            return Finding('regions', BAD, told if share < MARKED else f'{told}; {refused}')
+        if share < MOST_MARKED or sure < 0.5:
+            return Finding('regions', LOOK, f'{told}; more contrast would help: light, exposure, focus')
+        return Finding('regions', OK, told)
+
+    def _refused(self) -> str:
+        """Why a live node would not take this as a rest image; empty if it would."""
+        try:
+            options = RegionOptions(self.regions.rows, self.regions.cols)
+            require_rest_image(self.rest, texture_confidence(self.rest, options))
+        except ImageError as error:
+            return str(error)
+        return ''
+
+    def _mask(self) -> Finding:
+        covered, more = float(self.sensor.covered.mean()), float(self.unmasked.mean())
+        told = f'the mask covers {_percent(covered)} of the picture'
+        if more > UNMASKED:
+            told += f', and {_percent(more)} more look covered (red in the figure): mask them'
+        return Finding('mask', LOOK if more > UNMASKED else OK, told)
+
+    def _rest(self) -> Finding | None:
+        """Motion between pictures in which nothing touches."""
+        usable = self.regions.usable & self.marked
+        if len(self.pictures) < 2 or not usable.any():
+            return None
+        noise_px = self.noise_px[usable]
+        middle, most = float(np.median(noise_px)), float(np.percentile(noise_px, 95))
+        told = (
+            f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from picture to picture, '
+            f'which is {1000 * middle / self.regions.px_per_mm:.1f} um of the gel'
+        )
+        if middle < UNSTEADY_PX:
+            return Finding('noise', OK, told)
+        return Finding('noise', LOOK, f'{told}: something touched or moved, or the light flickers')
+
+    @cached_property
+    def noise_px(self) -> Float[np.ndarray, ' regions']:
+        """Motion (root mean square) of each region in single pictures beside the first one."""
+        flow = self._flow(self.pictures[0])
+        moved = [flow.displacement(each).displacement_px for each in self.pictures[1:]]
+        return np.asarray(np.sqrt(np.square(moved).sum(axis=-1).mean(axis=0)).ravel(), float)
+
+    def _flow(self, rest: UInt8[np.ndarray, 'h w']) -> FlowMethod:
+        """As models of described sensors measure motion."""
+        flow = make_flow('inverse_compositional', {'rows': self.regions.rows, 'cols': self.regions.cols})
+        flow.set_reference(rest)
+        return flow
+
+    def _per_region(self, on: Bool[np.ndarray, 'h w']) -> Float[np.ndarray, ' regions']:
+        """How many pixels of each region are on."""
+        rows, cols = self.regions.rows, self.regions.cols
+        height, width = on.shape
+        counted: np.ndarray = on.reshape(rows, height // rows, cols, width // cols).sum(axis=(1, 3))
+        return counted.ravel().astype(float)
+
+
+def outline_px(regions: Regions, steps: int = 16) -> Float[np.ndarray, 'corners 2']:
+    """The rim of the gel as the picture has it, where its pattern begins."""
+    gel, way = regions.sensor.gel, np.linspace(-1, 1, steps, endpoint=False)
+    one = np.ones(steps)
+    sides = (way, -one), (one, way), (-way, one), (-one, -way)
+    places = np.concatenate([np.column_stack(each) for each in sides]) * np.array([gel.width_mm, gel.height_mm]) / 2
+    return regions.seen_at(np.column_stack([places, np.full(len(places), -gel.markers_mm[0])]))
+
+
+def _percent(share: float) -> str:
+    return f'{100 * share:.1f} %' if 0 < share < 0.1 else f'{100 * share:.0f} %'
+
+
+def _tone(dark: bool) -> str:
+    return 'dark' if dark else 'bright'

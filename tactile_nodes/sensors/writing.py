@@ -1,0 +1,52 @@
+"""Descriptions as the YAML that people read and change, each entry with where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tactile_nodes.params import to_values
+from tactile_nodes.sensors.description import Sensor
+
+OF_OTHERS = {
+    'pinhole': ('camera.focal_px_per_rad', 'camera.focal_ratio'), 'fisheye': ('camera.focal_px',),
+    'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm',),
+}  # fmt: skip
+"""Entries that mean nothing of a kind of camera or pattern."""
+HEAD = """\
+# What is known of this sensor: docs/sensors.md says what each entry means. Change what you know better, and look at it
+# with: tactile sensor check
+"""
+
+
+def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
+    """A description; `sources` says of dotted names where their values come from."""
+    lines, block = [HEAD.rstrip()], ''
+    unused = OF_OTHERS[sensor.camera.model] + OF_OTHERS[sensor.pattern.kind]
+    for name, value in to_values(sensor).items():
+        head, _, key = name.rpartition('.')
+        if name in unused or value == []:
+            continue
+        if head and head != block:
+            lines.append(f'{head}:')
+            block = head
+        source = f'  # {sources[name]}' if name in sources else ''
+        lines += _entry('  ' if head else '', key, value, source)
+    return '\n'.join(lines) + '\n'
+
+
+def _entry(indent: str, key: str, value: object, source: str) -> list[str]:
+    if isinstance(value, list) and value and isinstance(value[0], str):
+        return [f'{indent}{key}:{source}', *(f'{indent}  - "{each}"' for each in value)]
+    return [f'{indent}{key}: {_written(value)}{source}']
+
+
+def _written(value: object) -> str:
+    """As YAML and rcl read it back to six digits."""
+    if isinstance(value, list):
+        return f'[{", ".join(map(_written, value))}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        short = f'{value:.6g}'
+        return short if '.' in short or 'e' in short else f'{short}.0'
+    return f'"{value}"' if isinstance(value, str) else str(value)

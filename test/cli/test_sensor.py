@@ -1,0 +1,151 @@
+"""`tactile sensor`, as a person runs it."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.cli.sensor.questions import depths, modulus
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.sensors import load_sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.optics import Optics
+
+CALIBRATION = """\
+image_width: 320
+image_height: 240
+camera_matrix: {rows: 3, cols: 3, data: [340.0, 0.0, 159.5, 0.0, 341.0, 119.5, 0.0, 0.0, 1.0]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.05, 0.01, 0.0, 0.0, 0.0]}
+"""
+
+
+@pytest.fixture(scope='module')
+def pictures() -> list[np.ndarray]:
+    """The sensor with printed dots at rest; a cable hides the left of it."""
+    gel = gel_of(load_sensor('printed_dots'))
+    optics = Optics(gel, contact_table(gel))
+    shown = [optics.render((), number) for number in range(3)]
+    for each in shown:
+        each[:, :50] = 4
+    return shown
+
+
+@pytest.fixture
+def folder(tmp_path: Path, pictures: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / 'rest').mkdir()
+    for number, each in enumerate(pictures):
+        cv2.imwrite(str(tmp_path / 'rest' / f'{number}.png'), each)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18.5', '--stiffness', '10A', '--yes']) == 0
+    shown = capsys.readouterr().out
+    assert 'dark dots, 17' in shown
+    sensor, text = load_sensor('mine.yaml'), (folder / 'mine.yaml').read_text()
+    assert sensor.name == 'mine'
+    assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.03)
+    assert sensor.gel.moduli_mpa == pytest.approx((0.1376,), abs=1e-4)
+    assert sensor.covered[:, :48].all()
+    assert not sensor.covered[:, 56:].any()
+    assert 'moduli_mpa: [0.137561]  # as given' in text
+    assert 'layers_mm: [4.0]  # assumed' in text
+    assert cv2.imread('mine.png').shape[1] == 960
+    assert main(['sensor', 'check', 'mine.yaml', 'rest']) == 0
+    assert capsys.readouterr().out.count('ok   ') == 8
+    assert Path('mine_check.png').is_file()
+
+
+def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:
+    (folder / 'ost.yaml').write_text(CALIBRATION)
+    words = ['sensor', 'new', 'rest/0.png', '-o', 'mine.yaml', '--pitch', '2.5', '--camera-info', 'ost.yaml', '--yes']
+    assert main(words) == 0
+    (folder / 'ost.yaml').unlink()
+    camera = load_sensor('mine.yaml').camera
+    assert camera.focal_px == (340.0, 341.0)
+    assert camera.distortion == (-0.05, 0.01, 0, 0, 0)
+    assert camera.position_mm[2] == pytest.approx(-20, abs=0.2)
+
+
+def test_a_person_is_asked_until_the_answer_can_be_read(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = io.StringIO('\n18.5\nsoft\n4\n0.12\n0.6-0.3\n0.3\n\n')
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr('sys.stdin', terminal)
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
+    sensor = load_sensor('mine.yaml')
+    assert sensor.gel.layers_mm == (4.0,)
+    assert sensor.gel.moduli_mpa == (0.12,)
+    assert sensor.gel.markers_mm == (0.3, 0.4)
+    assert sensor.camera.position_mm[2] == -20.0
+    said = capsys.readouterr().out
+    assert "'soft' is not a number above 0" in said
+    assert "'0.6-0.3' does not go down" in said
+
+
+def test_questions_that_end_early_name_the_flag(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = io.StringIO('18.5\n')
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr('sys.stdin', terminal)
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 1
+    assert 'answer with --thickness' in capsys.readouterr().err
+    assert not Path('mine.yaml').exists()
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['rest'], 'No picture shows that: say it with --width'),
+        (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, and picture 0 of rest 320x240'),
+        (['flat.png', '--width', '18'], 'mine.yaml is not written: mend what is bad first'),
+        (['black.png', '--width', '18'], 'the camera image is black'),
+        (['rest', '--width', '18', '--mask', 'black.png'], 'the mask covers all of the picture'),
+        (['rest', '--width', '18', '--mask', 'other.png'], 'has 640x480 pixels, and image says 320x240'),
+        (['rest', '--width', '18', '--camera-info', 'ost.yaml'], 'was calibrated with pictures of 640x240'),
+        (['rest', '--width', '18', '--crop', '400x200'], 'cannot cut 400x200 pixels from an image of 320x240'),
+        (['rest', '--width', '18', '--skip', '9'], 'ends before its picture 9'),
+        (['none.png', '--width', '18'], 'cannot read the image none.png'),
+    ],
+)
+def test_what_no_description_follows_from_is_refused_and_nothing_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    for name, picture in (
+        ('other', np.full((480, 640), 99)), ('flat', np.full((240, 320), 90)), ('black', np.zeros((240, 320))),
+    ):  # fmt: skip
+        cv2.imwrite(f'{name}.png', picture.astype(np.uint8))
+    (folder / 'ost.yaml').write_text(CALIBRATION.replace('320', '640', 1))
+    assert main(['sensor', 'new', *words, '-o', 'mine.yaml', '--yes']) == 1
+    assert said in capsys.readouterr().err
+    assert not Path('mine.yaml').exists()
+
+
+def test_a_description_that_is_there_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path('mine.yaml').write_text('name: precious\n')
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18', '--yes']) == 1
+    assert 'mine.yaml is there; choose another name, or replace it with --force' in capsys.readouterr().err
+    assert Path('mine.yaml').read_text() == 'name: precious\n'
+
+
+def test_dots_that_are_not_there_are_bad(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cv2.imwrite('flat.png', np.full((240, 320), 90, np.uint8))
+    assert main(['sensor', 'check', 'printed_dots', 'flat.png']) == 1
+    assert 'bad  dots: no dots in rows and columns; 35 are described' in capsys.readouterr().out
+
+
+def test_answers_are_read_as_a_person_means_them() -> None:
+    """Gent (1958): Shore A 10 is 0.413 MPa of Young's modulus, a third of that of shear."""
+    assert modulus('10A') == pytest.approx(0.413 / 3, abs=1e-3)
+    assert modulus('0.1') == 0.1
+    assert depths('0.3') == (0.3, 0.4)
+    assert depths('1.5-6') == (1.5, 6.0)

@@ -1,0 +1,198 @@
+"""What pictures show of a sensor: patterns drawn by hand, and simulated from descriptions, are told as they are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
+from tactile_nodes.sensing.inspection.dots import find_dots
+from tactile_nodes.sensing.inspection.drawing import figure
+from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection
+from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey
+from tactile_nodes.sensors import CameraDescription, MaskSettings, Sensor, load_sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.optics import Optics
+
+DOTS, MEMBRANE = load_sensor('printed_dots'), load_sensor('speckle_membrane')
+
+
+def drawn(turn_deg: float = 0.0, *, dark: bool = True, blur_px: float = 1.0) -> np.ndarray:
+    """Discs 20 px wide and 50 px apart, turned about the middle of 400x300 px, on grey that falls to the right."""
+    paper, ink = (180.0, 40.0) if dark else (40.0, 180.0)
+    y, x = np.mgrid[:300, :400].astype(float)
+    turn = math.radians(turn_deg)
+    along = (x - 200) * math.cos(turn) + (y - 150) * math.sin(turn)
+    down = (y - 150) * math.cos(turn) - (x - 200) * math.sin(turn)
+    off = [each - 50 * np.round(each / 50) for each in (along, down)]
+    picture = np.where(np.hypot(*off) < 10, ink, paper) * (1 - x / 1000)
+    return np.rint(cv2.GaussianBlur(picture, (0, 0), blur_px)).astype(np.uint8)
+
+
+def speckle(mark: float = 1.5, seed: int = 1) -> np.ndarray:
+    """Spots of light with this standard deviation, at random."""
+    picture = np.zeros((300, 400), np.float32)
+    random = np.random.default_rng(seed)
+    picture[random.integers(0, 300, 4000), random.integers(0, 400, 4000)] = 1.0
+    blurred = cv2.GaussianBlur(picture, (0, 0), mark) * 2 * math.pi * mark**2
+    return np.clip(20 + 100 * blurred, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope='module')
+def membrane() -> np.ndarray:
+    gel = gel_of(MEMBRANE)
+    return Optics(gel, contact_table(gel)).render((), 1)
+
+
+@pytest.fixture(scope='module')
+def printed() -> list[np.ndarray]:
+    gel = gel_of(DOTS)
+    optics = Optics(gel, contact_table(gel))
+    return [optics.render((), number) for number in range(4)]
+
+
+@pytest.mark.parametrize('dark', [True, False])
+def test_dots_are_found_with_their_pitch_width_turn_and_blur(dark: bool) -> None:
+    dots = find_dots(drawn(4.0, dark=dark, blur_px=2.0))
+    assert dots is not None
+    assert dots.dark is dark
+    assert dots.pitch_px == pytest.approx(50, abs=0.3)
+    assert dots.diameter_px == pytest.approx(20, abs=1.0)
+    assert dots.turn_deg == pytest.approx(4.0, abs=0.3)
+    assert dots.edge_px == pytest.approx(2.0, abs=0.3)
+    assert np.hypot(*(dots.centres_px - [200, 150]).T).min() < 0.3
+
+
+def test_spots_at_random_are_no_dots() -> None:
+    assert find_dots(speckle()) is None
+    assert find_dots(speckle(4.0)) is None
+
+
+@pytest.mark.parametrize('mark', [1.5, 2.0, 2.5])
+def test_the_width_of_spots_is_measured(mark: float) -> None:
+    everywhere = np.ones((300, 400), bool)
+    assert mark_px(speckle(mark), everywhere) == pytest.approx(mark, rel=0.2)
+
+
+def test_noise_is_told_apart_from_a_pattern() -> None:
+    noisy = speckle().astype(float) + np.random.default_rng(2).normal(0, 3, (300, 400))
+    quiet = np.full((300, 400), 90.0) + np.random.default_rng(2).normal(0, 3, (300, 400))
+    assert noise_grey(np.rint(quiet).astype(np.uint8)) == pytest.approx(3, rel=0.2)
+    assert noise_grey(np.clip(noisy, 0, 255).astype(np.uint8)) < 8
+
+
+@pytest.mark.parametrize('picture', [drawn(), speckle()], ids=['dots', 'speckle'])
+def test_dark_strips_and_lights_look_covered(picture: np.ndarray) -> None:
+    """A strip of 60 px and a light of 50x50 px; a pattern has none of its own."""
+    assert not looks_covered(picture, find_dots(picture)).any()
+    covered = np.zeros(picture.shape, bool)
+    covered[:, :60] = covered[150:200, 200:250] = True
+    picture = picture.copy()
+    picture[:, :60], picture[150:200, 200:250] = 5, 255
+    found = looks_covered(picture, find_dots(picture))
+    assert (found & covered).sum() / covered.sum() > 0.9
+    assert (found & ~covered).sum() / covered.sum() < 0.15
+
+
+def test_pictures_of_the_described_sensor_are_ok(printed: list[np.ndarray], membrane: np.ndarray) -> None:
+    for inspection in (
+        Inspection(DOTS, {str(number): each for number, each in enumerate(printed)}),
+        Inspection(MEMBRANE, {'membrane': membrane}),
+    ):
+        assert {each.level for each in inspection.findings} == {OK}
+        assert figure(inspection).shape[1] >= 640
+    found = {each.what: each.text for each in Inspection(DOTS, {'a': printed[0], 'b': printed[1]}).findings}
+    assert found['dots'] == '35 dark dots found, 35 described within the picture'
+    assert found['pitch'].startswith('43.2 px apart, 43.3 described')
+
+
+def levels(sensor: Sensor, *pictures: np.ndarray) -> dict[str, str]:
+    named = {str(number): each for number, each in enumerate(pictures)}
+    return {each.what: each.level for each in Inspection(sensor, named).findings}
+
+
+def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) -> None:
+    blurred = cv2.GaussianBlur(printed[0], (0, 0), 4.0)
+    assert levels(DOTS, blurred)['focus'] == LOOK
+    assert levels(MEMBRANE, cv2.GaussianBlur(membrane, (0, 0), 3.0))['focus'] == LOOK
+    assert levels(DOTS, np.full_like(printed[0], 90))['dots'] == BAD
+    assert levels(DOTS, np.zeros_like(printed[0]))['light'] == BAD
+    assert levels(DOTS, 255 - printed[0])['dots'] == BAD  # bright dots
+    assert levels(replace(DOTS, pattern=replace(DOTS.pattern, pitch_mm=2.2)), printed[0])['pitch'] == LOOK
+    assert levels(replace(DOTS, pattern=MEMBRANE.pattern), printed[0])['pattern'] == BAD
+    assert levels(DOTS, printed[0], np.roll(printed[1], 2, axis=1))['noise'] == LOOK
+    hidden = printed[0].copy()
+    hidden[:, :80] = 2
+    assert levels(DOTS, hidden)['mask'] == LOOK
+    masked = replace(DOTS, mask=MaskSettings(('0,0 90,0 90,239 0,239',)))
+    assert levels(masked, hidden)['mask'] == OK
+
+
+def test_noise_of_regions_is_their_motion_in_single_pictures(printed: list[np.ndarray]) -> None:
+    moved = np.roll(printed[0], 1, axis=0)
+    assert np.median(Inspection(DOTS, {'a': printed[0], 'b': moved}).noise_px) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_picture_of_another_size_is_refused_by_its_name(membrane: np.ndarray) -> None:
+    with pytest.raises(ConfigurationError, match=r'rest\.png has 640x480 pixels, and image .* says 320x240'):
+        Inspection(DOTS, {'rest.png': membrane})
+
+
+def test_a_description_made_of_a_picture_is_that_which_it_was_simulated_from(printed: list[np.ndarray]) -> None:
+    """320 px at 17.3 px a millimetre are 18.5 mm; 2.5 mm from dot to dot, of 1 mm."""
+    seen = understood(printed[0])
+    sensor = describe(seen, Answers('again', 18.5, markers_mm=(0.3, 0.4)), (320, 240))
+    assert sensor.pattern.kind == 'dots'
+    assert sensor.pattern.dark
+    assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.02)
+    assert sensor.pattern.diameter_mm[0] == pytest.approx(1.0, rel=0.08)
+    assert sensor.camera.focal_px[0] == pytest.approx(340, rel=0.01)
+    assert sensor.gel.width_mm == pytest.approx(18.5 * 1.05, abs=0.2)
+    assert {each.level for each in Inspection(sensor, {'a': printed[0]}).findings} == {OK}
+
+
+def test_a_calibrated_camera_and_the_width_say_how_far_away_it_is(membrane: np.ndarray) -> None:
+    """512 px of focal length at 26 px a millimetre are 19.7 mm to the pattern, which lies 0.35 mm deep."""
+    calibrated = Answers('membrane', 640 / 26, distance_mm=0.0, camera=MEMBRANE.camera)
+    sensor = describe(understood(membrane), calibrated, (640, 480))
+    assert sensor.camera.position_mm[2] == pytest.approx(-(512 / 26 + 0.35), abs=0.01)
+    with pytest.raises(ConfigurationError, match=r'the lens is 20.0 mm away, and 40 mm were given'):
+        describe(understood(membrane), replace(calibrated, distance_mm=40.0), (640, 480))
+    fisheye = CameraDescription('fisheye', focal_px_per_rad=320.0)
+    round_about = describe(understood(membrane), replace(calibrated, camera=fisheye), (640, 480))
+    assert round_about.camera.position_mm[2] == pytest.approx(-(320 / math.tan(1) / 26 + 0.35), abs=0.01)
+
+
+def test_a_gel_whose_rim_is_seen_lies_where_it_is_seen(membrane: np.ndarray) -> None:
+    """Only the left half shows gel: 12.3 of 24.6 mm, and 0.6 mm beyond the left rim; its middle is 6.5 mm left."""
+    half = membrane.copy()
+    half[:, 320:] = 3
+    sensor = describe(understood(half), Answers('half', 640 / 26), (640, 480))
+    assert sensor.gel.width_mm == pytest.approx(12.9, abs=0.6)
+    assert sensor.camera.position_mm[0] == pytest.approx(6.5, abs=0.4)
+    assert sensor.covered[:, 340:].all()
+
+
+def test_answers_that_contradict_the_picture_are_refused(membrane: np.ndarray, printed: list[np.ndarray]) -> None:
+    dots = understood(printed[0])
+    with pytest.raises(ConfigurationError, match=r'are 17.3 px a millimetre, and dots 1 mm apart 43\.'):
+        describe(dots, Answers('x', 18.5, 1.0), (320, 240))
+    with pytest.raises(ConfigurationError, match='shows no dots in rows and columns, whose pitch was given'):
+        describe(understood(membrane), Answers('x', 25.0, 1.0), (640, 480))
+    with pytest.raises(ConfigurationError, match=r'contradict each other: gel.markers_mm must hold two depths within'):
+        describe(dots, Answers('x', 18.5, markers_mm=(1.5, 6.0)), (320, 240))
+    with pytest.raises(ConfigurationError, match='nothing says how large the gel is'):
+        describe(dots, Answers('x'), (320, 240))
+    with pytest.raises(ConfigurationError, match='shows no dots'):
+        understood(membrane, 'dots')
+
+
+def test_pictures_are_cut_to_sides_that_many_regions_divide() -> None:
+    assert usual_crop(640, 480) == (640, 480)
+    assert usual_crop(410, 308) == (400, 280)
