@@ -1,4 +1,5 @@
 # make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
+# make live SENSOR=mine.yaml [SOURCE=…] [MODEL=…]                             of a described sensor (docs/sensors.md)
 # make test                                                                   run the tests
 # make documents                                                              run the commands of the documents, the long ones too
 # make site                                                                   build the documentation as a searchable site
@@ -7,6 +8,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 SOURCE ?= simulated
+SENSOR ?=
+MODEL ?=
 ARGS ?=
 # One more than there are processors, since many tests wait, and not more than four.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
@@ -14,8 +17,17 @@ PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
 .PHONY: live test fuzz documents lint docs site site-serve clean
 
+# Of a described sensor, without a model of it, that which follows from the description; it takes some seconds.
+OWN_MODEL := build/live/$(notdir $(basename $(SENSOR))).safetensors
 live: $(VENV)/.live
-	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(ARGS)
+ifneq ($(SENSOR),)
+ifeq ($(MODEL),)
+	@mkdir -p $(dir $(OWN_MODEL))
+	@$(BIN)/tactile calibrate --sensor '$(SENSOR)' --model field -o '$(OWN_MODEL)'
+endif
+endif
+	@exec $(BIN)/tactile launch live --view source:='$(SOURCE)' $(if $(SENSOR),sensor:='$(SENSOR)') \
+	  $(if $(MODEL)$(SENSOR),model:='$(or $(MODEL),$(OWN_MODEL))') $(ARGS)
 
 test: $(VENV)/.dev
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)

@@ -105,8 +105,9 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing
 
 
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
-    """Those of the usual contacts of a live scene that need not be solved first, of 18 mm² times the gel's modulus."""
-    usual = ((name, usual_contact(gel, name)) for name in USUAL)
+    """Those of the usual contacts of a live scene that fit on the gel and need not be solved first, of 18 mm² times the
+    gel's modulus."""
+    usual = ((name, usual_contact(gel, name)) for name in USUAL if _width_mm(body_of(name)) <= min(gel.sides_mm))
     found = ((name, known_table(_problem(gel, contact, SPACING_MM).key)) for name, contact in usual)
     return {name: table for name, table in found if table is not None}
 
@@ -125,14 +126,18 @@ class _Problem(NamedTuple):
     key: str
 
 
+def _width_mm(body: Body) -> float:
+    return 2 * body.reach_mm
+
+
 def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
     from tactile_nodes.simulation.touch.bricks import Layer
     from tactile_nodes.simulation.touch.track import track_key
 
     layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
-    if 2 * body.reach_mm > (narrow_mm := min(gel.sides_mm)):
+    if _width_mm(body) > (narrow_mm := min(gel.sides_mm)):
         raise ConfigurationError(
-            f'{body.name} is {2 * body.reach_mm:.0f} mm wide, and the gel {narrow_mm:g} mm; give a smaller body'
+            f'{body.name} is {_width_mm(body):.0f} mm wide, and the gel {narrow_mm:g} mm; give a smaller body'
         )
     way = _way(contact, gel)
     return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')

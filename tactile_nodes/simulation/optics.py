@@ -203,6 +203,8 @@ class Optics:
         drawn: np.ndarray = sums.astype(np.float32).reshape(height, width)
         drawn += np.float32(self._gel.background_grey)
         drawn *= self._shade
+        if self._gel.marker_grey < 0:  # where dark markers overlap there is no less than no light
+            np.maximum(drawn, 0, out=drawn)
         return drawn
 
     @staticmethod

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,11 @@ def test_the_usual_contacts_ship_solved_for_all_gels_as_thick():
         assert table.presses == 3
         assert np.hypot(*table.force[-1, :2]) > 0.3 * table.force[-1, 2]  # dragged
     assert ready_contacts(load_gel('thin')) == {}
+
+
+def test_usual_contacts_that_are_wider_than_the_gel_are_left_out():
+    """The edge is 20 mm wide, and a gel as thick as the paper's 19 mm."""
+    assert list(ready_contacts(dataclasses.replace(load_gel('paper'), height_mm=19.0))) == ['ring', 'two']
 
 
 def test_a_contact_is_solved_once_and_then_known(monkeypatch: pytest.MonkeyPatch):
