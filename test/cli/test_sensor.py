@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,9 @@ import pytest
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.sensor.questions import depths, modulus
-from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics
 
 CALIBRATION = """\
@@ -28,8 +29,8 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.05, 0.01, 0.0, 0.0, 0.0]}
 @pytest.fixture(scope='module')
 def pictures() -> list[np.ndarray]:
     """The sensor with printed dots at rest; a cable hides the left of it."""
-    gel = gel_of(load_sensor('printed_dots'))
-    optics = Optics(gel, contact_table(gel))
+    gel = replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
+    optics = Optics(gel, solve(gel))
     shown = [optics.render((), number) for number in range(3)]
     for each in shown:
         each[:, :50] = 4

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
 from tactile_nodes.sensing.inspection.dots import find_dots
@@ -18,6 +17,7 @@ from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey
 from tactile_nodes.sensors import CameraDescription, MaskSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics
 
 DOTS, MEMBRANE = load_sensor('printed_dots'), load_sensor('speckle_membrane')
@@ -46,14 +46,14 @@ def speckle(mark: float = 1.5, seed: int = 1) -> np.ndarray:
 
 @pytest.fixture(scope='module')
 def membrane() -> np.ndarray:
-    gel = gel_of(MEMBRANE)
-    return Optics(gel, contact_table(gel)).render((), 1)
+    gel = replace(gel_of(MEMBRANE), mechanics='linear')
+    return Optics(gel, solve(gel)).render((), 1)
 
 
 @pytest.fixture(scope='module')
 def printed() -> list[np.ndarray]:
-    gel = gel_of(DOTS)
-    optics = Optics(gel, contact_table(gel))
+    gel = replace(gel_of(DOTS), mechanics='linear')
+    optics = Optics(gel, solve(gel))
     return [optics.render((), number) for number in range(4)]
 
 

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import share_directory
+from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensors import load_sensor
 
 
@@ -64,6 +66,13 @@ def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
 def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
         load_sensor(described(tmp_path, text))
+
+
+@pytest.mark.parametrize('name', sorted(each.stem for each in (share_directory() / 'config/sensors').glob('*.yaml')))
+def test_every_sensor_that_ships_shows_its_gel_to_enough_regions(name: str) -> None:
+    sensor = load_sensor(name)
+    assert sensor.name == name
+    assert usual_regions(sensor).usable.mean() > 0.5
 
 
 def test_a_sensor_that_is_not_there_is_told_with_those_that_ship() -> None:
