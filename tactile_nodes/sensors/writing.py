@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 
 from tactile_nodes.params import to_values
@@ -36,7 +37,7 @@ def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
 
 def _entry(indent: str, key: str, value: object, source: str) -> list[str]:
     if isinstance(value, list) and value and isinstance(value[0], str):
-        return [f'{indent}{key}:{source}', *(f'{indent}  - "{each}"' for each in value)]
+        return [f'{indent}{key}:{source}', *(f'{indent}  - {json.dumps(each)}' for each in value)]
     return [f'{indent}{key}: {_written(value)}{source}']
 
 
@@ -49,4 +50,4 @@ def _written(value: object) -> str:
     if isinstance(value, float):
         short = f'{value:.6g}'
         return short if '.' in short or 'e' in short else f'{short}.0'
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    return json.dumps(value) if isinstance(value, str) else str(value)

@@ -69,6 +69,17 @@ def test_dots_are_found_with_their_pitch_width_turn_and_blur(dark: bool) -> None
     assert np.hypot(*(dots.centres_px - [200, 150]).T).min() < 0.3
 
 
+def test_a_few_small_dots_are_found_too() -> None:
+    """12 of 10 px cover less than a hundredth of the picture."""
+    picture = np.full((300, 400), 160, np.uint8)
+    for x, y in np.stack(np.meshgrid(np.arange(50, 400, 100), np.arange(50, 300, 100)), -1).reshape(-1, 2).tolist():
+        cv2.circle(picture, (x, y), 5, 40, -1, cv2.LINE_AA)
+    dots = find_dots(picture)
+    assert dots is not None
+    assert len(dots) == 12
+    assert dots.pitch_px == pytest.approx(100)
+
+
 def test_spots_at_random_are_no_dots() -> None:
     assert find_dots(speckle()) is None
     assert find_dots(speckle(4.0)) is None

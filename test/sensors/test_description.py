@@ -1,5 +1,6 @@
 """A sensor's description: read whole, or refused in a sentence that names what contradicts what."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,8 @@ import pytest
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
-from tactile_nodes.sensors import load_sensor
+from tactile_nodes.sensors import MaskSettings, load_sensor
+from tactile_nodes.sensors.writing import text_of
 
 
 def described(folder: Path, text: str) -> Path:
@@ -66,6 +68,15 @@ def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
 def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
         load_sensor(described(tmp_path, text))
+
+
+def test_a_description_that_was_written_is_read_as_it_was(tmp_path: Path) -> None:
+    sensor = replace(load_sensor('simulated'), name='a "name" # of \\ mine', mask=MaskSettings(('0,0 9,0 9,9',)))
+    (tmp_path / 'mine.yaml').write_text(text_of(sensor, {'gel.width_mm': 'as given'}))
+    assert load_sensor(tmp_path / 'mine.yaml') == sensor
+    dots = load_sensor('printed_dots')
+    (tmp_path / 'mine.yaml').write_text(text_of(dots, {}))
+    assert load_sensor(tmp_path / 'mine.yaml') == dots
 
 
 @pytest.mark.parametrize('name', sorted(each.stem for each in (share_directory() / 'config/sensors').glob('*.yaml')))
