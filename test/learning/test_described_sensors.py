@@ -102,10 +102,10 @@ def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
 
 
 def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: LoadedModel) -> None:
-    """20 px a region, 1.2 mm of window, over twice 0.55 mm: 1.1; its square times 0.05 is in doubt."""
+    """20 px a region, 1.2 mm of window, over twice 0.55 mm: 1.1; twice its square times 0.05 is in doubt."""
     readout = made.model.readout
     assert isinstance(readout, FieldReadout)
-    assert readout.spread.response == pytest.approx(0.05 * (1.2 * 1.0 / 1.1) ** 2, rel=0.1)
+    assert readout.spread.response == pytest.approx(0.05 * 2 * (1.2 * 1.0 / 1.1) ** 2, rel=0.1)
     assert FieldSpread(response=0.2).normal_n(0.0, 1.0) > 2 * FieldSpread(response=0.2).nominal_n(1.0)
     assert FieldSpread(response=0.05).normal_n(0.0, 1.0) < 2 * FieldSpread(response=0.05).nominal_n(1.0)
 

@@ -47,8 +47,11 @@ UNFITTED = 0.04
 UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
-Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by the square of
-that as far: tips on a simulated membrane are a fifth off."""
+Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by twice the
+square of that as far: tips on a simulated membrane are a fifth off, and intervals of a pad with markers 0.3 to 1 mm deep
+hold 93 % of 30 totals (seed 717), with once the square 77 %."""
+
+UNEVEN_TIMES = 2.0
 
 LEAST_SEEN = 0.2
 """Share of the regions that must see the gel."""
@@ -305,7 +308,7 @@ def _nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regi
 def _spread(form: str, presses: int, uneven: float, *, by_ball: bool = True) -> FieldSpread:
     told = by_ball and form == 'regions' and presses > FEW
     return FieldSpread(
-        response=UNPRESSED * (math.sqrt(FEW / presses) if told else min(max(1.0, uneven**2), MOST_TIMES))
+        response=UNPRESSED * (math.sqrt(FEW / presses) if told else min(max(1.0, UNEVEN_TIMES * uneven**2), MOST_TIMES))
     )
 
 
