@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.flow.dot_pattern import find_dots
 from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
-from tactile_nodes.sensing.inspection.dots import find_dots
 from tactile_nodes.sensing.inspection.drawing import figure
 from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey

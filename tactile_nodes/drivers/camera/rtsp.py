@@ -16,8 +16,8 @@ import numpy as np
 
 from tactile_nodes import opencv
 from tactile_nodes.clock import Clock
-from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.decoding import open_video
+from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.drivers.camera.mjpeg import without_password
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level

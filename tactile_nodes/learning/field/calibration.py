@@ -216,7 +216,7 @@ def _measured_by(
 ) -> dict[str, Any]:
     """Flow and encoding by region: those of the source, of printed dots the flow by dots, which no texture weighs."""
     dots = sensor.pattern.kind == 'dots'
-    flow = {'name': DotsFlow.name, 'options': {}} if dots else source['flow']
+    flow: Mapping[str, Any] = {'name': DotsFlow.name, 'options': {}} if dots else source['flow']
     encoding, unseen = source['encoding'], {'covered': covered} if covered else {}
     weighed = {'texture_grey': NO_TEXTURE} if dots else {}
     return {

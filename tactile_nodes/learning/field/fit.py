@@ -48,8 +48,8 @@ UNPRESSED, FEW = 0.05, 10
 """Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
 so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
 Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by twice the
-square of that as far: tips on a simulated membrane are a fifth off, and intervals of a pad with markers 0.3 to 1 mm deep
-hold 93 % of 30 totals (seed 717), with once the square 77 %."""
+square of that as far: tips on a simulated membrane are a fifth off, and intervals of a pad with markers 0.3 to 1 mm
+deep hold 93 % of 30 totals (seed 717), with once the square 77 %."""
 
 UNEVEN_TIMES = 2.0
 

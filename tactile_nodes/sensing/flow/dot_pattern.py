@@ -73,7 +73,7 @@ def find_dots(picture: UInt8[np.ndarray, 'h w']) -> Dots | None:
 
 def _found(above: Float32[np.ndarray, 'h w'], *, dark: bool) -> Dots | None:
     """Dots that are higher than what is around them."""
-    contrast = float(np.percentile(above, 98))
+    contrast = float(np.percentile(above, 99.5))
     if contrast < LEAST_CONTRAST:
         return None
     centres, areas = _discs(above > OF_CONTRAST * contrast)

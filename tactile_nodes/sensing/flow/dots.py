@@ -41,7 +41,7 @@ STIFF = 1.0
 
 @dataclass(frozen=True)
 class DotsOptions:
-    """Motion is told on `rows` x `cols` regions, evenly over the picture, and not believed on those that are `covered`."""
+    """Motion is told on `rows` x `cols` regions, evenly over the picture; it is not believed on those `covered`."""
 
     rows: int = 10
     cols: int = 10

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.inspection.dots import Dots, find_dots
+from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
 from tactile_nodes.sensors import (
     BinSettings,

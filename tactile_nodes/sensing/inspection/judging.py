@@ -16,9 +16,9 @@ from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
 from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
-from tactile_nodes.sensing.inspection.dots import Dots, find_dots
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
 from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
 from tactile_nodes.sensors import Sensor

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from tactile_nodes.sensing.inspection.dots import Dots
+from tactile_nodes.sensing.flow.dot_pattern import Dots
 
 SMOOTH_PX, AROUND_PX = 1.0, 6.0
 """Standard deviations of blurs: of what pixels differ by noise, and of light that changes slowly."""
