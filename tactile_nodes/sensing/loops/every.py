@@ -5,7 +5,7 @@ is compiled while frames come. Sums are made in another order than numpy's, so l
 """
 
 from tactile_nodes.sensing.loops.axisymmetric import motion_and_slopes, motion_variance
-from tactile_nodes.sensing.loops.field import least_squares
+from tactile_nodes.sensing.loops.field import field
 from tactile_nodes.sensing.loops.patches import displacement, match
 from tactile_nodes.sensing.loops.pictures import common, counted, differences, halved
 from tactile_nodes.sensing.loops.response import read as read_response
@@ -16,8 +16,8 @@ __all__ = [
     'counted',
     'differences',
     'displacement',
+    'field',
     'halved',
-    'least_squares',
     'looked',
     'match',
     'most_away',

@@ -1,4 +1,4 @@
-"""Steps towards the forces of a field, compiled: see `explain.cone.least_squares`."""
+"""The force field that explains a motion, compiled: see `explain.field.solver.FieldSolver.field`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -7,8 +7,56 @@ import math
 
 import numpy as np
 
-from tactile_nodes.sensing.explain.field.cone import RELAXED, TINY
+from tactile_nodes.sensing.elasticity.patches import PER_BIN
+from tactile_nodes.sensing.explain.field import cone, solver
 from tactile_nodes.sensing.loops.common import compiled
+
+_NONE = np.float32(0)
+
+
+@compiled()
+def _products(rows, products):
+    """Rows with each other, the lower half: four with two at a time, whose sums stay in registers."""
+    count = rows.shape[0]
+    for i in range(0, count, 4):
+        places = i, min(i + 1, count - 1), min(i + 2, count - 1), min(i + 3, count - 1)
+        one, two, three, four = rows[places[0]], rows[places[1]], rows[places[2]], rows[places[3]]
+        for j in range(0, min(i + 4, count), 2):
+            beside = min(j + 1, count - 1)
+            left, right = rows[j], rows[beside]
+            a, b, c, d, e, f, g, h = _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE
+            for k in range(rows.shape[1]):
+                x, y = left[k], right[k]
+                a, b, c, d = a + one[k] * x, b + one[k] * y, c + two[k] * x, d + two[k] * y
+                e, f, g, h = e + three[k] * x, f + three[k] * y, g + four[k] * x, h + four[k] * y
+            for place, x, y in ((places[0], a, b), (places[1], c, d), (places[2], e, f), (places[3], g, h)):
+                products[place, j], products[place, beside] = x, y
+
+
+@compiled()
+def _inverse_root(matrix, root):
+    """As `cone.inverse_root`, of a matrix whose lower half becomes its factor; `root` begins with 0. False: none."""
+    n = matrix.shape[0]
+    for i in range(n):
+        row = matrix[i]
+        for j in range(i + 1):
+            other, total = matrix[j], row[j]
+            for k in range(j):
+                total -= row[k] * other[k]
+            if j < i:
+                row[j] = total / other[j]
+            elif total > 0:
+                row[i] = math.sqrt(total)
+            else:
+                return False
+    for i in range(n):
+        row, own = root[i], 1 / matrix[i, i]
+        for j in range(i):
+            other, share = root[j], own * matrix[i, j]
+            for k in range(j + 1):
+                row[k] -= share * other[k]
+        row[i] = own
+    return True
 
 
 @compiled()
@@ -16,36 +64,214 @@ def _times_inverse(root, vector, between, product):
     """`product` becomes R'R times a vector, R lower triangular."""
     n = vector.shape[0]
     for i in range(n):
-        total = np.float32(0.0)
+        total = _NONE
         row = root[i]
         for j in range(i + 1):
             total += row[j] * vector[j]
         between[i] = total
-        product[i] = np.float32(0.0)
+        product[i] = _NONE
     for i in range(n):
         row, share = root[i], between[i]
         for j in range(i + 1):
             product[j] += row[j] * share
 
 
-@compiled('void(float32[:,::1],float32[::1],float64,float64,int64,float64[::1])')
-def least_squares(root, begin, stiff, friction, steps, held):
-    """As `explain.cone._least_squares`: fills in `held`, which begins with none."""
-    n = begin.shape[0]
-    count = n // 3
-    off, vector = np.zeros(n), np.empty(n, np.float32)
+@compiled()
+def _least_squares(information, evidence, steps, forces):
+    """As `cone.least_squares`, which tells of the steps: fills in the forces; whether they can be told apart."""
+    n = evidence.shape[0]
+    count, friction = n // 3, solver.FRICTION
+    stepped, root = np.empty((n, n), np.float32), np.zeros((n, n), np.float32)
+    trace = 0.0
+    for i in range(n):
+        trace += information[i, i]
+    stiff = cone.STIFF * trace / n
+    for i in range(n):
+        for j in range(i + 1):
+            stepped[i, j] = information[i, j]
+        stepped[i, i] += np.float32(stiff)
+    if not _inverse_root(stepped, root):
+        return False
+    off, vector, begin = np.zeros(n), np.empty(n, np.float32), np.empty(n, np.float32)
     between, product = np.empty(n, np.float32), np.empty(n, np.float32)
+    _times_inverse(root, evidence, between, begin)
+    for i in range(n):
+        forces[i] = 0.0
     for _ in range(steps):
         for i in range(n):
-            vector[i] = held[i] - off[i]
+            vector[i] = forces[i] - off[i]
         _times_inverse(root, vector, between, product)
         for i in range(n):
-            off[i] += RELAXED * (begin[i] + stiff * product[i]) + (1 - RELAXED) * held[i]
+            off[i] += cone.RELAXED * (begin[i] + stiff * product[i]) + (1 - cone.RELAXED) * forces[i]
         for i in range(count):
             normal, along_x, along_y = off[i], off[count + i], off[2 * count + i]
             size = math.sqrt(along_x * along_x + along_y * along_y)
             pressed = max((normal + friction * size) / (1 + friction * friction), normal, 0.0)
-            share = min(friction * pressed / max(size, TINY), 1.0)
-            held[i], held[count + i], held[2 * count + i] = pressed, share * along_x, share * along_y
+            share = min(friction * pressed / max(size, cone.TINY), 1.0)
+            forces[i], forces[count + i], forces[2 * count + i] = pressed, share * along_x, share * along_y
         for i in range(n):
-            off[i] -= held[i]
+            off[i] -= forces[i]
+    return True
+
+
+@compiled()
+def _evidence(by_force, on, weights, motion, granted, information, evidence):
+    """As `FieldSolver._evidence`, of what forces on some patches or bins cause."""
+    single, shared = weights
+    regions, ways, n, count = single.shape[0], shared.shape[1], evidence.shape[0], by_force.shape[0] // 3
+    last = n + ways
+    rows = np.empty((last + 1, regions), np.float32)
+    for r in range(regions):
+        root = math.sqrt(single[r])
+        rows[last, r] = np.float32(root)
+        for way in range(ways):
+            rows[n + way, r] = shared[r, way] / np.float32(root)
+    for i in range(n):
+        source = by_force[i // on.shape[0] * count + on[i % on.shape[0]]]
+        for r in range(regions):
+            rows[i, r] = source[r] * rows[last, r]
+    for r in range(regions):
+        rows[last, r] *= np.float32(motion[r])
+    products = np.empty((last + 1, last + 1), np.float32)
+    _products(rows, products)
+    most = _NONE
+    for i in range(n):
+        for j in range(i + 1):
+            information[i, j] = products[i, j]
+        evidence[i] = products[last, i]
+        for way in range(n, last):
+            for j in range(i + 1):
+                information[i, j] -= products[way, i] * products[way, j]
+            evidence[i] -= products[way, i] * products[last, way]
+        most = max(most, information[i, i])
+    for i in range(n):
+        information[i, i] += max(np.float32(granted), np.float32(solver.UNSTABLE) * most)
+
+
+@compiled()
+def _nearby(pressed, cols, near):
+    """As `FieldSolver._nearby`."""
+    rows = pressed.shape[0] // cols
+    for row in range(rows):
+        for col in range(cols):
+            total = 0.0
+            for y in range(max(row - 1, 0), min(row + 2, rows)):
+                for x in range(max(col - 1, 0), min(col + 2, cols)):
+                    total += pressed[y * cols + x]
+            near[row * cols + col] = total / 9
+
+
+@compiled()
+def _hold(pressed, cols, told, near, held):
+    """As `FieldSolver._held`; fills in what is nearby, too."""
+    _nearby(pressed, cols, near)
+    total, above, squared = 0.0, 0.0, 0.0
+    for k in range(pressed.shape[0]):
+        more = max(pressed[k] - solver.UNSEEN_N / 2, 0.0)
+        total, above, squared = total + pressed[k], above + more, squared + more * more
+    wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
+    weight = solver.HELD * told * min(1.0, wide * wide)
+    for k in range(pressed.shape[0]):
+        held[k] = weight / (near[k] + solver.SPREAD * max(total, solver.LEAST_N))
+
+
+@compiled()
+def _squared(motion, weights):
+    """As `Weights.squared`."""
+    single, shared = weights
+    total = 0.0
+    for r in range(motion.shape[0]):
+        total += single[r] * motion[r] * motion[r]
+    for way in range(shared.shape[1]):
+        camera = 0.0
+        for r in range(motion.shape[0]):
+            camera += motion[r] * shared[r, way]
+        total -= camera * camera
+    return max(total, 0.0)
+
+
+@compiled()
+def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
+    """As `FieldSolver._on_bins`: fills in the normal force as each patch has its share."""
+    patches, bins, n = pressed.shape[0], on.shape[0], 3 * on.shape[0]
+    near, held, by_place = np.empty(patches), np.empty(patches), np.zeros(around.shape[0])
+    for k in range(patches):
+        pressed[k] = around[bin_of[k]] / PER_BIN**2
+    _hold(pressed, cols, told, near, held)
+    for k in range(patches):
+        by_place[bin_of[k]] += held[k]
+    information, evidence = np.empty((n, n), np.float32), np.empty(n, np.float32)
+    _evidence(by_bin, on, weights, motion, solver.GRANTED / PER_BIN**2, information, evidence)
+    for i in range(bins):
+        evidence[i] -= np.float32(solver.ON_BINS / PER_BIN**2 * by_place[on[i]])
+    forces = np.empty(n)
+    able = _least_squares(information, evidence, solver.FIRST_STEPS, forces)
+    by_place[:] = 0.0
+    for i in range(bins):
+        by_place[on[i]] = forces[i]
+    for k in range(patches):
+        pressed[k] = by_place[bin_of[k]] / PER_BIN**2
+    return able
+
+
+@compiled()
+def _chosen(values, limit, allowed, which):
+    """Where values are above a limit and it is allowed: fills in which, and returns how many."""
+    count = 0
+    for k in range(values.shape[0]):
+        if values[k] > limit and allowed[k]:
+            which[count] = k
+            count += 1
+    return count
+
+
+@compiled(
+    'Tuple((b1, f8[:, ::1], i8[::1], f4[:, ::1], f8, f8))(UniTuple(f4[:, ::1], 2), i8[::1], f8[::1], f8[::1], '
+    'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
+)
+def field(by_force, bin_of, around, motion, weights, cols, told):
+    """As `FieldSolver.field`, where some bins are to be solved on: those above the limit, or all of one value.
+
+    Args:
+        by_force: what 1 N of each force on bins moves, and on patches.
+        bin_of: the bin of each patch.
+        around: normal forces on bins, none below 0.
+        motion: of the regions, along x and y.
+        weights: of them, and what the camera shares.
+        cols: of the patches.
+        told: share of the weight that holds patches down.
+
+    Returns:
+        Whether the forces can be told apart; they; which patches were solved on; the root of their covariance; and the
+        squares of the motion and of what is left of it.
+    """
+    patches, limit = bin_of.shape[0], 0.0
+    for value in around:
+        limit = max(limit, solver.ACTIVE * value)
+    limit = max(limit, solver.LEAST_N)
+    which, allowed = np.empty(patches, np.int64), np.empty(patches, np.bool_)
+    for k in range(patches):
+        allowed[k] = around[bin_of[k]] > limit
+    bins = which[: _chosen(around, limit, np.ones(around.shape[0], np.bool_), which)].copy()
+    pressed, near, held = np.empty(patches), np.empty(patches), np.empty(patches)
+    able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, told, pressed)
+    _hold(pressed, cols, told, near, held)
+    limit = 0.0
+    for value in near:
+        limit = max(limit, solver.ACTIVE * value)
+    count = _chosen(near, limit, allowed, which) if able else 0
+    active, n = which[:count].copy(), 3 * count
+    forces, left, root = np.zeros((3, patches)), motion.copy(), np.zeros((n, n), np.float32)
+    if not count:
+        return able, forces, active, root, _squared(motion, weights), _squared(motion, weights)
+    information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.empty(n)
+    _evidence(by_force[1], active, weights, motion, solver.GRANTED, information, evidence)
+    for i in range(count):
+        evidence[i] -= np.float32(held[active[i]])
+    able = _least_squares(information, evidence, cone.STEPS, found) and _inverse_root(information, root)
+    for i in range(n):
+        forces[i // count, active[i % count]] = found[i]
+        source = by_force[1][i // count * patches + active[i % count]]
+        for r in range(left.shape[0]):
+            left[r] -= found[i] * source[r]
+    return able, forces, active, root, _squared(motion, weights), _squared(left, weights)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from tactile_nodes.sensing.compiling import compiled_loops
-
 STEPS = 20
 TINY = 1e-12
 RELAXED = 1.6
 STIFF = 0.03
 """Of the mean of the diagonal: the weight of the constraint in each step."""
+
+NOT_APART = 'the forces of this contact cannot be told apart'
 
 
 def in_cone(
@@ -42,18 +42,13 @@ def inverse_root(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
     factorise, invert = _of_triangles(matrix.dtype)
     factor, failed = factorise(matrix, lower=1, clean=1)
     if failed:
-        raise np.linalg.LinAlgError('the forces of this contact cannot be told apart')
+        raise np.linalg.LinAlgError(NOT_APART)
     root: np.ndarray = np.ascontiguousarray(invert(factor, lower=1, overwrite_c=1)[0])
     return root
 
 
 def least_squares(
-    information: Float[np.ndarray, 'm m'],
-    towards: Float[np.ndarray, ' m'],
-    friction: float,
-    steps: int = STEPS,
-    *,
-    compiled: bool = False,
+    information: Float[np.ndarray, 'm m'], towards: Float[np.ndarray, ' m'], friction: float, steps: int = STEPS
 ) -> Float[np.ndarray, ' m']:
     """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least.
 
@@ -63,12 +58,7 @@ def least_squares(
     stepped = information.copy(order='F')
     stepped[np.diag_indices(len(towards))] += stiff
     root = inverse_root(stepped)
-    begin = (root @ towards) @ root
-    if compiled and root.dtype == np.float32:
-        held: np.ndarray = np.zeros(len(towards))
-        compiled_loops().least_squares(root, begin, stiff, friction, steps, held)
-        return held.astype(towards.dtype)
-    return _least_squares(root, begin, stiff, friction, steps)
+    return _least_squares(root, (root @ towards) @ root, stiff, friction, steps)
 
 
 def _least_squares(

@@ -9,6 +9,7 @@ contact is wide. What the camera itself moved by is found with the forces. Which
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,8 +17,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PER_BIN, PatchGrid
-from tactile_nodes.sensing.explain.field.cone import STEPS, inverse_root, least_squares
+from tactile_nodes.sensing.explain.field.cone import NOT_APART, STEPS, inverse_root, least_squares
 from tactile_nodes.sensing.explain.field.weights import Weights, region_weights
 
 FRICTION = 1.0
@@ -153,6 +155,8 @@ class FieldSolver:
             if (nothing := self._nothing(flat, weights)).misfit < MOVED:
                 return nothing
             around, on = np.full_like(around, EVEN_N), np.ones_like(on)
+        if self.compiled:
+            return self._by_loops(around, flat, weights)
         pressed = self._on_bins(np.flatnonzero(on), around, flat, weights)
         nearby = self._nearby(pressed)
         active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of])
@@ -162,10 +166,22 @@ class FieldSolver:
         information, evidence = self._evidence(caused, GRANTED, flat, weights)
         evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
-        found = least_squares(information, evidence, FRICTION, STEPS, compiled=self.compiled)
+        found = least_squares(information, evidence, FRICTION, STEPS)
         forces[:, active] = found.reshape(3, -1)
         left = flat - forces[:, active].reshape(-1) @ caused
         return Field(forces, active, inverse_root(information), *self._fit(flat, left, weights))
+
+    def _by_loops(
+        self, around: Float[np.ndarray, ' bins'], motion: Float[np.ndarray, ' rows'], weights: Weights
+    ) -> Field:
+        """The same, compiled."""
+        able, forces, active, root, before, after = compiled_loops().field(
+            (self._by_bin, self._by_force), self.patches.bin_of, around, motion, (weights.single, weights.shared),
+            self.patches.shape[1], self._told,
+        )  # fmt: skip
+        if not able:
+            raise np.linalg.LinAlgError(NOT_APART)
+        return Field(forces, active, root, *_misfit_and_gain(before, after, len(motion)))
 
     def _on_bins(
         self,
@@ -180,7 +196,7 @@ class FieldSolver:
         held = self._held(self._shared(around)) @ self.patches.member[:, bins]
         evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
         pressed = np.zeros(self.patches.bins.count)
-        forces = least_squares(information, evidence, FRICTION, FIRST_STEPS, compiled=self.compiled)
+        forces = least_squares(information, evidence, FRICTION, FIRST_STEPS)
         pressed[bins] = forces[: bins.size]
         return self._shared(pressed)
 
@@ -249,5 +265,9 @@ class FieldSolver:
     @staticmethod
     def _fit(motion: np.ndarray, left: np.ndarray, weights: Weights) -> tuple[float, float]:
         """Misfit and gain."""
-        before, after = weights.squared(motion), weights.squared(left)
-        return float(np.sqrt(after / max(len(motion), 1))), (before - after) / 2
+        return _misfit_and_gain(weights.squared(motion), weights.squared(left), len(motion))
+
+
+def _misfit_and_gain(before: float, after: float, numbers: int) -> tuple[float, float]:
+    """From the squares of so many numbers, and of what is left of them."""
+    return math.sqrt(after / max(numbers, 1)), (before - after) / 2
