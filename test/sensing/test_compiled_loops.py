@@ -23,6 +23,8 @@ from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, told_of_compiling
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
+from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.explain.field.told import sums
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.explain.reading import Reading
 from tactile_nodes.sensing.features import Features
@@ -264,6 +266,28 @@ def test_the_same_field_explains_a_motion(pressed_n: float):
     np.testing.assert_allclose(compiled.forces_n, plain.forces_n, atol=2e-4)
     np.testing.assert_allclose(compiled.root.T @ compiled.root, plain.root.T @ plain.root, rtol=1e-2, atol=1e-5)
     assert (compiled.misfit, compiled.gain) == pytest.approx((plain.misfit, plain.gain), rel=1e-3, abs=1e-3)
+
+
+@needs_numba
+@pytest.mark.parametrize('contacts', [0, 1, 2, 3])
+def test_the_same_is_told_of_a_field(contacts: int):
+    """2x3, 2x4 and 2x5 patches, one of them in the corner, each with a force of its own."""
+    readout = load_model(find_model('field')).model.readout
+    patches, random = readout.solver.patches, np.random.default_rng(5)
+    pressed = np.zeros((3, *patches.shape))
+    for number, (row, col) in enumerate([(3, 4), (16, 14), (9, 9)][:contacts]):
+        pressed[0, row : row + 2, col : col + 3 + number] = random.uniform(0.05, 0.1, (2, 3 + number))
+        pressed[1:, row : row + 2, col : col + 3 + number] = random.uniform(-0.04, 0.05, (2, 2, 3 + number))
+    active = np.flatnonzero(pressed[0])
+    root = np.tril(random.normal(scale=0.01, size=2 * (3 * active.size,))).astype(np.float32)
+    found = Field(pressed.reshape(3, -1), active, root, 1.0, 10.0)
+    plain, compiled = both(lambda compiled: sums(found, readout.surface, patches, compiled=compiled))
+    for name in ('bins_n', 'bins_off_n', 'wrench', 'wrench_covariance'):
+        np.testing.assert_allclose(getattr(compiled, name), getattr(plain, name), rtol=1e-5, atol=1e-6, err_msg=name)
+    np.testing.assert_allclose(compiled.field.forces_n, plain.field.forces_n, atol=1e-9)
+    strongest = [each.contacts[np.argsort(-each.contacts[:, 2])] for each in (plain, compiled)]
+    assert len(strongest[0]) == contacts
+    np.testing.assert_allclose(strongest[1], strongest[0], rtol=1e-4, atol=1e-6)
 
 
 @needs_numba

@@ -6,8 +6,10 @@ import pytest
 from tactile_nodes.sensing.explain.field.contacts import contacts_of, slip_share
 from tactile_nodes.sensing.explain.field.solver import FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.told import sums
 
 NOISE_PX = 0.004
+STILL = np.zeros((2, 1, 1), np.float32)
 
 
 def moved(solver: FieldSolver, forces: np.ndarray, seed: int = 1) -> np.ndarray:
@@ -86,7 +88,8 @@ def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, 
     motion = moved(solver, forces)
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     assert field.total_n == pytest.approx(total_n, rel=0.2)
-    _, covariance = FieldSpread().wrench(field, solver.patches)
+    told = sums(field, STILL, solver.patches)
+    covariance = FieldSpread().covariance(told.field, solver.patches, told.wrench_covariance)
     assert abs(field.total_n - total_n) < 1.645 * np.sqrt(covariance[2, 2])
 
 
@@ -94,7 +97,7 @@ def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> 
     forces = disc(solver, (-8.0, 0.0), 2.0, 1.0) + disc(solver, (8.0, 0.0), 2.0, 0.5)
     motion = moved(solver, forces)
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
-    first, second = contacts_of(field, solver.patches, FieldSpread())[:2]
+    first, second = contacts_of(sums(field, STILL, solver.patches).contacts, FieldSpread())[:2]
     assert (first.x_mm, second.x_mm) == (pytest.approx(-8.0, abs=0.4), pytest.approx(8.0, abs=0.4))
     assert (first.force_n, second.force_n) == (pytest.approx(1.0, abs=0.1), pytest.approx(0.5, abs=0.1))
     assert first.region is not None
@@ -110,7 +113,7 @@ def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
     forces[1], forces[2] = -turning * away[:, 1], turning * away[:, 0]
     motion = moved(solver, forces)
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
-    (contact, *_) = contacts_of(field, solver.patches, FieldSpread())
+    (contact, *_) = contacts_of(sums(field, STILL, solver.patches).contacts, FieldSpread())
     true = float((away[:, 0] * forces[2] - away[:, 1] * forces[1]).sum())
     assert contact.region is not None
     assert contact.region.torsion_n_mm == pytest.approx(true, rel=0.1)

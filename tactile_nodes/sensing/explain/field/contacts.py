@@ -20,43 +20,56 @@ LEAST_SHARE = 0.03
 """Of the whole force: a contact with less is not told by itself."""
 
 HALF = 0.5
-SLIPS = 0.9
-"""Share of the greatest friction in a contact at which a patch counts as being at the limit."""
+SLIPS, EXCEEDED = 0.9, 0.9
+"""Share of the greatest friction in a contact at which a patch counts as being at the limit; a tenth of the force
+exceeds the greatest."""
 
 LEAST_FRICTION = 0.15
 """Shear over pressure below which nothing can be said to slip."""
 
 
-def contacts_of(field: Field, patches: PatchGrid, spread: FieldSpread) -> tuple[Contact, ...]:
-    """The contacts of a field, the strongest first; none where no force is."""
+def contacts_of(numbers: Float[np.ndarray, 'contacts 16'], spread: FieldSpread) -> tuple[Contact, ...]:
+    """Contacts from their `numbers_of_contacts`, the strongest first."""
+    rows: list[list[float]] = sorted(numbers.tolist(), key=lambda each: -each[2])
+    return tuple(_contact_of(each, spread) for each in rows)
+
+
+def _contact_of(numbers: list[float], spread: FieldSpread) -> Contact:
+    x, y, total, shear_x, shear_y, torsion, lever, *extent_and_slip, normal, along, turning, across = numbers
+    region = Region(
+        (shear_x, shear_y), spread.shear_n(along, total), torsion,
+        spread.torsion_n_mm(turning, torsion, total, lever), *extent_and_slip,
+    )  # fmt: skip
+    return Contact(x, y, total, spread.place_mm(across), spread.normal_n(normal, total), region)
+
+
+def numbers_of_contacts(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'contacts 16']:
+    """What acts at each contact of a field; none where no force is.
+
+    In order: place x, y (mm), force into the gel, along x, along y (N), torsion (N mm), root mean square distance of
+    the force (mm), area (mm²), length, width (mm), angle (rad), slip share, and by how much the fit alone is off in
+    normal force, shear along x (N), torsion (N mm), place along x (mm).
+    """
     pressed = field.forces_n[0]
     if not pressed.any():
-        return ()
+        return np.empty((0, 16))
     touched = (pressed > TOUCHED * pressed.max()).reshape(patches.shape)
     count, labels = cv2.connectedComponents(touched.astype(np.uint8), connectivity=8)
     parts = [labels.ravel() == number for number in range(1, count)]
     parts = [each for each in parts if pressed[each].sum() >= LEAST_SHARE * pressed.sum()]
-    parts.sort(key=lambda each: -float(pressed[each].sum()))
-    return tuple(_contact(field, patches, each, spread) for each in parts)
+    return np.array([_numbers_of(field, patches, each) for each in parts])
 
 
-def _contact(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches'], spread: FieldSpread) -> Contact:
+def _numbers_of(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patches']) -> list[float]:
     pressed, shear = field.forces_n[0] * part, field.forces_n[1:] * part
     total = float(pressed.sum())
     centre = pressed @ patches.centres_mm / total
     away = patches.centres_mm - centre
     torsion = float((away[:, 0] * shear[1] - away[:, 1] * shear[0]).sum())
-    normal, along, turning, across = field.deviations(_levers(away[field.active], part[field.active], total)).tolist()
+    fitted = field.deviations(_levers(away[field.active], part[field.active], total)).tolist()
     lever = float(np.sqrt((pressed * np.square(away).sum(axis=1)).sum() / total))
-    region = Region(
-        (float(shear[0].sum()), float(shear[1].sum())), spread.shear_n(along, total), torsion,
-        spread.torsion_n_mm(turning, torsion, total, lever), *_extent(pressed, away, patches),
-        slip_share(pressed, shear),
-    )  # fmt: skip
-    return Contact(
-        float(centre[0]), float(centre[1]), total, spread.place_mm(across), spread.normal_n(normal, total),
-        region,
-    )  # fmt: skip
+    extent = _extent(pressed, away, patches)
+    return [*centre, total, *shear.sum(axis=1), torsion, lever, *extent, slip_share(pressed, shear), *fitted]
 
 
 def _levers(
@@ -98,7 +111,7 @@ def slip_share(pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, 
     touched = pressed > TOUCHED * pressed.max()
     friction = np.hypot(*shear[:, touched]) / pressed[touched]
     order = np.argsort(friction)
-    above = np.cumsum(pressed[touched][order]) >= 0.9 * pressed[touched].sum()
+    above = np.cumsum(pressed[touched][order]) >= EXCEEDED * pressed[touched].sum()
     greatest = float(friction[order][np.argmax(above)])
     if greatest < LEAST_FRICTION:
         return 0.0

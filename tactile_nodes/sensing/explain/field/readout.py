@@ -16,8 +16,8 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.told import sums
 from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways
-from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
 from tactile_nodes.sensing.explain.reading import (
@@ -196,16 +196,18 @@ class FieldReadout:
 
     def _told(self, found: Field, unlike: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
-        hidden = self.solver.hidden(found.forces_n[0])
-        found = replace(found, forces_n=moved_along(found.forces_n, self.surface, patches))
-        spread = self.spread.out_of_sight(hidden).times(widened)
-        forces = patches.over_bins(found.forces_n).astype(np.float32)
-        wrench, covariance = spread.wrench(found, patches)
+        told = sums(found, self.surface, patches, compiled=self.compiled)
+        spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).times(widened)
+        forces, covariance = (
+            told.bins_n.astype(np.float32),
+            spread.covariance(told.field, patches, told.wrench_covariance),
+        )
+        off = spread.bins_n(told.bins_n[0], told.bins_off_n).astype(np.float32)
         acting = Acting(
-            'field', np.moveaxis(forces[1:], 0, -1), spread.bins_n(found, patches).astype(np.float32),
-            wrench, covariance, partial(self._surface, found, widened),
+            'field', np.moveaxis(forces[1:], 0, -1), off, told.wrench, covariance,
+            partial(self._surface, told.field, widened),
         )  # fmt: skip
-        contacts, sigma_n = contacts_of(found, patches, spread), math.sqrt(covariance[2, 2])
+        contacts, sigma_n = contacts_of(told.contacts, spread), math.sqrt(covariance[2, 2])
         return Reading(forces[0], contacts, sigma_n, unlike, acting=acting)
 
     def _surface(self, found: Field, widened: float) -> SurfaceField:

@@ -13,9 +13,6 @@ from jaxtyping import Float
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
 
-NORMAL = np.array([0, 0, 1, 1, 1, 0])
-"""What a normal force makes of force and torque (x, y, z each); unknown where the middle of a contact shows nothing."""
-
 _SIX = np.arange(6)
 
 
@@ -83,29 +80,26 @@ class FieldSpread:
         floor, share = self.nominal
         return math.hypot(floor, math.hypot(share, min(self.response, USUAL_RESPONSE)) * total_n)
 
-    def bins_n(self, field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
-        """Of the normal force on each bin."""
-        fitted = self._fitted_bins(field, patches)
-        told = patches.over_bins(field.forces_n[0])
+    def bins_n(
+        self, told: Float[np.ndarray, 'rows cols'], fitted: Float[np.ndarray, 'rows cols']
+    ) -> Float[np.ndarray, 'rows cols']:
+        """Of the normal force on each bin; `fitted` is that of the fit alone."""
         near = cv2.boxFilter(told, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
         off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
         return off
 
-    @staticmethod
-    def _fitted_bins(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'rows cols']:
-        """Of the normal force on each bin, of the fit alone."""
-        return field.deviations(patches.member[field.active]).reshape(patches.bins.rows, patches.bins.cols)
+    def covariance(
+        self, field: Field, patches: PatchGrid, fitted: Float[np.ndarray, '6 6']
+    ) -> Float[np.ndarray, '6 6']:
+        """Of force x, y, z (N) and torque x, y, z (N mm) on the gel; `fitted` is that of the fit alone.
 
-    def wrench(self, field: Field, patches: PatchGrid) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
-        """Force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, and their covariance."""
-        wrench = field.forces_n.reshape(-1) @ patches.levers.reshape(-1, 6)
-        each = field.root @ patches.levers[:, field.active].reshape(-1, 6).astype(field.root.dtype)
-        shear, normal, total = self.shear, self.normal, field.total_n
-        factors, shares = np.array([shear, shear, normal, normal, normal, shear]).T
-        right, down = np.sqrt(field.forces_n[0] @ np.square(patches.centres_mm) / max(total, 1e-9)).tolist()
-        reach = np.array([1.0, 1.0, 1.0, down, right, math.hypot(right, down)])
-        unseen = self.wide * field.wide * NORMAL
-        covariance = (each.T @ each).astype(float) * np.outer(factors, factors)
-        apart = total**2 * (np.square(shares) + self.response**2 + np.square(unseen)) + self.floor_n**2 * NORMAL
-        covariance[_SIX, _SIX] += apart * np.square(reach)
-        return wrench, covariance
+        What a normal force makes is unknown where the middle of a contact shows nothing.
+        """
+        (shear, shear_share), (normal, normal_share), squared = self.shear, self.normal, field.total_n**2
+        factors = np.array([shear, shear, normal, normal, normal, shear])
+        along = squared * (shear_share**2 + self.response**2)
+        into = squared * (normal_share**2 + self.response**2 + (self.wide * field.wide) ** 2) + self.floor_n**2
+        right, down = (field.forces_n[0] @ patches.squares_mm2 / max(field.total_n, 1e-9)).tolist()
+        covariance: np.ndarray = fitted * factors * factors[:, None]
+        covariance[_SIX, _SIX] += [along, along, into, into * down, into * right, along * (right + down)]
+        return covariance

@@ -1,0 +1,57 @@
+"""What is told of a force field: where its forces act now, their sums, and by how much the fit alone has those off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.field.contacts import numbers_of_contacts
+from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.explain.field.where_now import moved_along
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Of a field whose forces act where they act now.
+
+    `bins_n` are forces on bins, into the gel, along x and along y; `bins_off_n` is by how much the fit has the normal
+    ones off. `wrench` is force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, with the
+    covariance of the fit. `contacts` are as `numbers_of_contacts` has them, in any order.
+    """
+
+    field: Field
+    bins_n: Float[np.ndarray, '3 rows cols']
+    bins_off_n: Float[np.ndarray, 'rows cols']
+    wrench: Float[np.ndarray, ' 6']
+    wrench_covariance: Float[np.ndarray, '6 6']
+    contacts: Float[np.ndarray, 'contacts 16']
+
+
+def sums(
+    found: Field, surface: Float32[np.ndarray, '2 near near'], patches: PatchGrid, *, compiled: bool = False
+) -> Sums:
+    """Of a field as it was found; `surface` is as `moved_along` has it."""
+    if compiled:
+        return _by_loops(found, surface, patches)
+    field = replace(found, forces_n=moved_along(found.forces_n, surface, patches))
+    off = field.deviations(patches.member[field.active]).reshape(patches.bins.rows, patches.bins.cols)
+    each = field.root @ patches.levers[:, field.active].reshape(-1, 6).astype(field.root.dtype)
+    return Sums(
+        field, patches.over_bins(field.forces_n), off, field.forces_n.reshape(-1) @ patches.levers.reshape(-1, 6),
+        (each.T @ each).astype(float), numbers_of_contacts(field, patches),
+    )  # fmt: skip
+
+
+def _by_loops(found: Field, surface: Float32[np.ndarray, '2 near near'], patches: PatchGrid) -> Sums:
+    """The same, compiled."""
+    bins = patches.bins
+    forces, on_bins, off, wrench, covariance, contacts = compiled_loops().told(
+        found.forces_n, found.active, found.root, surface, patches.centres_mm, patches.bin_of, patches.shape,
+        patches.size_mm, bins.count,
+    )  # fmt: skip
+    field, shape = replace(found, forces_n=forces), (bins.rows, bins.cols)
+    return Sums(field, on_bins.reshape(3, *shape), off.reshape(shape), wrench, covariance, contacts)
