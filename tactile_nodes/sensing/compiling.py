@@ -15,7 +15,7 @@ from types import ModuleType
 
 from tactile_nodes.errors import ConfigurationError
 
-PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'axisymmetric', 'pictures')
+PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'weights', 'axisymmetric', 'pictures')
 """What is compiled, each by itself, the longest first."""
 
 NOTICE = 'compiling the inner loops, once on this machine: about half a minute; tactile compile does it ahead'

@@ -269,6 +269,27 @@ def test_the_same_field_explains_a_motion(pressed_n: float):
 
 
 @needs_numba
+@pytest.mark.parametrize('lost', [0.0, 0.3, 0.98])
+@pytest.mark.parametrize('moved_px', [0.0, 0.4, np.nan])
+def test_regions_count_as_much(moved_px: float, lost: float):
+    """Of a frame of which nothing, some or nearly all is lost, and whose motion is noise, or noise and a slope."""
+    readout, random = load_model(find_model('field')).model.readout, np.random.default_rng(6)
+    values = random.normal(scale=0.02, size=readout.scaling.mean.shape).astype(np.float32)
+    values[..., 0] += moved_px * np.linspace(0.0, 1.0, values.shape[1], dtype=np.float32)
+    confidence = np.where(random.random(values.shape[:2]) < lost, 0.0, random.uniform(0.2, 1.0, values.shape[:2]))
+    plain, compiled = both(
+        lambda compiled: dataclasses.replace(readout, compiled=compiled).seen(values, confidence.astype(np.float32))
+    )
+    assert (plain is None) == (compiled is None) == bool(np.isnan(moved_px) or lost > 0.9)
+    if plain is None or compiled is None:
+        return
+    assert compiled[0] == pytest.approx(plain[0], rel=1e-5)
+    np.testing.assert_array_equal(compiled[1], plain[1])
+    np.testing.assert_allclose(compiled[2].single, plain[2].single, rtol=1e-4)
+    np.testing.assert_allclose(compiled[2].shared, plain[2].shared, rtol=1e-3, atol=1e-3 * plain[2].shared.max())
+
+
+@needs_numba
 @pytest.mark.parametrize('contacts', [0, 1, 2, 3])
 def test_the_same_is_told_of_a_field(contacts: int):
     """2x3, 2x4 and 2x5 patches, one of them in the corner, each with a force of its own."""

@@ -277,7 +277,7 @@ class _Judge:
 
     def _field(self, readout: FieldReadout, row: int) -> Field:
         values, confidence = self.dataset.features[row], self.dataset.confidence[self.dataset.rest[row]]
-        return readout.solver.field(*readout.weighed(values.astype(np.float32), confidence))
+        return readout.solver.field(*readout.weighed(values.astype(np.float32), confidence)[1:])
 
 
 def _curve(judge: _Judge, presses: BodyPresses, start: np.ndarray, fold: Int[np.ndarray, ' n']) -> tuple[Point, ...]:

@@ -113,6 +113,32 @@ def substitute(matrix, right):
 
 
 @compiled()
+def inverse_root(matrix, root):
+    """As `cone.inverse_root`, of a matrix whose lower half becomes its factor; `root` begins with 0. False: none."""
+    n = matrix.shape[0]
+    for i in range(n):
+        row = matrix[i]
+        for j in range(i + 1):
+            other, total = matrix[j], row[j]
+            for k in range(j):
+                total -= row[k] * other[k]
+            if j < i:
+                row[j] = total / other[j]
+            elif total > 0:
+                row[i] = math.sqrt(total)
+            else:
+                return False
+    for i in range(n):
+        row, own = root[i], 1 / matrix[i, i]
+        for j in range(i):
+            other, share = root[j], own * matrix[i, j]
+            for k in range(j + 1):
+                row[k] -= share * other[k]
+        row[i] = own
+    return True
+
+
+@compiled()
 def variances(information, damping, spread):
     """As `response.Fit.variances`: the diagonal of the inverse of damped information, as (contacts, 3)."""
     n = information.shape[0]

@@ -11,6 +11,7 @@ from tactile_nodes.sensing.loops.pictures import common, counted, differences, h
 from tactile_nodes.sensing.loops.response import read as read_response
 from tactile_nodes.sensing.loops.stillness import looked, most_away
 from tactile_nodes.sensing.loops.told import told
+from tactile_nodes.sensing.loops.weights import weighed
 
 __all__ = [
     'common',
@@ -26,4 +27,5 @@ __all__ = [
     'motion_variance',
     'read_response',
     'told',
+    'weighed',
 ]

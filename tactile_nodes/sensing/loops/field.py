@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_nodes.sensing.elasticity.patches import PER_BIN
 from tactile_nodes.sensing.explain.field import cone, solver
-from tactile_nodes.sensing.loops.common import compiled
+from tactile_nodes.sensing.loops.common import compiled, inverse_root
 
 _NONE = np.float32(0)
 
@@ -31,32 +31,6 @@ def _products(rows, products):
                 e, f, g, h = e + three[k] * x, f + three[k] * y, g + four[k] * x, h + four[k] * y
             for place, x, y in ((places[0], a, b), (places[1], c, d), (places[2], e, f), (places[3], g, h)):
                 products[place, j], products[place, beside] = x, y
-
-
-@compiled()
-def _inverse_root(matrix, root):
-    """As `cone.inverse_root`, of a matrix whose lower half becomes its factor; `root` begins with 0. False: none."""
-    n = matrix.shape[0]
-    for i in range(n):
-        row = matrix[i]
-        for j in range(i + 1):
-            other, total = matrix[j], row[j]
-            for k in range(j):
-                total -= row[k] * other[k]
-            if j < i:
-                row[j] = total / other[j]
-            elif total > 0:
-                row[i] = math.sqrt(total)
-            else:
-                return False
-    for i in range(n):
-        row, own = root[i], 1 / matrix[i, i]
-        for j in range(i):
-            other, share = root[j], own * matrix[i, j]
-            for k in range(j + 1):
-                row[k] -= share * other[k]
-        row[i] = own
-    return True
 
 
 @compiled()
@@ -90,7 +64,7 @@ def _least_squares(information, evidence, steps, forces):
         for j in range(i + 1):
             stepped[i, j] = information[i, j]
         stepped[i, i] += np.float32(stiff)
-    if not _inverse_root(stepped, root):
+    if not inverse_root(stepped, root):
         return False
     off, vector, begin = np.zeros(n), np.empty(n, np.float32), np.empty(n, np.float32)
     between, product = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -116,7 +90,10 @@ def _least_squares(information, evidence, steps, forces):
 
 @compiled()
 def _evidence(by_force, on, weights, motion, granted, information, evidence):
-    """As `FieldSolver._evidence`, of what forces on some patches or bins cause."""
+    """As `FieldSolver._evidence`, of what forces on some patches or bins cause.
+
+    Returns what each of them causes, what the camera shares, and the motion, all weighted: a row each.
+    """
     single, shared = weights
     regions, ways, n, count = single.shape[0], shared.shape[1], evidence.shape[0], by_force.shape[0] // 3
     last = n + ways
@@ -146,6 +123,7 @@ def _evidence(by_force, on, weights, motion, granted, information, evidence):
         most = max(most, information[i, i])
     for i in range(n):
         information[i, i] += max(np.float32(granted), np.float32(solver.UNSTABLE) * most)
+    return rows
 
 
 @compiled()
@@ -176,16 +154,23 @@ def _hold(pressed, cols, told, near, held):
 
 
 @compiled()
-def _squared(motion, weights):
-    """As `Weights.squared`."""
-    single, shared = weights
+def _squared(rows, forces):
+    """As `Weights.squared`, of the motion that forces leave: the weighted one of each, the camera's, and the whole."""
+    n, last = forces.shape[0], rows.shape[0] - 1
+    left = np.empty(rows.shape[1])
+    for r in range(rows.shape[1]):
+        left[r] = rows[last, r]
+    for i in range(n):
+        row = rows[i]
+        for r in range(rows.shape[1]):
+            left[r] -= forces[i] * row[r]
     total = 0.0
-    for r in range(motion.shape[0]):
-        total += single[r] * motion[r] * motion[r]
-    for way in range(shared.shape[1]):
-        camera = 0.0
-        for r in range(motion.shape[0]):
-            camera += motion[r] * shared[r, way]
+    for r in range(rows.shape[1]):
+        total += left[r] * left[r]
+    for way in range(n, last):
+        camera, row = 0.0, rows[way]
+        for r in range(rows.shape[1]):
+            camera += left[r] * row[r]
         total -= camera * camera
     return max(total, 0.0)
 
@@ -261,17 +246,14 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
         limit = max(limit, solver.ACTIVE * value)
     count = _chosen(near, limit, allowed, which) if able else 0
     active, n = which[:count].copy(), 3 * count
-    forces, left, root = np.zeros((3, patches)), motion.copy(), np.zeros((n, n), np.float32)
-    if not count:
-        return able, forces, active, root, _squared(motion, weights), _squared(motion, weights)
-    information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.empty(n)
-    _evidence(by_force[1], active, weights, motion, solver.GRANTED, information, evidence)
+    forces, root = np.zeros((3, patches)), np.zeros((n, n), np.float32)
+    information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.zeros(n)
+    rows = _evidence(by_force[1], active, weights, motion, solver.GRANTED, information, evidence)
+    before = _squared(rows, found)
     for i in range(count):
         evidence[i] -= np.float32(held[active[i]])
-    able = _least_squares(information, evidence, cone.STEPS, found) and _inverse_root(information, root)
+    if count:
+        able = _least_squares(information, evidence, cone.STEPS, found) and inverse_root(information, root)
     for i in range(n):
         forces[i // count, active[i % count]] = found[i]
-        source = by_force[1][i // count * patches + active[i % count]]
-        for r in range(left.shape[0]):
-            left[r] -= found[i] * source[r]
-    return able, forces, active, root, _squared(motion, weights), _squared(left, weights)
+    return able, forces, active, root, before, _squared(rows, found)

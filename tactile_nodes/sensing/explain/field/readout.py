@@ -11,12 +11,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.field.told import sums
+from tactile_nodes.sensing.explain.field.told import about, covariance_of_tips, sums
 from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
@@ -113,16 +114,35 @@ class FieldReadout:
 
     def weighed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float[np.ndarray, 'rows cols']
-    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
-        """What the known regions moved by (px), beside what they show at rest, and how much each of them counts."""
+    ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights]:
+        """The noise of a frame (px), what the known regions moved by since rest, and how much each of them counts."""
         moved = values - self.scaling.mean
-        return self._weighed(moved, confidence.reshape(-1)[self._known], noise_of(moved, self._inside))
+        noise_px, motion = noise_of(moved, self._inside), moved.reshape(-1, 2)[self._known].astype(float)
+        return noise_px, motion, self.solver.weights(motion, confidence.reshape(-1)[self._known], noise_px)
 
-    def _weighed(
-        self, moved: Float[np.ndarray, 'rows cols 2'], sure: Float[np.ndarray, ' regions'], noise_px: float
-    ) -> tuple[Float[np.ndarray, 'regions 2'], Weights]:
-        motion = moved.reshape(-1, 2)[self._known].astype(float)
-        return motion, self.solver.weights(motion, sure, noise_px)
+    def seen(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
+        """As `weighed`; None of what is no motion, or of too few regions."""
+        if self.compiled:
+            return self._seen_by_loops(values, confidence)
+        sure = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
+        if np.count_nonzero(sure) < LEAST_REGIONS or not np.isfinite(values.reshape(-1, 2)[self._known]).all():
+            return None
+        return self.weighed(values, confidence)
+
+    def _seen_by_loops(
+        self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
+    ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
+        """The same, compiled."""
+        camera = self.solver.camera
+        motion, single = np.empty((len(self._known), 2)), np.empty(len(camera), np.float32)
+        shared = np.empty(camera.shape, np.float32)
+        followed, noise_px = compiled_loops().weighed(
+            np.ascontiguousarray(values), np.ascontiguousarray(confidence), self.scaling.mean, self._known,
+            self._inside, camera, (self.scaling.confidence_floor, self.noise_px, self.doubt), motion, single, shared,
+        )  # fmt: skip
+        return None if followed < LEAST_REGIONS else (noise_px, motion, Weights(single, shared))
 
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -132,12 +152,9 @@ class FieldReadout:
         Tips are taken where they leave no more over than those of their training do, or where the field, beside one for
         each of its forces, explains no more (Akaike 1974).
         """
-        moved, sure = values - self.scaling.mean, confidence.reshape(-1)[self._known]
-        followed = np.count_nonzero(sure >= self.scaling.confidence_floor)
-        if followed < LEAST_REGIONS or not np.isfinite(moved.reshape(-1, 2)[self._known]).all():
+        if (seen := self.seen(values, confidence)) is None:
             return nothing_read(self.bins)
-        noise_px = noise_of(moved, self._inside)
-        motion, weights = self._weighed(moved, sure, noise_px)
+        noise_px, motion, weights = seen
         coarse = self.solver.coarse(motion)
         tips = self._tips(coarse, noise_px / FOUND_NOISE, values, confidence)
         if tips is not None and tips[0].unlikeness <= ALIKE:
@@ -243,35 +260,15 @@ class FieldReadout:
         patches = self.solver.patches
         pressed = np.zeros(patches.count)
         for each in reading.contacts:
-            pressed += each.force_n * _about(each.x_mm, each.y_mm, patches)
+            pressed += each.force_n * about(each.x_mm, each.y_mm, patches)
         forces = np.stack([pressed, np.zeros_like(pressed), np.zeros_like(pressed)])
         still = Field(forces, np.zeros(0, int), np.zeros((0, 0)), reading.unlikeness, 0.0)
         places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
         x, y, force = places.T
         wrench = np.array([0.0, 0.0, -force.sum(), -(y * force).sum(), (x * force).sum(), 0.0])
-        covariance = _covariance_of_tips(reading.contacts)
+        covariance = covariance_of_tips(reading.contacts)
         none = np.zeros((self.bins.rows, self.bins.cols, 2), np.float32)
         share = reading.total_sigma_n / max(float(force.sum()), 1e-6)
         sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)
         acting = Acting('tips', none, sigma, wrench, covariance, partial(self._surface, still, 1.0))
         return replace(reading, acting=acting)
-
-
-def _about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
-    """1 shared by the patches about a place: a square of a patch's size there, as it lies over them."""
-    shares = [
-        np.maximum(1 - np.abs(line - np.clip(at, line[0], line[-1])) / size, 0.0)
-        for at, line, size in zip((x_mm, y_mm), patches.lines_mm, patches.size_mm, strict=True)
-    ]
-    return np.outer(shares[1], shares[0]).ravel()
-
-
-def _covariance_of_tips(contacts: tuple[Contact, ...]) -> Float[np.ndarray, '6 6']:
-    """Of force and torque: each tip's force and place are off by themselves."""
-    covariance = np.zeros((6, 6))
-    for each in contacts:
-        # (-f, -y f, x f): off by the force, and by the place.
-        by_force = np.array([0.0, 0.0, -1.0, -each.y_mm, each.x_mm, 0.0]) * each.sigma_n
-        by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
-        covariance += np.outer(by_force, by_force) + np.diag(np.square(by_place))
-    return covariance

@@ -1,4 +1,4 @@
-"""What is told of a force field: where its forces act now, their sums, and by how much the fit alone has those off."""
+"""What is told of a force field, and of tips: where forces act now, their sums, and by how much those are off."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.contacts import numbers_of_contacts
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.where_now import moved_along
+from tactile_nodes.sensing.explain.reading import Contact
 
 
 @dataclass(frozen=True)
@@ -55,3 +56,23 @@ def _by_loops(found: Field, surface: Float32[np.ndarray, '2 near near'], patches
     )  # fmt: skip
     field, shape = replace(found, forces_n=forces), (bins.rows, bins.cols)
     return Sums(field, on_bins.reshape(3, *shape), off.reshape(shape), wrench, covariance, contacts)
+
+
+def about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
+    """1 shared by the patches about a place: a square of a patch's size there, as it lies over them."""
+    shares = [
+        np.maximum(1 - np.abs(line - np.clip(at, line[0], line[-1])) / size, 0.0)
+        for at, line, size in zip((x_mm, y_mm), patches.lines_mm, patches.size_mm, strict=True)
+    ]
+    return np.outer(shares[1], shares[0]).ravel()
+
+
+def covariance_of_tips(contacts: tuple[Contact, ...]) -> Float[np.ndarray, '6 6']:
+    """Of force and torque: each tip's force and place are off by themselves."""
+    covariance = np.zeros((6, 6))
+    for each in contacts:
+        # (-f, -y f, x f): off by the force, and by the place.
+        by_force = np.array([0.0, 0.0, -1.0, -each.y_mm, each.x_mm, 0.0]) * each.sigma_n
+        by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
+        covariance += np.outer(by_force, by_force) + np.diag(np.square(by_place))
+    return covariance
