@@ -107,6 +107,23 @@ def test_patches_without_texture_follow_their_neighbours_and_say_so(speckle: np.
     np.testing.assert_allclose(field.displacement_px[9:11, 9:11], np.broadcast_to((0.8, 0.4), (2, 2, 2)), atol=0.1)
 
 
+@pytest.mark.parametrize(('row', 'col'), [(150, 170), (0, 0), (300, 40)])
+@pytest.mark.parametrize('options', [{'rows': 20, 'cols': 20}, SMALL])
+def test_what_went_far_is_searched_for_and_patches_far_from_it_stay_as_they_were(
+    speckle: np.ndarray, row: int, col: int, options: dict[str, object]
+):
+    """120 px that went 14 px to the right, with noise, where that was half of a marker's distance to the next one."""
+    image, went = speckle.copy(), (slice(row, row + 120), slice(col, col + 120))
+    image[went] = np.roll(speckle, 14, axis=1)[went]
+    searched, alone = (flow_of(speckle, **options, search_share=share).displacement(image) for share in (0.01, 1.0))
+    inside = tuple(slice(each.start // 22 + 1 + 2 * (each is went[1]), each.stop // 22 - 1) for each in went)
+    moved = searched.displacement_px[inside] - np.array([14.0, 0.0])
+    assert np.median(np.abs(moved)) < 0.05
+    away = searched.displacement_px.shape[0] - 4
+    far = slice(away, None) if row < 200 else slice(0, 4)
+    np.testing.assert_array_equal(searched.displacement_px[far, -4:], alone.displacement_px[far, -4:])
+
+
 def test_a_picture_of_something_else_is_not_believed(speckle: np.ndarray):
     other = shifted(speckle, 200.0, 150.0)
     confidence = flow_of(speckle, **SMALL).displacement(other).confidence

@@ -8,6 +8,7 @@ fails too, a dense search helps out.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, replace
 
 import cv2
@@ -53,6 +54,10 @@ HOPELESS_SHARE = 0.2
 SEARCHES = ((DisOptions(preset='ultrafast', finest_scale=1), 1.0), (DisOptions(preset='medium', finest_scale=0), 5.0))
 """Dense searches of the image at half size, a cheap one and a thorough one, which takes four times as long: each from
 how many times `search_share` of the patches on that are lost. Under a hard, wide contact some always are."""
+
+AROUND, AROUND_PX = 3, 66
+"""A search goes so many patches around those that are lost, and so far: a contact stretches what lies next to it. All
+of the picture takes three times as long under a contact, and forces come out no better. A search needs 64 pixels."""
 
 STRETCH_WORTH = 0.05
 """How much more of a patch must be explained once stretching is undone: doing so costs sharpness."""
@@ -206,19 +211,39 @@ class InverseCompositionalFlow:
         pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']],
         options: DisOptions,
     ) -> None:
-        """Start all patches from a dense search of rest image and image as well; lost ones take at least its word.
+        """Start patches around those lost from a dense search of rest image and image as well; lost ones take its word.
 
         Those that are stretched are measured in an image in which the motion found was undone.
         """
-        dense = dense_search(*pair, options, self._options.threads)
-        grid, by = self._templates.grid, np.float32(0.5**self._options.finest_scale)
-        start = by * cv2.resize(dense, (grid.cols, grid.rows), interpolation=cv2.INTER_AREA).reshape(-1, 2).T
-        lost = self._lost(found)
-        found.motion_px[:, lost], found.explained[lost] = start[:, lost], 0
-        found.improve(self._settled(picture, start))
-        straight = shrunk(undone(pair[1], dense), self._options.finest_scale)
-        left = self._templates.find(straight)
-        found.improve(Match(start + left.motion_px, left.explained), least=STRETCH_WORTH)
+        lost, scale = self._lost(found), self._options.finest_scale
+        (rows, cols), part = self._around(lost)
+        grid = self._templates.grid
+        which = np.arange(grid.rows * grid.cols).reshape(grid.rows, grid.cols)[rows, cols]
+        dense = dense_search(pair[0][part], pair[1][part], options, self._options.threads)
+        start = np.float32(0.5**scale) * cv2.resize(dense, which.shape[::-1], interpolation=cv2.INTER_AREA)
+        which, start = which.reshape(-1), start.reshape(-1, 2).T
+        found.motion_px[:, lost], found.explained[lost] = start[:, np.isin(which, lost)], 0
+        found.improve(self._settled(picture, start, which), which)
+        straight = picture.copy()
+        straight[tuple(slice(each.start >> scale, each.stop >> scale) for each in part)] = shrunk(
+            undone(pair[1][part], dense), scale
+        )
+        left = self._templates.find(straight, None, which)
+        found.improve(Match(start + left.motion_px, left.explained), which, least=STRETCH_WORTH)
+
+    def _around(self, lost: Int[np.ndarray, ' lost']) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+        """Rows and columns of the patches around some, and the rows and columns of pixels that those see."""
+        assert self._reference is not None
+        (height, width), grid = self._reference.shape, self._templates.grid
+        row, col = np.divmod(lost, grid.cols)
+        sides = self._along(row, grid.rows, height), self._along(col, grid.cols, width)
+        return (sides[0][0], sides[1][0]), (sides[0][1], sides[1][1])
+
+    def _along(self, lost: Int[np.ndarray, ' lost'], count: int, size_px: int) -> tuple[slice, slice]:
+        """The same along one side of the image; pixels begin and end where those of a smaller one do, too."""
+        more, scale = max(AROUND, math.ceil(AROUND_PX * count / size_px)), self._options.finest_scale
+        first, past = max(int(lost.min()) - more, 0), min(int(lost.max()) + 1 + more, count)
+        return slice(first, past), slice(*(size_px * each // count >> scale << scale for each in (first, past)))
 
     def _by_row(self, found: Match) -> tuple[np.ndarray, np.ndarray]:
         """Motion and confidence as (rows, cols, 2) and (rows, cols)."""
