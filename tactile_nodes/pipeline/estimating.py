@@ -164,6 +164,7 @@ class Estimating:
         self._free_n: float | None = None
         self._acting: Acting | None = None
         self.calibration = ByStamp(0)
+        self._from = self.now.provenance
 
     def prepared(self, name: str) -> Ready:
         """A model that can take over.
@@ -237,8 +238,14 @@ class Estimating:
             header=types.Header(stamp=features.header.stamp, frame_id=frame_id),
             status=verdict.status,
             reasons=verdict.reasons,
-            provenance=replace(self.now.provenance, reference_id=features.reference_id),  # type: ignore[type-var]
-            stages=replace(stages, predict=predict_s, transport=stages.transport + age_s),  # type: ignore[type-var]
+            provenance=self._provenance_of(features.reference_id),
+            stages=types.StageTimes(
+                acquire=stages.acquire,
+                flow=stages.flow,
+                features=stages.features,
+                predict=predict_s,
+                transport=stages.transport + age_s,
+            ),
             **fields,
         )
 
@@ -247,6 +254,12 @@ class Estimating:
         if self._acting is None or self._acting.field is None:
             return None
         return conversions.field_message(self._acting.field(), self.now.loaded.model.bins, force)
+
+    def _provenance_of(self, reference_id: str) -> types.Provenance:
+        """Made anew where model or rest image are others than those of the frame before."""
+        if (self._from.model_id, self._from.reference_id) != (self.now.provenance.model_id, reference_id):
+            self._from = replace(self.now.provenance, reference_id=reference_id)  # type: ignore[type-var]
+        return self._from
 
     def _found(self, features: types.FlowFeatures) -> ForceMap:
         if features.reasons & UNMEASURED:

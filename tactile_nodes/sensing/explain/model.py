@@ -108,8 +108,7 @@ class ForceEstimator:
         readout, scaling = model.readout, model.readout.scaling
         reading = readout.read(features.values, features.confidence)
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
-        found = _force_map(reading, float(textured) / self._trusted)
-        return replace(found, nominal_n=readout.nominal_n(found.total_n))
+        return _force_map(reading, float(textured) / self._trusted, readout)
 
     def at_rest(self, features: Features) -> ForceMap:
         """No force, with the uncertainty that the model states for these features, which are those of no motion.
@@ -140,7 +139,7 @@ def _by_loops(part: Any) -> Any:
     return replace(part, **changed, **({'compiled': True} if 'compiled' in parts else {}))
 
 
-def _force_map(reading: Reading, confidence: float) -> ForceMap:
+def _force_map(reading: Reading, confidence: float, readout: AnyReadout | None = None) -> ForceMap:
     strongest = reading.contacts[0]
     forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # so few that lists take less time
     total_n = sum(forces_n)
@@ -154,6 +153,7 @@ def _force_map(reading: Reading, confidence: float) -> ForceMap:
         total_sigma_n=reading.total_sigma_n,
         position_sigma_mm=strongest.sigma_mm,
         unlikeness=reading.unlikeness,
+        nominal_n=UNKNOWN if readout is None else readout.nominal_n(total_n),
         acting=reading.acting,
     )
 

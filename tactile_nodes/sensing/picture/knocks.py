@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.sensing.picture.motion import TERMS
+from tactile_nodes.sensing.picture.quietness import median
 
 KNOCK_PX = 0.05
 """Common motion from which the camera was knocked: presses of the tip to 2 mm reach 0.026 px."""
@@ -51,12 +52,18 @@ def judge(
     """
     if size_px < KNOCK_PX + noise_allowance_px(noise_px, len(motion)):
         return Common.NONE
-    left = np.hypot(*(motion - carried).T)
+    left = _lengths(motion - carried)
     alike = float((left < min(ALIKE_PX + ALIKE_PART * size_px, ALIKE_MOST_PX)).mean())
     if size_px > MISSHAPEN_PX and alike < MISSHAPEN_SHARE:
         return Common.MISSHAPEN
-    eased = float(np.median(left)) < EASED * float(np.median(np.hypot(*motion.T)))
+    eased = median(left) < EASED * median(_lengths(motion))
     return Common.KNOCK if alike >= ALIKE_SHARE and eased else Common.NONE
+
+
+def _lengths(motion: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, ' n']:
+    x, y = motion.T
+    lengths: np.ndarray = np.hypot(x, y)
+    return lengths
 
 
 def noise_allowance_px(noise_px: float, patches: int) -> float:

@@ -20,6 +20,7 @@ from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.flow.patches import windowed_sinc
+from tactile_nodes.sensing.picture.quietness import median
 
 TERMS = 8
 ROUNDS = 5
@@ -214,8 +215,9 @@ class MotionFit:
         """
         terms, scale = np.zeros(TERMS), FAR_PX**2
         if not about_none:
-            terms[:2] = np.median(motion[weight > 0], axis=0)
-            scale = max(scale, float(np.median(self._away(motion, terms)[weight > 0])))
+            along_x, along_y = motion[weight > 0].T
+            terms[:2] = median(along_x), median(along_y)
+            scale = max(scale, median(self._away(motion, terms)[weight > 0]))
         if self.compiled:
             compiled_loops().common(motion, weight, self._along_x, self._along_y, rounds, FAR_PX**2, scale, terms)
             return terms

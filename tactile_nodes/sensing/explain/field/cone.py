@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from typing import Any
 
@@ -64,13 +63,21 @@ def least_squares(
 def _least_squares(
     root: Float[np.ndarray, 'm m'], begin: Float[np.ndarray, ' m'], stiff: float, friction: float, steps: int
 ) -> Float[np.ndarray, ' m']:
-    """The steps, from what is best without the cone."""
-    count = len(begin) // 3
-    held, off = np.zeros_like(begin), np.zeros_like(begin)
-    begin, root = RELAXED * begin, root * math.sqrt(RELAXED * stiff)
+    """The steps, from what is best without the cone.
+
+    With P the inverse times `stiff`, r for `RELAXED`, x in the cone, and u what x is the nearest of, a step leads from
+    u to u + r (b + P (2 x - u) - x), which is one product with both.
+    """
+    size, count = len(begin), len(begin) // 3
+    inverse = root.T @ (root * (RELAXED * stiff))
+    step, both = np.concatenate([-inverse, 2 * inverse], axis=1), np.zeros(2 * size, begin.dtype)
+    own = np.arange(size)
+    step[own, own] += 1
+    step[own, own + size] -= RELAXED
+    off, held, begin = both[:size], both[size:], RELAXED * begin
+    normal, shear = off[:count], off[count:].reshape(2, count)
     for _ in range(steps):
-        off += begin + (root @ (held - off)) @ root + (1 - RELAXED) * held
-        pressed, shear = in_cone(off[:count], off[count:].reshape(2, count), friction)
-        held[:count], held[count:] = pressed, shear.reshape(-1)
-        off -= held
+        off[:] = step @ both + begin
+        pressed, rubbed = in_cone(normal, shear, friction)
+        held[:count], held[count:] = pressed, rubbed.reshape(-1)
     return held

@@ -179,7 +179,8 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
+        x_mm = self.bins.origin_mm[0] + (int(coarse[0].argmax()) % self.bins.cols + 0.5) * self.bins.bin_size_mm[0]
+        if self.tips.share_of(seen, noise_px, count, x_mm) < TABLE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
         fit = self.tips.fit(seen, count, worth)
@@ -201,8 +202,10 @@ class FieldReadout:
         most = float(pressed.max())
         if most < NOISE_N:
             return 0
-        half, quarter = (self._together(pressed > max(share * most, NOISE_N)) for share in PEAKS)
-        return min(len(quarter), MOST_TIPS) if (half <= TIP_BINS).all() else 0
+        half, quarter = (pressed > max(share * most, NOISE_N) for share in PEAKS)
+        if (self._together(half) > TIP_BINS).any():
+            return 0
+        return min(len(self._together(quarter)), MOST_TIPS)
 
     def _together(self, on: Bool[np.ndarray, ' bins']) -> Int[np.ndarray, 'places 2']:
         """Of bins that lie side by side: how many columns and rows each place of them has."""

@@ -54,7 +54,7 @@ def _by_loops(found: Field, surface: Float32[np.ndarray, '2 near near'], patches
         found.forces_n, found.active, found.root, surface, patches.centres_mm, patches.bin_of, patches.shape,
         patches.size_mm, bins.count,
     )  # fmt: skip
-    field, shape = replace(found, forces_n=forces), (bins.rows, bins.cols)
+    field, shape = Field(forces, found.active, found.root, found.misfit, found.gain), (bins.rows, bins.cols)
     return Sums(field, on_bins.reshape(3, *shape), off.reshape(shape), wrench, covariance, contacts)
 
 
