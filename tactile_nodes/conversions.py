@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 MILLI = 1e-3
 PASCALS = 1e6
 """In a megapascal."""
+SI = np.array([1.0, 1.0, 1.0, MILLI, MILLI, MILLI])
+"""Of force and torque in N and N mm."""
 
 EXPLANATIONS = {
     'nothing': types.ForceDistribution.EXPLANATION_NOTHING,
@@ -134,8 +136,8 @@ def features_array(message: types.FlowFeatures) -> Features:
 
 def picture_motion(message: types.FlowFeatures) -> PictureMotion | None:
     """The motion of the whole picture that was taken out of the features in a message; None where none was."""
-    terms = message.picture_motion
-    return PictureMotion(tuple(float(each) for each in terms)) if len(terms) == TERMS else None
+    terms = message.picture_motion.tolist()
+    return PictureMotion(tuple(terms)) if len(terms) == TERMS else None
 
 
 def feature_fields(features: Features) -> dict[str, Any]:
@@ -182,14 +184,13 @@ def force_fields(
 
 
 def _acting_fields(acting: Acting) -> dict[str, Any]:
-    scale = np.repeat([1.0, MILLI], 3)
     return {
         'normal_force_sigma': _flat(acting.normal_sigma_n),
         'shear_force_x': _flat(acting.shear_n[..., 0]),
         'shear_force_y': _flat(acting.shear_n[..., 1]),
         'explanation': EXPLANATIONS[acting.explanation],
-        'wrench': _wrench(acting.wrench * scale),
-        'wrench_covariance': (acting.wrench_covariance * np.outer(scale, scale)).reshape(-1),
+        'wrench': _wrench(acting.wrench * SI),
+        'wrench_covariance': (acting.wrench_covariance * SI * SI[:, None]).reshape(-1),
     }
 
 
@@ -214,8 +215,8 @@ def _levers(bins: BinGrid) -> Float[np.ndarray, '2 bins']:
 
 
 def _wrench(numbers: Float[np.ndarray, ' 6']) -> types.Wrench:
-    force, torque = (types.Vector3(x=float(x), y=float(y), z=float(z)) for x, y, z in (numbers[:3], numbers[3:]))
-    return types.Wrench(force=force, torque=torque)
+    x, y, z, about_x, about_y, about_z = numbers.tolist()
+    return types.Wrench(force=types.Vector3(x=x, y=y, z=z), torque=types.Vector3(x=about_x, y=about_y, z=about_z))
 
 
 def _flat(values: np.ndarray) -> Float32[np.ndarray, ' values']:

@@ -46,7 +46,7 @@ class PictureMotion:
         return PictureMotion(tuple(a + b for a, b in zip(self.terms, other.terms, strict=True)))
 
     def __sub__(self, other: PictureMotion) -> PictureMotion:
-        return self + other.scaled(-1.0)
+        return PictureMotion(tuple(a - b for a, b in zip(self.terms, other.terms, strict=True)))
 
     def scaled(self, share: float) -> PictureMotion:
         """A share of it."""
