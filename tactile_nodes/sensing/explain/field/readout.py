@@ -170,7 +170,7 @@ class FieldReadout:
         return self._told(found, unlike)
 
     def _tips(
-        self, coarse: Float[np.ndarray, '3 bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
+        self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
     ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
         """The frame as tips that only press, where it may be, and the motion that they leave over."""
         count = self._places(coarse)
@@ -179,7 +179,7 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        x_mm = self.bins.origin_mm[0] + (int(coarse[0].argmax()) % self.bins.cols + 0.5) * self.bins.bin_size_mm[0]
+        x_mm = self.bins.origin_mm[0] + (int(coarse.argmax()) % self.bins.cols + 0.5) * self.bins.bin_size_mm[0]
         if self.tips.share_of(seen, noise_px, count, x_mm) < TABLE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
@@ -196,13 +196,12 @@ class FieldReadout:
         if self.tips is not None:
             self.tips.read(still, np.ones(still.shape[:2], np.float32))
 
-    def _places(self, coarse: Float[np.ndarray, '3 bins']) -> int:
+    def _places(self, coarse: Float[np.ndarray, ' bins']) -> int:
         """At how many places tips may press, at most; 0 where the linear answer speaks against any."""
-        pressed = np.maximum(coarse[0], 0.0)
-        most = float(pressed.max())
+        most = float(coarse.max())
         if most < NOISE_N:
             return 0
-        half, quarter = (pressed > max(share * most, NOISE_N) for share in PEAKS)
+        half, quarter = (coarse > max(share * most, NOISE_N) for share in PEAKS)
         if (self._together(half) > TIP_BINS).any():
             return 0
         return min(len(self._together(quarter)), MOST_TIPS)
@@ -218,10 +217,8 @@ class FieldReadout:
         patches, widened = self.solver.patches, max(unlike, 1.0)
         told = sums(found, self.surface, patches, compiled=self.compiled)
         spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).times(widened)
-        forces, covariance = (
-            told.bins_n.astype(np.float32),
-            spread.covariance(told.field, patches, told.wrench_covariance),
-        )
+        covariance = spread.covariance(told.field, patches, told.wrench_covariance)
+        forces = told.bins_n.astype(np.float32)
         off = spread.bins_n(told.bins_n[0], told.bins_off_n).astype(np.float32)
         acting = Acting(
             'field', np.moveaxis(forces[1:], 0, -1), off, told.wrench, covariance,

@@ -129,27 +129,28 @@ class FieldSolver:
         return np.concatenate(by_bin).astype(np.float32)
 
     @cached_property
-    def _coarse(self) -> Float32[np.ndarray, 'unknowns rows']:
-        """The linear answer on bins, of motion with its usual noise alone; what the camera moves is left out."""
+    def _coarse(self) -> Float32[np.ndarray, 'bins rows']:
+        """The linear answer of normal forces on bins to motion of usual noise; what the camera moves is left out."""
         on_bins = self._by_bin.astype(float)
         even = Weights.of(np.full(on_bins.shape[1] // 2, self.noise_px**-2), self.camera).times(on_bins)
         solved: np.ndarray = np.linalg.solve(even @ on_bins.T + COARSE * np.eye(len(even)), even)
-        return solved.astype(np.float32)
+        return solved[: self.patches.bins.count].astype(np.float32)
 
-    def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, '3 bins']:
-        """Forces on bins, into the gel, along x and along y, by one matrix; nothing holds them to the cone."""
+    def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, ' bins']:
+        """Normal forces on bins by one matrix, none below 0."""
         answer: np.ndarray = self._coarse @ motion.reshape(-1).astype(np.float32)
-        return answer.reshape(3, -1).astype(float)
+        pressed: np.ndarray = np.maximum(answer, 0.0, dtype=float)
+        return pressed
 
     def field(
         self,
         motion: Float[np.ndarray, 'regions 2'],
         weights: Weights,
-        coarse: Float[np.ndarray, '3 bins'] | None = None,
+        coarse: Float[np.ndarray, ' bins'] | None = None,
     ) -> Field:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
         flat = motion.reshape(-1).astype(float)
-        around = np.maximum((self.coarse(motion) if coarse is None else coarse)[0], 0.0)
+        around = self.coarse(motion) if coarse is None else coarse
         on = around > max(ACTIVE * around.max(), LEAST_N)
         if not on.any():
             if (nothing := self._nothing(flat, weights)).misfit < MOVED:
