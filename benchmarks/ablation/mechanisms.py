@@ -238,7 +238,7 @@ MECHANISMS = (
     Mechanism(
         'forces where the surface is now', 'shear takes the surface along',
         ('sensing/explain/field/where_now.py',),
-        instead(f'{EXPLAIN}.field.readout:moved_along', _first), (), ('field',), contacts=True,
+        instead(f'{EXPLAIN}.field.told:moved_along', _first), (), ('field',), contacts=True,
     ),
     Mechanism(
         'weights by what is explained', 'regions whose pattern changes count less',

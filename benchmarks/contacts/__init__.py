@@ -116,11 +116,17 @@ def read(
 
     from benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames
     from benchmarks.contacts.scores import score
+    from benchmarks.front.profiles import Profile
     from benchmarks.stability.chain import Chain
     from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensing.flow.choice import make_flow
 
-    size_px = load_model(find_model(next(iter(models.values())))).image_size
+    loaded = {name: load_model(find_model(model)) for name, model in models.items()}
+    size_px = next(iter(loaded.values())).image_size
+    alone = {
+        name: Profile(name, each, make_flow(*each.flow, compiled=compiled and each.flow[0] != 'dis'), compiled)
+        for name, each in loaded.items()
+    }
     chains = {name: Chain(model, compiled=compiled) for name, model in models.items()}
     found: dict[str, list[Score]] = {name: [] for name in models}
     dis, dis_ms, first = make_flow('dis', {'preset': 'medium'}), [], True
@@ -128,14 +134,18 @@ def read(
         for frame in frames(gel, chosen, condition, 1000, size_px):
             if first:
                 dis.set_reference(frame.picture)
+                for each in alone.values():
+                    each.use_reference(frame.picture)
                 first = False
             for name, chain in chains.items():
                 begun = time.process_time()
                 force = chain.read(frame.stamp_ns, frame.picture)
                 spent_ms = 1e3 * (time.process_time() - begun)
                 if frame.judged is not None:
+                    alone[name].take(frame.picture)
+                    times = spent_ms, sum(alone[name].times_ms[-1])
                     nominal = chain.nominal_n(float(force.total))
-                    found[name].append(score(frame.judged, force, chain.field(force), gel, spent_ms, nominal))
+                    found[name].append(score(frame.judged, force, chain.field(force), gel, times, nominal))
             if frame.judged is not None:
                 begun = time.process_time()
                 dis.displacement(frame.picture)
