@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks.contacts import read
 from benchmarks.contacts.page import share
 from benchmarks.harness.declaration import SENSING, SIMULATED, Aim, Benchmark, Result, argument, reached
-from benchmarks.harness.report import opening, table
+from benchmarks.harness.report import opening, shown, table
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
@@ -83,8 +83,8 @@ def page(result: Mapping[str, Any]) -> str:
         [
             name, each['about'], each['bins'], share(each['misplaced']), f'{each["total_rms_n"]:.3f}',
             share(each['total_median']), f'{each["centre_mm_median"]:.3f}', share(each['shear_median']),
-            f'{each["map_r"]:.2f}', share(each['total_held']), share(each['ok']), f'{each["worst_while_ok"]:.1f}',
-            f'{each["cpu_ms"]:.1f}',
+            f'{each["map_r"]:.2f}', share(each['total_held']), share(each['ok']),
+            shown(each['worst_while_ok'], '{:.1f}'), f'{each["cpu_ms"]:.1f}',
         ]
         for name, each in sensors.items()
     ]  # fmt: skip
