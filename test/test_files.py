@@ -19,8 +19,8 @@ from tactile_nodes.drivers.camera.file import read_image
 from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import TactileError
 from tactile_nodes.learning.datasets.file import load_dataset
-from tactile_nodes.learning.datasets.press_tables import read_table
 from tactile_nodes.learning.run.folder import read_run
+from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.model_file import load_model
 from tactile_nodes.params import load_parameter_file
 from tactile_nodes.sensors.camera_file import read_camera_file
@@ -36,6 +36,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     'b.png': read_image,
     'mask.png': read_mask,
     'b.csv': read_table,
+    'a.parquet': read_table,
     'a.npy': lambda file: body_of(str(file)),
     'a.stl': lambda file: body_of(str(file)),
     'run.yaml': lambda file: read_run(file.parent),

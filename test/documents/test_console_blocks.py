@@ -93,7 +93,26 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in re.findall(r'^(\w+)\.png', (made / 'gel-7.csv').read_text(), re.MULTILINE):
         presses = () if name.startswith('rest') else (Press(*PLACES.get(name, (2.0, 1.0)), 0.6),)
         cv2.imwrite(str(made / f'{name}.png'), sensor.image(*presses))
+    write_presses(made, sensor)
     return made
+
+
+def write_presses(made: Path, sensor: Sensor) -> None:
+    """A picture untouched and two presses, in tables with the names that readers give them, and as a video."""
+    pressed = [Press(2.0, 1.0, 0.6), Press(-4.0, 3.0, 1.0)]
+    rows = [',,0', *(f'{each.x_mm},{each.y_mm},{sensor.force_n(each.depth_mm):.3f}' for each in pressed)]
+    video = cv2.VideoWriter(str(made / 'video.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 10.0, (440, 440), False)
+    for number, touch in enumerate([[], *([each] for each in pressed)]):
+        picture = sensor.image(*touch)
+        cv2.imwrite(str(made / f'hand_{number}.png'), picture)
+        video.write(picture)
+    video.release()
+    columns = 'x_mm,y_mm,force_n'
+    for name in ('presses', 'ball', 'punch'):
+        lines = [f'picture,{columns}', *(f'hand_{number}.png,{row}' for number, row in enumerate(rows))]
+        (made / f'{name}.csv').write_text('\n'.join(lines) + '\n')
+    lines = [f'time_s,{columns}', *(f'{number / 10},{row}' for number, row in enumerate(rows))]
+    (made / 'times.csv').write_text('\n'.join(lines) + '\n')
 
 
 @pytest.fixture(scope='module')

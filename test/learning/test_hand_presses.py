@@ -12,8 +12,8 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.calibrating.hand_presses import HandPresses, outline_between
-from tactile_nodes.learning.datasets.press_tables import NEWTON_PER_GRAM
 from tactile_nodes.learning.field.body import body_of_card
+from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.simulation.gel import Gel

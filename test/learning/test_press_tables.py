@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.datasets.press_tables import read_table
+from tactile_nodes.learning.tables.presses import read_table
 
 
 def written(folder: Path, text: str) -> Path:
@@ -31,23 +31,22 @@ def written(folder: Path, text: str) -> Path:
 def test_columns_are_read_by_their_names_and_units(
     header: str, row: str, x_mm: float, force_n: float, tmp_path: Path
 ) -> None:
-    _, rows = read_table(written(tmp_path, f'{header}\n{row}\n'))
-    picture, contact = rows[0]
-    assert picture == 'a.png'
-    assert contact == pytest.approx((x_mm, 3.0, force_n))
+    (press,) = read_table(written(tmp_path, f'{header}\n{row}\n')).rows
+    assert press.picture == 'a.png'
+    assert (press.x_mm, press.y_mm, press.force_n) == pytest.approx((x_mm, 3.0, force_n))
 
 
 def test_how_each_column_was_read_is_told_and_which_was_not(tmp_path: Path) -> None:
-    told, _ = read_table(written(tmp_path, 'image,x,y_mm,Force [mN],note\na.png,1,2,300,wet\n'))
+    read = read_table(written(tmp_path, 'image,x,y_mm,Force [mN],note\na.png,1,2,300,wet\n'))
     assert (
-        told
+        read.told
         == "picture from 'image'; x from 'x' in mm; y from 'y_mm' in mm; force from 'Force [mN]' in mN; not read: note"
     )
 
 
 def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: Path) -> None:
-    told, _ = read_table(written(tmp_path, '\ufeffpicture,x_mm,y_mm,grams\na.png,,,0\n'))
-    assert told.startswith("picture from 'picture'")
+    read = read_table(written(tmp_path, '\ufeffpicture,x_mm,y_mm,grams\na.png,,,0\n'))
+    assert read.told.startswith("picture from 'picture'")
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,10 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
         ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, and the first line has 4'),
         ('picture,x,y,grams\na.png,1,2,0,5\n', r'line 2 has 5 cells, and the first line has 4'),
         ('picture,x,y,grams\n\na.png,1,2,five\n', r"line 3: grams is 'five', and must be a number"),
-        ('picture,x_m,y_m,grams\na.png,1,2,5\n', r'line 2: places lie within 16 mm of the middle; check the unit'),
+        (
+            'picture,x_m,y_m,grams\na.png,1,2,5\n',
+            'line 2: x_m is read as 1000 mm: places lie within 16 mm of the middle; check the unit',
+        ),
     ],
 )
 def test_a_table_that_may_mean_several_things_is_refused_in_a_sentence(text: str, said: str, tmp_path: Path) -> None:
@@ -74,11 +76,50 @@ def test_a_table_that_may_mean_several_things_is_refused_in_a_sentence(text: str
 
 def test_lines_may_end_as_on_old_machines(tmp_path: Path) -> None:
     (tmp_path / 'presses.csv').write_bytes(b'picture;x_mm;y_mm;force_n\ra.png;-8,0;3,0;0,5\ra,b,c,d.png;0;0;0\r')
-    _, rows = read_table(tmp_path / 'presses.csv')
-    assert rows == [('a.png', (-8.0, 3.0, 0.5)), ('a,b,c,d.png', (0.0, 0.0, 0.0))]
+    rows = read_table(tmp_path / 'presses.csv').rows
+    assert [(each.picture, each.x_mm, each.y_mm, each.force_n) for each in rows] == [
+        ('a.png', -8.0, 3.0, 0.5), ('a,b,c,d.png', 0.0, 0.0, 0.0),
+    ]  # fmt: skip
 
 
 def test_a_table_in_other_letters_than_utf_8_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'presses.csv').write_bytes('picture,x_µm,y_mm,force_n\n'.encode('latin-1'))
     with pytest.raises(DatasetError, match=r'its first line names columns, as picture,x_mm,y_mm,force_n, in UTF-8$'):
         read_table(tmp_path / 'presses.csv')
+
+
+def test_components_torques_depth_and_indenter_are_read(tmp_path: Path) -> None:
+    header = 'image;x;y;Fx [mN];Fy [mN];Fz [N];Tx [N mm];Ty (Nm);tz_mnm;depth_um;indenter'
+    (press,) = read_table(written(tmp_path, f'{header}\na.png;1;2;30;-40;0,5;2;0,003;4;700;ball:5\n')).rows
+    assert press.force_n == 0.5
+    assert press.shear_n == pytest.approx((0.03, -0.04))
+    assert press.torque_nm == pytest.approx((0.002, 0.003, 0.004))
+    assert (press.depth_mm, press.indenter) == (pytest.approx(0.7), 'ball:5')
+
+
+def test_all_rows_with_a_fault_are_named_at_once(tmp_path: Path) -> None:
+    rows = 'a.png,1,2,1\nb.png,1,2,-1\nc.png,1,99,1\nd.png,1,2,three\n'
+    with pytest.raises(DatasetError, match=r'line 3: force_n must not be negative.*; 2 more .*: line 4, 5$'):
+        read_table(written(tmp_path, f'picture,x_mm,y_mm,force_n\n{rows}'))
+
+
+def test_what_a_gauge_reads_of_the_untouched_gel_is_no_force_where_that_is_said(tmp_path: Path) -> None:
+    table = written(tmp_path, 'picture,x,y,force_n\na.png,,,-0.012\nb.png,0,0,0.021\n')
+    assert [each.touches for each in read_table(table, untouched_n=0.02).rows] == [False, True]
+
+
+def test_a_parquet_table_says_the_same_as_its_csv(tmp_path: Path) -> None:
+    arrow, parquet = pytest.importorskip('pyarrow'), pytest.importorskip('pyarrow.parquet')
+    columns = {'picture': ['a.png', 'b.png'], 'x_mm': [None, -8.0], 'y_mm': [None, 3.0], 'grams': [0, 50]}
+    ignored = {'notes': [[1, 2], [3]]}  # what is no plain column is not unpacked
+    parquet.write_table(arrow.table({**columns, **ignored}), tmp_path / 'presses.parquet')
+    rows = read_table(tmp_path / 'presses.parquet').rows
+    table = written(tmp_path, 'picture,x_mm,y_mm,grams\na.png,,,0\nb.png,-8.0,3.0,50\n')
+    assert repr(rows) == repr(read_table(table).rows)
+
+
+def test_a_parquet_file_that_is_none_is_one_sentence(tmp_path: Path) -> None:
+    pytest.importorskip('pyarrow')
+    (tmp_path / 'presses.parquet').write_bytes(b'PAR1 and then nothing PAR1')
+    with pytest.raises(DatasetError, match=r'is no Parquet file that can be read; write it again, or as CSV$'):
+        read_table(tmp_path / 'presses.parquet')

@@ -16,11 +16,9 @@ from jaxtyping import Float, UInt8
 
 from tactile_nodes import __version__, clock
 from tactile_nodes.contact_tables.gel_tables import contact_table
-from tactile_nodes.drivers.camera.pictures import read_grey
 from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
 from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
 from tactile_nodes.learning.config import Choice
-from tactile_nodes.learning.datasets.press_tables import read_table
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.learning.field.alone import presses_tell_tips
@@ -29,6 +27,8 @@ from tactile_nodes.learning.field.calibration import Pressed, kept
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import gel_told
 from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.tables.pictures import read_pictures
+from tactile_nodes.learning.tables.presses import REACH_MM, read_table
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
@@ -55,26 +55,26 @@ class HandPresses:
     told: str
 
     @classmethod
-    def read(cls, table: Path) -> HandPresses:
+    def read(cls, table: Path, reach_mm: tuple[float, float] = REACH_MM) -> HandPresses:
         """A table and the pictures that it names.
 
         Raises:
             DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
             ConfigurationError: a picture cannot be read.
         """
-        told, rows = read_table(table)
-        pictures = [read_grey(table.parent / name) for name, _ in rows]
-        contacts = np.array([told for _, told in rows]).reshape(-1, 3)
+        read = read_table(table, reach_mm)
+        if read.of_video:
+            raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
+        pictures = read_pictures(read, table.parent)
+        contacts = np.array([(row.x_mm, row.y_mm, row.force_n) for row in read.rows]).reshape(-1, 3)
         untouched = contacts[:, 2] == 0
         if not untouched.any():
             raise DatasetError(f'{table} has no picture of the gel untouched; add one with a force of 0, better twelve')
-        if len({picture.shape for picture in pictures}) > 1:
-            raise DatasetError(f'the pictures of {table} differ in size; take all with one setting of the camera')
         digest = hashlib.sha256(contacts.tobytes() + b''.join(picture.tobytes() for picture in pictures))
         chosen: tuple[list[Any], list[Any]] = ([], [])
         for picture, at_rest in zip(pictures, untouched, strict=True):
             chosen[0 if at_rest else 1].append(picture)
-        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16], f'{table}: {told}')
+        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16], f'{table}: {read.told}')
 
     @property
     def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
@@ -146,7 +146,8 @@ def calibrate_by_hand(
     """
     begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
     require_source(loaded, str(told['id']))
-    presses = HandPresses.read(table)
+    bins = loaded.model.bins
+    presses = HandPresses.read(table, (bins.width_mm / 2, bins.height_mm / 2))
     progress.say(presses.told)
     pressed = pressed or Pressed()
     made, rest = _fitted(loaded, presses, pressed, progress, forced=forced)

@@ -26,6 +26,7 @@ from tactile_nodes.learning.datasets.recordings import (
     array_names,
     fingerprint_of,
 )
+from tactile_nodes.model_file import size_of_crop
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -158,16 +159,17 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
             card['flow']['options'],
             card['encoding']['options'],
             card['gel']['id'],
-            card['crop_px'],
             card['left_out'],
         ]
-    except (KeyError, TypeError):
+        crop = size_of_crop(card['crop_px'])
+    except (KeyError, TypeError, ValueError):
         return False
     indices = [(arrays[name], size) for name, size in known.items()]
     indices.append((arrays['confidence_row'], len(arrays['confidence'])))
     return (
         count > 0
-        and [type(each) for each in told] == [dict, dict, str, int, list]
+        and [type(each) for each in told] == [dict, dict, str, list]
+        and min(crop) > 0
         and arrays['labels'].shape[1] == bins.count
         and arrays['features'].shape[1:3] == arrays['confidence'].shape[1:]
         and [arrays[name].shape[1] for name in ('position_mm', 'wrench', 'wrench_deviation', 'window_ns')]

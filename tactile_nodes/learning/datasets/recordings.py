@@ -38,9 +38,10 @@ class RecordedPresses:
     """Samples of recorded presses. A sample without contact stands at the place of the press that came after it.
 
     Lengths in mm and places in the surface frame, forces in N (positive into the gel) and torques in N m; wrenches as
-    measured (pressing is negative z). `confidence[confidence_row[i]]` belongs to sample i, `card['bags'][bag[i]]` is
-    the bag that it came from; plan and indenter are told in the same way. `rest_image` is the last rest image that
-    presses were measured against, as cut; without rows in files of before there was one.
+    measured (pressing is negative z). Depths that nobody knows are NaN. `confidence[confidence_row[i]]` belongs to
+    sample i, `card['bags'][bag[i]]` is the bag that it came from; plan and indenter are told in the same way.
+    `rest_image` is the last rest image that presses were measured against, as cut; without rows in files of before
+    there was one.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -110,12 +111,13 @@ class RecordedPresses:
         """
         if kind == 'position':
             return by_position(self.position_mm, seed=seed, test=test, validation=validation)
-        return by_sample(self.press_number, self.depth_mm, seed=seed, test=test, validation=validation)
+        depth = np.where(np.isnan(self.depth_mm), self.force_n, self.depth_mm)  # each force then has its share
+        return by_sample(self.press_number, depth, seed=seed, test=test, validation=validation)
 
     def as_samples(self, chosen: Int[np.ndarray, ' chosen'] | None = None) -> Dataset:
         """The samples, or some of them, as training and evaluation take them."""
         rows = np.arange(len(self)) if chosen is None else chosen
-        depth = np.where(self.contact, self.depth_mm, -1.0)
+        depth = np.where(self.contact, np.nan_to_num(self.depth_mm, nan=np.inf), -1.0)
         presses = np.column_stack([self.position_mm, depth, self.force_n])[rows]
         return _Samples(
             self.features[rows], presses.astype(np.float32), self.confidence_row[rows], self.confidence,

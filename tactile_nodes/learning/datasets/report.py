@@ -10,6 +10,7 @@ import numpy as np
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.recordings import QUALITY, RecordedPresses
 from tactile_nodes.learning.datasets.split import KINDS
+from tactile_nodes.model_file import size_of_crop
 
 _LABEL = 14
 
@@ -17,6 +18,7 @@ _LABEL = 14
 def report(presses: RecordedPresses) -> str:
     """Counts, ranges, methods, the reading of the labels, and what was left out by reason."""
     card = presses.card
+    width, height = size_of_crop(card['crop_px'])
     lines = [
         ('fingerprint', presses.fingerprint),
         ('samples', _counts(presses)),
@@ -25,7 +27,7 @@ def report(presses: RecordedPresses) -> str:
         ('force', _forces(presses)),
         ('labels', card['labels']['reading']),
         ('features', _features(presses)),
-        ('images', f'{card["frames"]} of each window, {card["crop_px"]}x{card["crop_px"]} px'),
+        ('images', f'{card["frames"]} of each window, {width}x{height} px'),
         ('gel', card['gel']['id'] or 'not named'),
         ('indenter', ', '.join(name or 'not named' for name in card['indenters'])),
         ('plan', ', '.join(name or 'not named' for name in card['plans'])),
@@ -73,7 +75,10 @@ def _positions(presses: RecordedPresses) -> str:
 
 
 def _depths(presses: RecordedPresses) -> str:
-    depths, counts = np.unique(np.round(presses.depth_mm[presses.contact], 3), return_counts=True)
+    known = presses.depth_mm[presses.contact & np.isfinite(presses.depth_mm)]
+    if not len(known):
+        return 'not known'
+    depths, counts = np.unique(np.round(known, 3), return_counts=True)
     if len(depths) > 16:
         return f'{len(depths)} different, {depths[0]:g} to {depths[-1]:g} mm'
     return ', '.join(f'{depth:g} mm ({count})' for depth, count in zip(depths, counts, strict=True))
@@ -82,10 +87,8 @@ def _depths(presses: RecordedPresses) -> str:
 def _forces(presses: RecordedPresses) -> str:
     force = presses.force_n[presses.contact]
     spread = float(np.median(presses.wrench_deviation[presses.contact, 2]))
-    return (
-        f'{force.min():.3f} to {force.max():.3f} N, median {np.median(force):.3f} N; '
-        f'within a window it spreads by {spread:.4f} N (median)'
-    )
+    told = f'{force.min():.3f} to {force.max():.3f} N, median {np.median(force):.3f} N'
+    return f'{told}; within a window it spreads by {spread:.4f} N (median)' if np.isfinite(spread) else told
 
 
 def _features(presses: RecordedPresses) -> str:

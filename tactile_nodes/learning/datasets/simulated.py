@@ -18,7 +18,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float16, Float32, Int
+from jaxtyping import Bool, Float16, Float32, Int
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
@@ -40,8 +40,9 @@ PRESSES_PER_BLOCK = 250
 class Dataset:
     """Samples of presses: features, where and how deep the tip was, its force, and the regions' confidence.
 
-    `presses[i]` is x, y, depth (mm; a negative depth is no contact) and force (N); `rest[i]` is the row of `confidence`
-    that belongs to sample i: one for each rest image, or, of a flow that judges every frame, one for each sample.
+    `presses[i]` is x, y, depth (mm; a negative depth is no contact, an infinite one is not known) and force (N);
+    `rest[i]` is the row of `confidence` that belongs to sample i: one for each rest image, or, of a flow that judges
+    every frame, one for each sample.
     Samples of one number in `hold` are pictures of one press held still; None: each sample is another press.
     """
 
@@ -58,6 +59,12 @@ class Dataset:
         places = [bins.bin_of(float(x), float(y)) for x, y in self.presses[:, :2]]
         labels[np.arange(len(labels)), places] = self.presses[:, 3]
         return labels
+
+    @property
+    def known(self) -> Bool[np.ndarray, ' samples']:
+        """Whether somebody knows a sample's place and force."""
+        finite: np.ndarray = np.isfinite(self.presses[:, [0, 1, 3]]).all(axis=1)
+        return finite
 
     def trusted(self, floor: float) -> Float32[np.ndarray, 'rows cols']:
         """1 for regions that held markers in nine of ten samples, else 0.

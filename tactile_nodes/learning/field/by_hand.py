@@ -64,4 +64,4 @@ def alone_by_hand(
 def _known(dataset: Dataset) -> Dataset:
     """Without presses of which place or force is unknown."""
     touched = dataset.presses[:, 2] > 0
-    return dataset.take(np.flatnonzero(~touched | np.isfinite(dataset.presses).all(axis=1)))
+    return dataset.take(np.flatnonzero(~touched | dataset.known))

@@ -174,7 +174,7 @@ def _fitted(
 
 def known_presses(dataset: Dataset, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Those of some samples whose place and force are known, and the part to which each belongs."""
-    known = rows[np.isfinite(dataset.presses[rows]).all(axis=1)]
+    known = rows[dataset.known[rows]]
     return known, folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
 
 

@@ -79,7 +79,8 @@ def _require_enough(untouched: int, presses: int, components: int) -> None:
     if untouched < LEAST_UNTOUCHED or presses < components:
         raise DatasetError(
             f'a response of {components} components needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
-            f'{components} presses, and there are {untouched} and {presses}; record more, or lower response.components'
+            f'{components} presses to train on, and beside those put aside there are {untouched} and {presses}; record '
+            'more, or lower response.components'
         )
 
 

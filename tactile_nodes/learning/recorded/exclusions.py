@@ -87,8 +87,10 @@ def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None
 def _numbers(press: RecordedPress) -> Verdict | None:
     told = press.told
     # The other parts of the wrench are NaN where a sensor does not measure them.
-    if not all(map(math.isfinite, (told.position.x, told.position.y, told.depth, told.wrench.force.z))):
-        return BAD_NUMBERS, 'position, depth or normal force is no number'
+    if not all(map(math.isfinite, (told.position.x, told.position.y, told.wrench.force.z))):
+        return BAD_NUMBERS, 'position or normal force is no number'
+    if math.isinf(told.depth):  # NaN: nobody knows it, as of presses by hand
+        return BAD_NUMBERS, 'the depth is no number'
     if told.depth <= 0:
         return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is no press'
     start_ns, end_ns = press.window_ns

@@ -32,10 +32,8 @@ from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 
-CALIBRATE = (
-    'to train on they are too few or too unlike one another; a model of another gel takes ten to a hundred: '
-    'tactile calibrate BAG --model portable -o FILE'
-)
+USUAL_PRESSES = 300
+"""So many lead to a model that is worth having (docs/training.md)."""
 NETWORK_THRESHOLD_N = 0.05
 """Above what a network that is trained as published reads while nothing touches."""
 
@@ -98,9 +96,22 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
         return ''
     after, mean = Errors.of(live_errors(readout, data.dataset, judges)), of_the_mean(presses[judges][:, [0, 1, 3]])
     said = objection('model', after, None, mean)
-    require_worth(said, CALIBRATE, forced=forced, command='tactile train')
+    advice = _advice(int((~data.held_out & (presses[:, 2] > 0)).sum()))
+    require_worth(said, advice, forced=forced, command='tactile train')
     said = said or poor(after, mean)
-    return f'warning: {said}; {CALIBRATE}' if said else ''
+    return f'warning: {said}; {advice}' if said else ''
+
+
+def _advice(presses: int) -> str:
+    """What leads to a model, where so many presses to learn from did not."""
+    enough = presses >= USUAL_PRESSES
+    few = f'{presses} presses to train on are {"too unlike one another" if enough else "too few"}'
+    more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more'
+    return (
+        f'{few}: {more}, or calibrate a model of another gel, which takes ten to a hundred presses that are measured '
+        'as it measures: tactile dataset … --model portable -o presses.npz, then tactile calibrate --dataset '
+        'presses.npz --model portable -o FILE'
+    )
 
 
 def threshold_of(config: TrainConfig) -> float:

@@ -53,8 +53,9 @@ def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
     Raises:
         DatasetError: says what to do.
     """
-    touched = dataset.presses[dataset.presses[:, 2] > 0]
-    if wrong := int((~np.isfinite(touched).all(axis=1)).sum()):
+    presses = dataset.presses[:, 2] > 0
+    touched = dataset.presses[presses]
+    if wrong := int((presses & ~dataset.known).sum()):
         raise DatasetError(f'place or force of {wrong} pictures of presses is no number; leave these out')
     places = np.unique(touched[:, :2], axis=0)
     if len(places) < LEAST_PRESSES:

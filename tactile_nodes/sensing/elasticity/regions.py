@@ -162,6 +162,14 @@ class Regions:
         usable: np.ndarray = self.within_gel & ~self.covered
         return usable
 
+    def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
+        """Where in the cut picture places are seen, half as deep as markers lie, as shares of its sides (x, y)."""
+        image, depth = self.sensor.image, np.full(len(place_mm), -self.depths_mm[DEPTHS // 2])
+        cut = np.array(image.crop_px)
+        corner = (np.array([image.width, image.height]) - cut) // 2
+        seen: np.ndarray = (self._project(np.column_stack([place_mm, depth])[None])[0] + 0.5 - corner) / cut
+        return seen
+
     def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
         """Where the rays of all windows meet a depth, in the surface frame."""
         towards = self._camera.unproject(self._pixels) @ self._turn.T

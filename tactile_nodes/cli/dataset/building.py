@@ -1,0 +1,81 @@
+"""``tactile dataset build``: a data set of the bags of a collection."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tactile_nodes.cli.dataset import methods
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.recorded.building import BuildOptions
+
+LIMITS = {
+    'max_force_rate': ('force_rate_n_per_s', 'N/s', 'leave out presses whose force changed faster in the window'),
+    'max_deviation': ('force_deviation_n', 'N', 'leave out presses whose force spread more in the window'),
+    'max_depth_error': ('depth_error_mm', 'MM', 'leave out presses that were that far from the depth commanded'),
+    'max_force': ('largest_force_n', 'N', 'leave out presses with more force'),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
+    methods.add_arguments(parser)
+    parser.add_argument(
+        '--without-contact', type=float, default=0.05, metavar='SHARE',
+        help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
+    )  # fmt: skip
+    parser.add_argument('--separate-runs', action='store_true', help='bags of one plan are runs, not one run resumed')
+    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    parser.add_argument(
+        '--reference-clock',
+        metavar='RECORDER',
+        help='recorder whose clock the others are brought to (default: the machine)',
+    )
+    for name, (_, unit, line) in LIMITS.items():
+        parser.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=unit, help=line)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Build the data set, write it, and say what it holds."""
+    from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.recorded.building import build
+    from tactile_nodes.paths import check_output
+
+    check_output(arguments.output, *arguments.bags)
+    progress = TerminalProgress()
+    command = shlex.join(['tactile', *sys.argv[1:]])
+    try:
+        presses = build(arguments.bags, build_options(arguments), progress, command=command)
+    except KeyboardInterrupt:
+        progress.say('stopped; what was measured is kept, and the same command goes on from there')
+        raise
+    return methods.written(presses, arguments.output)
+
+
+def build_options(arguments: argparse.Namespace) -> BuildOptions:
+    """The options that the command line says.
+
+    Raises:
+        ConfigurationError: one of them cannot be used.
+    """
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.recorded.building import BuildOptions
+    from tactile_nodes.learning.recorded.exclusions import Limits
+
+    if not 0 <= arguments.without_contact <= 0.5:
+        raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')
+    given = {field: value for name, (field, *_) in LIMITS.items() if (value := getattr(arguments, name)) is not None}
+    return BuildOptions(
+        **methods.method_options(arguments),
+        without_contact=arguments.without_contact,
+        limits=dataclasses.replace(Limits(), **given),
+        separate_runs=arguments.separate_runs,
+        namespace=arguments.namespace,
+        reference_clock=arguments.reference_clock,
+    )

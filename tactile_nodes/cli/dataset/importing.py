@@ -1,0 +1,53 @@
+"""``tactile dataset import``: a data set of pictures, or a video, and a table that says what was pressed."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+
+from tactile_nodes.cli.dataset import methods
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument('tables', nargs='+', type=Path, metavar='TABLE', help='CSV or Parquet; each with its own rest')
+    parser.add_argument(
+        '--pictures', type=Path, metavar='FOLDER|VIDEO', help='where the pictures are, if not beside the table'
+    )
+    parser.add_argument(
+        '--untouched-below', type=float, default=0.0, metavar='N', help='forces up to so much are the gel untouched'
+    )
+    parser.add_argument(
+        '--force', action='store_true', help='take tables also whose places or forces contradict the pictures'
+    )
+    methods.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Import the tables, write the data set, and say what it holds."""
+    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.imported.importing import Imported, import_presses
+    from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.recorded.building import BuildOptions
+    from tactile_nodes.learning.tables.pictures import pictures_of
+    from tactile_nodes.learning.tables.presses import read_table
+    from tactile_nodes.paths import check_output
+    from tactile_nodes.sensors import load_sensor
+
+    if arguments.pictures is not None and not arguments.pictures.exists():
+        raise ConfigurationError(f'there is no folder and no video {arguments.pictures}; name where the pictures are')
+    check_output(arguments.output, *arguments.tables, arguments.pictures)
+    options = BuildOptions(**methods.method_options(arguments))
+    reach_mm = options.bins.width_mm / 2, options.bins.height_mm / 2
+    tables = [read_table(file, reach_mm, arguments.untouched_below) for file in arguments.tables]
+    presses = import_presses(
+        [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],
+        options,
+        load_sensor(arguments.sensor) if arguments.sensor else None,
+        TerminalProgress(),
+        command=shlex.join(['tactile', *sys.argv[1:]]),
+        forced=arguments.force,
+    )
+    return methods.written(presses, arguments.output)

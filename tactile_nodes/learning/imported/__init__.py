@@ -1,0 +1,1 @@
+"""From pictures and tables of others to a data set: no rig, no bag."""

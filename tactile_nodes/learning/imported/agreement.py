@@ -1,0 +1,143 @@
+"""Whether a table tells what its pictures show: motion is where was pressed, and grows with the force.
+
+Two columns that were exchanged, an axis that counts the other way, and rows beside the wrong pictures all make a model
+that is wrong without a sign of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.features import as_motion
+from tactile_nodes.sensors import Sensor
+
+LEAST = 8
+"""Fewer presses say nothing of a table."""
+SPANNED_MM = 4.0
+"""Places nearer to one another, along x or y, say nothing of the axes."""
+FOLLOWS = 0.5
+"""Correlation below which motion does not follow what is told; presses told rightly are above 0.9."""
+CLEARLY = 0.8
+"""Correlation from which it follows something else than is told."""
+ASIDE_MM, ASIDE_TIMES = 4.0, 6.0
+"""A press is named whose motion is farther from its place, in mm and in times the median of all."""
+SCALE = 1.5
+"""By how many times pixels for a mm may differ from those of a description; right ones differ by 1.2 at most."""
+
+
+def require_agreement(
+    presses: RecordedPresses,
+    tables: Sequence[Path],
+    progress: Progress,
+    sensor: Sensor | None = None,
+    *,
+    forced: bool = False,
+) -> None:
+    """Refuse tables that contradict their pictures, unless forced; single rows that may be mixed up are named.
+
+    `sensor` describes what was pressed, where somebody did.
+
+    Raises:
+        DatasetError: says what contradicts, and what it looks like.
+    """
+    for number, table in enumerate(tables):
+        rows = np.flatnonzero(presses.contact & (presses.bag == number))
+        if len(rows) < LEAST:
+            continue
+        motion = as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32))
+        strength = np.square(motion).sum(axis=-1) * presses.confidence[presses.confidence_row[rows]]
+        place, force = presses.position_mm[rows], presses.force_n[rows]
+        seen = middles(strength)
+        if said := (
+            places_objection(place, seen)
+            or force_objection(force, strength)
+            or (sensor and description_objection(place, seen, sensor))
+        ):
+            if not forced:
+                raise DatasetError(f'{table}: {said} (--force takes the table as it is)')
+            progress.say(f'{table}: taken by --force: {said}')
+            continue
+        if lines := [int(presses.window_ns[rows[each], 0] // NS_PER_S) for each in aside(place, seen)]:
+            progress.say(
+                f'{table}: look at line {", ".join(map(str, lines))}: the picture moves elsewhere than is told'
+            )
+
+
+def middles(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, 'n 2']:
+    """Where in the picture most moves, x and y as shares of its sides: 0.5, 0.5 is its middle."""
+    sharp = np.square(strength)  # so that what moves a little everywhere counts little
+    total = np.maximum(sharp.sum(axis=(1, 2)), 1e-12)
+    y, x = ((np.arange(count) + 0.5) / count for count in sharp.shape[1:])
+    return np.column_stack([sharp.sum(axis=1) @ x / total, sharp.sum(axis=2) @ y / total])
+
+
+def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> str:
+    """What is wrong with the places told beside those seen; empty where nothing is, or they tell too little."""
+    if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
+        return ''
+    own = [_correlation(place_mm[:, axis], seen[:, axis]) for axis in (0, 1)]
+    if min(own) >= FOLLOWS:
+        return ''
+    if min(abs(_correlation(place_mm[:, axis], seen[:, 1 - axis])) for axis in (0, 1)) >= CLEARLY:
+        return 'the pictures move along y where x is told, and along x where y is: x and y are exchanged'
+    turned = [name for name, share in zip('xy', own, strict=True) if share <= -CLEARLY]
+    if turned:
+        return (
+            f'the pictures move the other way along {" and ".join(turned)} than is told: x counts to the right of the '
+            'picture and y down; change the sign'
+        )
+    return (
+        'the pictures do not move where the table says that was pressed: rows are beside the wrong pictures, or places '
+        'are told from elsewhere than the middle of the gel'
+    )
+
+
+def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2'], sensor: Sensor) -> str:
+    """What is wrong with the description of a sensor beside how far pictures move from place to place."""
+    if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
+        return ''
+    expected = Regions(sensor, 1, 1).shares_of(place_mm)
+    for axis, side_px in enumerate(sensor.image.crop_px):
+        found, told = (
+            float(np.polyfit(place_mm[:, axis], shares[:, axis], 1)[0]) * side_px for shares in (seen, expected)
+        )
+        if not told / SCALE <= found <= told * SCALE:
+            return (
+                f'from press to press what moves lies {found:.0f} pixels further for each mm along {"xy"[axis]}, and '
+                f'by the description of the sensor {told:.0f}: one of them is of another camera or gel'
+            )
+    return ''
+
+
+def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray, 'n rows cols']) -> str:
+    """What is wrong with the forces told beside the motion seen; empty where nothing is."""
+    if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= FOLLOWS:
+        return ''
+    return 'the pictures do not move more where more force is told: rows or columns are mixed up'
+
+
+def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> list[int]:
+    """Presses whose motion is far from where the others let it be expected."""
+    from_seen = np.column_stack([seen, np.ones(len(seen))])
+    expected = from_seen @ np.linalg.lstsq(from_seen, place_mm, rcond=None)[0]
+    off = np.linalg.norm(expected - place_mm, axis=1)
+    return [int(each) for each in np.flatnonzero(off > max(ASIDE_MM, ASIDE_TIMES * float(np.median(off))))]
+
+
+def _ranks(values: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+    return np.argsort(np.argsort(values)).astype(float)
+
+
+def _correlation(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> float:
+    one, other = one - one.mean(), other - other.mean()
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size > 0 else 0.0

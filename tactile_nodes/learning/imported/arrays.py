@@ -1,0 +1,116 @@
+"""Presses of another project, as arrays: what HDF5, zarr or numpy files hold, read by their own libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.config import Choice
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.imported.importing import Imported, import_presses
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.building import BuildOptions, gel_told
+from tactile_nodes.learning.tables.pictures import ArrayPictures
+from tactile_nodes.learning.tables.presses import PressTable, TablePress, require_possible
+from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.sensors import Sensor
+
+NAMES = {'x': 'x_mm', 'y': 'y_mm', 'force': 'force_n', 'time': ''}
+
+
+def import_arrays(
+    images: Any,
+    x_mm: Float[np.ndarray, ' n'],
+    y_mm: Float[np.ndarray, ' n'],
+    force_n: Float[np.ndarray, ' n'],
+    *,
+    options: BuildOptions,
+    indenter: str | Sequence[str] = '',
+    shear_n: Float[np.ndarray, 'n 2'] | None = None,
+    torque_nm: Float[np.ndarray, 'n 3'] | None = None,
+    depth_mm: Float[np.ndarray, ' n'] | None = None,
+    order: str = 'rgb',
+    name: str = 'arrays',
+    sensor: Sensor | None = None,
+    progress: Progress | None = None,
+    forced: bool = False,
+) -> RecordedPresses:
+    """The data set of presses that stand in arrays; `save_dataset` writes it.
+
+    Places are in the surface frame: from the middle of the gel, x to the right and y down in the picture. Forces act on
+    the gel. Rows one after another that tell the same are pictures of one press.
+
+    Args:
+        images: (n, h, w) or (n, h, w, 3) of uint8, whole pictures of the camera; read row by row, so that a data set
+            of h5py or zarr does.
+        x_mm: place along x.
+        y_mm: place along y.
+        force_n: force into the gel; 0 is the gel untouched, of which at least one picture is needed.
+        options: how pictures are measured; `options_of` takes them from a model.
+        indenter: of all presses, or of each.
+        shear_n: force on the gel along x and y.
+        torque_nm: about x, y and z (out of the gel).
+        depth_mm: how deep, where known.
+        order: of the colours: 'rgb' or 'bgr'.
+        name: what errors call the arrays.
+        sensor: the description of what was pressed, which pictures must be like.
+        progress: shown while pictures are measured.
+        forced: whether arrays count whose places or forces contradict the pictures.
+
+    Raises:
+        DatasetError: arrays of different lengths, a row that cannot be used, or that contradicts its picture.
+        ConfigurationError: an option that cannot be used.
+    """
+    count = len(images)
+    columns = {
+        'x_mm': np.asarray(x_mm, float), 'y_mm': np.asarray(y_mm, float), 'force_n': np.asarray(force_n, float),
+        'shear_n': _given(shear_n, count, 2), 'torque_nm': _given(torque_nm, count, 3),
+        'depth_mm': _given(depth_mm, count), 'indenter': [indenter] * count if isinstance(indenter, str) else indenter,
+    }  # fmt: skip
+    if wrong := [each for each, values in columns.items() if len(values) != count]:
+        raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, and there are {count} images')
+    reach_mm = options.bins.width_mm / 2, options.bins.height_mm / 2
+    rows = tuple(_row(line, columns) for line in range(count))
+    table = PressTable(Path(name), 'rows of arrays', rows, 'row')
+    faults = table.faults
+    for row in rows:
+        with faults.row(row.line):
+            require_possible(row, reach_mm, NAMES)
+    faults.require_none()
+    source = Imported(table, ArrayPictures(images, order))
+    return import_presses([source], options, sensor, progress, command='import_arrays', forced=forced)
+
+
+def options_of(model: str | Path, gel: str = '', frames: str = 'first') -> BuildOptions:
+    """Measuring as a model does, by its file or the name of one that ships; `frames` as for `tactile dataset import`.
+
+    Raises:
+        ModelError: there is no such model.
+        ConfigurationError: `gel` is a file of no simulated gel.
+    """
+    loaded = load_model(find_model(str(model)))
+    return BuildOptions(
+        flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
+        gel=gel_told(gel), crop=loaded.image_size,
+    )  # fmt: skip
+
+
+def _given(values: np.ndarray | None, count: int, *shape: int) -> np.ndarray:
+    return np.full((count, *shape), np.nan) if values is None else np.asarray(values, float)
+
+
+def _row(line: int, columns: dict[str, Any]) -> TablePress:
+    indenter = columns['indenter'][line]
+    fx, fy = columns['shear_n'][line].tolist()
+    tx, ty, tz = columns['torque_nm'][line].tolist()
+    x_mm, y_mm, force_n, depth_mm = (float(columns[name][line]) for name in ('x_mm', 'y_mm', 'force_n', 'depth_mm'))
+    # A file may hold its texts as bytes.
+    text = indenter.decode('utf-8', 'replace') if isinstance(indenter, bytes) else str(indenter)
+    return TablePress(
+        line, f'row {line}', np.nan, x_mm, y_mm, force_n, (fx, fy), (tx, ty, tz), depth_mm, text
+    )  # fmt: skip

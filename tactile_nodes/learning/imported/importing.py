@@ -1,0 +1,191 @@
+"""Tables of presses with their pictures in, a data set out: the same judgement and measurement as of a rig's bags.
+
+A row becomes the message that a rig would have sent, with NaN for what nobody knows: how deep, how steady. Rows one
+after another that tell the same place, force and indenter are pictures of one press.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.conversions import header
+from tactile_nodes.drivers.camera.contract import Picture
+from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.learning.imported.agreement import require_agreement
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.bags import Frame, RecordedPress
+from tactile_nodes.learning.recorded.building import Builder, BuildOptions
+from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.tables.faults import RowFaults
+from tactile_nodes.learning.tables.pictures import OneSize, Pictures
+from tactile_nodes.learning.tables.presses import PressTable, TablePress
+from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensors import Sensor
+
+UNTOUCHED = 0.5
+"""All pictures of the untouched gel are measured, up to one for each press."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A table, and where its pictures are."""
+
+    table: PressTable
+    pictures: Pictures
+
+
+def import_presses(
+    sources: Sequence[Imported],
+    options: BuildOptions,
+    sensor: Sensor | None = None,
+    progress: Progress | None = None,
+    *,
+    command: str = '',
+    forced: bool = False,
+) -> RecordedPresses:
+    """The data set of some tables, each measured against the mean of its own pictures of the untouched gel.
+
+    Args:
+        sources: tables with their pictures; each may have indenters of its own.
+        options: how pictures become samples.
+        sensor: the description of what was pressed, which pictures must be like; without, they must be of one size.
+        progress: told how the columns of each table were read.
+        command: what was typed.
+        forced: whether a table counts whose places or forces contradict its pictures.
+
+    Raises:
+        DatasetError: a row or a picture cannot be used, or table and pictures contradict each other; says in which row.
+        ConfigurationError: an option that cannot be used.
+    """
+    progress, options = progress or Progress(), replace(options, without_contact=UNTOUCHED)
+    for source in sources:
+        progress.say(f'{source.table.file}: {source.table.told}')
+        require_rows(source)
+    told = []
+    with (
+        Measurer(options.flow, options.encoding, options.crop) as measurer,
+        progress.bar('reading presses', sum(len(_presses(each.table.rows)) for each in sources)) as bar,
+    ):
+        builder = Builder(options, measurer, bar)
+        for number, source in enumerate(sources):
+            told.append(_taken(builder, number, source, OneSize.of(sensor)))
+    made = builder.recordings(told, [source.table.file for source in sources], command=command)
+    require_agreement(made, [source.table.file for source in sources], progress, sensor, forced=forced)
+    return made
+
+
+def require_rows(source: Imported) -> None:
+    """Refuse a table of which a data set cannot be made, before any picture is read.
+
+    Raises:
+        DatasetError: says in which rows.
+    """
+    table, faults = source.table, source.table.faults
+    for row in table.rows:
+        with faults.row(row.line):
+            if row.touches and not np.isfinite((row.x_mm, row.y_mm, row.force_n)).all():
+                raise DatasetError(
+                    'a press of a data set needs x, y and force; a table with presses of which less is known goes with '
+                    'tactile calibrate --pictures'
+                )
+    source.pictures.require(table.rows, faults)
+    faults.require_none()
+    forces = {row.force_n for row in table.rows if row.touches}
+    if all(row.touches for row in table.rows):
+        raise DatasetError(
+            f'{table.file} has no picture of the gel untouched; add one with a force of 0, better twelve'
+        )
+    if len(forces) < 2:
+        tells = f'tells one force for all presses, {min(forces):g} N' if forces else 'tells no press, all forces are 0'
+        raise DatasetError(
+            f'{table.file} {tells}: press with two weights at least, or calibrate with: tactile calibrate --pictures'
+        )
+
+
+def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
+    """Rows of each press, in order."""
+    ordered = sorted(rows, key=lambda row: row.time_s) if all(not row.picture for row in rows) else rows
+    return [list(group) for held, group in groupby(ordered, lambda row: (row.touches, row.held)) if held[0]]
+
+
+def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> dict[str, Any]:
+    """Give a table's presses to a builder; what a card says of the table."""
+    table, faults = source.table, source.table.faults
+    digest = hashlib.sha256()
+    rests = [picture for _, picture in _checked(source, [row for row in table.rows if not row.touches], size, faults)]
+    faults.require_none()
+    presses = _presses(table.rows)
+    plan = hashlib.sha256(repr((table.rows, [each.tobytes() for each in rests])).encode()).hexdigest()[:12]
+    reference = Frame(0, average(rests))
+    try:
+        builder.measurer.use_reference(reference.image)
+    except ImageError as error:
+        raise DatasetError(f'{table.file}: {error}') from error
+    press_of = {row.line: press for press, rows in enumerate(presses) for row in rows}
+    pictures = _checked(source, [row for rows in presses for row in rows], size, faults)
+    for press, group in groupby(pictures, lambda pair: press_of[pair[0].line]):
+        frames = [picture for _, picture in group]
+        if faults:
+            continue  # the rows left are looked at for further ones
+        digest.update(b''.join(frame.tobytes() for frame in frames))
+        rest = [Frame(reference.stamp_ns, rests[press])] if press < len(rests) else []
+        builder.take(number, _recorded(plan, press, presses[press][0], frames, rest, reference))
+    faults.require_none()
+    name = hashlib.sha256(plan.encode() + digest.digest()).hexdigest()[:12]
+    return {
+        'id': name, 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
+        'columns': table.told,
+    }  # fmt: skip
+
+
+def _checked(
+    source: Imported, rows: Sequence[TablePress], size: OneSize, faults: RowFaults
+) -> Iterator[tuple[TablePress, Picture]]:
+    """Rows with their pictures, but for those with a fault."""
+    for row, picture in source.pictures.of(rows, faults):
+        with faults.row(row.line):
+            size.require(row, picture)
+            yield row, picture
+
+
+def _recorded(
+    plan: str,
+    number: int,
+    row: TablePress,
+    pictures: Sequence[Picture],
+    untouched: Sequence[Frame],
+    reference: Frame,
+) -> RecordedPress:
+    """A press as a rig would tell it. Nobody knows when it was: row k stands for second k."""
+    begin_ns = row.line * NS_PER_S
+    frames = [Frame(begin_ns + each * NS_PER_S, picture) for each, picture in enumerate(pictures)]
+    (fx, fy), (tx, ty, tz), unknown = row.shear_n, row.torque_nm, float('nan')
+    told = types.Press(
+        header=header(begin_ns, 'gel_surface'),
+        plan_id=plan,
+        press=number + 1,
+        attempt=1,
+        position=types.Point(x=row.x_mm * 1e-3, y=row.y_mm * 1e-3),
+        depth=row.depth_mm * 1e-3,
+        depth_reported=unknown,
+        indenter=row.indenter,
+        window_start=time_from_ns(begin_ns),
+        window_end=time_from_ns(frames[-1].stamp_ns + 1),
+        frames=len(frames),
+        wrench=types.Wrench(
+            force=types.Vector3(x=fx, y=fy, z=-row.force_n), torque=types.Vector3(x=tx, y=ty, z=tz)
+        ),
+        wrench_deviation=types.Wrench(force=types.Vector3(z=unknown)),
+        force_rate=unknown,
+        status=types.Press.STATUS_RECORDED,
+    )  # fmt: skip
+    return RecordedPress(told, tuple(frames), tuple(untouched), reference, len(frames))

@@ -1,0 +1,108 @@
+"""The cells of a table, read from CSV or Parquet: a header, and rows of text by the number of their line."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.files import TEXT_BYTES, open_plain, read_text
+
+EXAMPLE = 'picture,x_mm,y_mm,force_n'
+DELIMITERS = ',;\t'
+PARQUET = '.parquet'
+_MOST_ROWS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Names of the columns, and each row's cells as text beside the line that it stands in."""
+
+    header: list[str]
+    rows: list[tuple[int, list[str]]]
+    decimal_comma: bool = False
+
+
+def read_cells(table: Path) -> Cells:
+    """All cells of a table; of a Parquet file, by its ending, rows count as lines below a header.
+
+    Raises:
+        DatasetError: it cannot be read, or has lines of several lengths.
+        ConfigurationError: it is a Parquet file, and pyarrow is not installed.
+    """
+    try:
+        return _parquet(table) if table.suffix.lower() == PARQUET else _csv(table)
+    except OSError as error:
+        raise DatasetError(f'cannot read {table} ({error.strerror or error}); give a table of pictures') from error
+
+
+def _csv(table: Path) -> Cells:
+    try:
+        # The mark that spreadsheets begin their tables with is no part of the first name.
+        text = read_text(table, encoding='utf-8-sig')
+    except UnicodeDecodeError as error:
+        raise DatasetError(
+            f'{table} is no table of pictures; its first line names columns, as {EXAMPLE}, in UTF-8'
+        ) from error
+    delimiter = max(DELIMITERS, key=next(iter(text.splitlines()), '').count)
+    try:
+        rows = list(_rows(text, table, delimiter))
+    except csv.Error as error:
+        raise DatasetError(f'{table} is no table of pictures ({error}); begin it with {EXAMPLE}') from error
+    return Cells(rows[0][1] if rows else [], rows[1:], delimiter != ',')
+
+
+def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Lines by number, with as many cells as the first one; empty ones are passed over."""
+    reader, width = csv.reader(text.splitlines(), delimiter=delimiter, strict=True), 0
+    for row in reader:
+        if not any(cell.strip() for cell in row):
+            continue
+        width = width or len(row)
+        if len(row) != width:
+            raise DatasetError(f'{table}, line {reader.line_num} has {len(row)} cells, and the first line has {width}')
+        yield reader.line_num, row
+
+
+def _parquet(table: Path) -> Cells:
+    """Columns of numbers and texts; what else a file holds is not unpacked."""
+    arrow, parquet = _pyarrow()
+    with open_plain(table, TEXT_BYTES) as opened:
+        try:
+            file = parquet.ParquetFile(opened)
+            told = file.metadata
+            unpacked = sum(told.row_group(number).total_byte_size for number in range(told.num_row_groups))
+            if told.num_rows > _MOST_ROWS or unpacked > 16 * TEXT_BYTES:
+                raise DatasetError(f'{table} holds {told.num_rows} rows of {unpacked} bytes, as no table of pictures')
+            plain = [each.name for each in file.schema_arrow if _is_plain(arrow, each.type)]
+            columns = file.read(columns=plain).to_pydict()
+        except arrow.ArrowException as error:
+            raise DatasetError(f'{table} is no Parquet file that can be read; write it again, or as CSV') from error
+    rows = zip(*(map(_text, columns[name]) for name in plain), strict=True)
+    return Cells(plain, [(line, list(row)) for line, row in enumerate(rows, start=2)])
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        return importlib.import_module('pyarrow'), importlib.import_module('pyarrow.parquet')
+    except ImportError as error:
+        raise ConfigurationError(
+            f"a Parquet table needs pyarrow ({error}); give CSV, or install it: pip install 'tactile_nodes[export]'"
+        ) from error
+
+
+def _is_plain(arrow: Any, kind: Any) -> bool:
+    is_a = arrow.types
+    if is_a.is_dictionary(kind):
+        kind = kind.value_type
+    return bool(is_a.is_integer(kind) or is_a.is_floating(kind) or is_a.is_string(kind) or is_a.is_large_string(kind))
+
+
+def _text(value: Any) -> str:
+    """As CSV would hold it: nothing, and no number, are left empty."""
+    return '' if value is None or (isinstance(value, float) and math.isnan(value)) else str(value)

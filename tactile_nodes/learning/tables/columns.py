@@ -1,0 +1,120 @@
+"""Which column of a table tells what, by the names and units that people give them.
+
+A column is known by its name, its unit stands in the header: `force_n`, `Force [mN]`, `grams`, `x (mm)`. What a name
+leaves open is asked, not guessed; how every column was read is said.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.tables.cells import EXAMPLE
+
+NEWTON_PER_GRAM = 9.81e-3
+MILLIMETRES = {'um': 1e-3, 'mm': 1.0, 'cm': 10.0, 'm': 1e3}
+NEWTONS = {'n': 1.0, 'mn': 1e-3, 'g': NEWTON_PER_GRAM, 'kg': 1e3 * NEWTON_PER_GRAM}
+NEWTON_METRES = {'nm': 1.0, 'nmm': 1e-3, 'mnm': 1e-3}
+SECONDS = {'s': 1.0, 'ms': 1e-3}
+SPELT = {
+    'newton': 'n', 'newtons': 'n', 'millinewton': 'mn', 'millinewtons': 'mn', 'gram': 'g', 'grams': 'g',
+    'gramme': 'g', 'grammes': 'g', 'kilogram': 'kg', 'kilograms': 'kg', 'millimetre': 'mm', 'millimetres': 'mm',
+    'millimeter': 'mm', 'millimeters': 'mm', 'second': 's', 'seconds': 's', 'sec': 's',
+}  # fmt: skip
+SHOWN = {'n': 'N', 'mn': 'mN', 'nm': 'Nm', 'nmm': 'Nmm', 'mnm': 'mNm'}
+NAMES = {
+    'picture': {
+        'picture', 'pictures', 'image', 'img', 'photo', 'file', 'filename', 'file name', 'image file', 'picture file',
+        'path',
+    },
+    'time': {'time', 't', 'video time'},
+    'x': {'x', 'pos x', 'x pos', 'position x', 'x position', 'place x', 'contact x'},
+    'y': {'y', 'pos y', 'y pos', 'position y', 'y position', 'place y', 'contact y'},
+    'force': {'force', 'normal force', 'weight', 'mass', 'load', 'f', 'fz', 'force z', 'fn'},
+    'fx': {'fx', 'force x', 'shear x'},
+    'fy': {'fy', 'force y', 'shear y'},
+    'tx': {'tx', 'torque x', 'mx'},
+    'ty': {'ty', 'torque y', 'my'},
+    'tz': {'tz', 'torque z', 'mz'},
+    'depth': {'depth', 'indentation'},
+    'indenter': {'indenter', 'tip', 'body', 'tool'},
+}  # fmt: skip
+UNITS: dict[str, Mapping[str, float]] = {
+    'time': SECONDS, 'x': MILLIMETRES, 'y': MILLIMETRES, 'depth': MILLIMETRES,
+    **dict.fromkeys(('force', 'fx', 'fy'), NEWTONS), **dict.fromkeys(('tx', 'ty', 'tz'), NEWTON_METRES),
+}  # fmt: skip
+"""What one of a unit is in mm, N, N m or s; of columns with numbers."""
+USUAL = {'time': 's', 'x': 'mm', 'y': 'mm', 'depth': 'mm'}
+"""Units of columns whose header says none."""
+NEEDED = 'x', 'y', 'force'
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column is called, what one of its units is in mm, N, N m or s, and how it was understood, in words."""
+
+    name: str
+    times: float
+    told: str
+
+
+def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
+    """Which column tells what, by their names.
+
+    Raises:
+        DatasetError: one is missing, there twice, or does not say its unit.
+    """
+    found: dict[str, Column] = {}
+    for each in header:
+        if (known := column_of(each, table)) is None:
+            continue
+        what, column = known
+        if what in found:
+            raise DatasetError(
+                f'{table}: {found[what].name!r} and {each!r} may both be the {what}; rename the one that is not'
+            )
+        found[what] = column
+    if 'picture' in found:
+        found.pop('time', None)  # when each picture was taken is of no use
+    lacking = [what for what in NEEDED if what not in found]
+    if not found.keys() & {'picture', 'time'}:
+        lacking.insert(0, 'picture')
+    if lacking:
+        raise DatasetError(f'{table} has no column for {" and ".join(lacking)}; its first line may be {EXAMPLE}')
+    return {what: found[what] for what in NAMES if what in found}
+
+
+def column_of(name: str, table: Path) -> tuple[str, Column] | None:
+    """What a column tells, by its name; None of one that is not known.
+
+    Raises:
+        DatasetError: a force without unit, or a unit that none of it can be.
+    """
+    bare, unit = _name_and_unit(name)
+    what = 'force' if unit and not bare else next((what for what, names in NAMES.items() if bare in names), None)
+    if what is None:
+        return None
+    if what not in UNITS:
+        return what, Column(name, math.nan, repr(name))
+    units, unit = UNITS[what], unit or USUAL.get(what, '')
+    if unit not in units:
+        allowed = ', '.join(SHOWN.get(each, each) for each in units)
+        fault = f'is in {unit!r}' if unit else 'does not say its unit'
+        raise DatasetError(f'{table}: column {name!r} {fault}; write one of {allowed} behind its name, as in {EXAMPLE}')
+    return what, Column(name, units[unit], f'{name!r} in {SHOWN.get(unit, unit)}')
+
+
+def _name_and_unit(name: str) -> tuple[str, str]:
+    """'Force [mN]', 'force_mn' and 'force in mN' are a force in mN, 'grams' is a unit alone, 'x' has none."""
+    plain = re.sub(r'(?<![a-z])(m?n)[ ·*.]+(m?m)(?![a-z])', r'\1\2', name.strip().lower().replace('µ', 'u'))
+    words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word and word != 'in']
+    whole = ' '.join(words)
+    if plain != 'n' and whole in NEWTONS:  # 'n' alone may be a number of something
+        return '', whole
+    if len(words) < 2 or any(whole in names for names in NAMES.values()):
+        return whole, ''
+    return ' '.join(words[:-1]), words[-1]

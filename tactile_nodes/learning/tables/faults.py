@@ -1,0 +1,44 @@
+"""What is wrong with a table, row by row, so that a person mends all of it at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+
+SHOWN_ROWS = 12
+
+
+class RowFaults:
+    """Gathers the faults of a table's rows, which are counted as lines of a file or as rows of an array."""
+
+    def __init__(self, table: Path, counted: str = 'line') -> None:
+        self._table, self._counted = table, counted
+        self._found: list[tuple[int, str]] = []
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    @contextmanager
+    def row(self, line: int) -> Iterator[None]:
+        """What is done for one row; what is wrong there is kept, and the next row goes on."""
+        try:
+            yield
+        except (DatasetError, ConfigurationError, ImageError) as error:
+            self._found.append((line, str(error)))
+
+    def require_none(self) -> None:
+        """Refuse a table with faults.
+
+        Raises:
+            DatasetError: says the first one, and in which other rows there are more.
+        """
+        if not self._found:
+            return
+        line, first = self._found[0]
+        others = [str(number) for number, _ in self._found[1:]]
+        more = ', '.join(others[:SHOWN_ROWS]) + (' …' if len(others) > SHOWN_ROWS else '')
+        told = f'; {len(others)} more cannot be used either: {self._counted} {more}' if others else ''
+        raise DatasetError(f'{self._table}, {self._counted} {line}: {first}{told}')

@@ -1,0 +1,163 @@
+"""The pictures that the rows of a table name: files of a folder, moments of a video, or rows of an array."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from tactile_nodes.drivers.camera.contract import Picture
+from tactile_nodes.drivers.camera.file import VideoFile
+from tactile_nodes.drivers.camera.pictures import read_grey
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.files import PICTURE_BYTES, check_size
+from tactile_nodes.learning.tables.faults import RowFaults
+from tactile_nodes.learning.tables.presses import PressTable, TablePress
+from tactile_nodes.sensing.geometry import grey
+from tactile_nodes.sensors import Sensor
+
+Size = tuple[int, int]
+
+
+class Pictures(Protocol):
+    """Grey pictures by rows."""
+
+    def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
+        """Keep a fault of each row that has no picture, as far as can be told without reading any."""
+        ...
+
+    def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
+        """Each row with its picture, (h, w), one in memory at a time; a fault is kept of a row without."""
+        ...
+
+
+@dataclass(frozen=True)
+class FolderPictures:
+    """Files of a folder."""
+
+    folder: Path
+
+    def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
+        for row in rows:
+            with faults.row(row.line):
+                self._require_file(row.picture)
+
+    def _require_file(self, name: str) -> None:
+        if not name:
+            raise DatasetError('names no picture; times go with a video, which --pictures names')
+        try:
+            check_size(self.folder / name, PICTURE_BYTES)
+        except OSError as error:
+            raise DatasetError(f'cannot read the picture {self.folder / name} ({error.strerror})') from error
+
+    def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
+        for row in rows:
+            with faults.row(row.line):
+                yield row, read_grey(self.folder / row.picture)
+
+
+@dataclass(frozen=True)
+class VideoPictures:
+    """Frames of a video, the nearest to each time; frame k is taken at k divided by the rate that the file claims."""
+
+    file: Path
+
+    def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
+        for row in rows:
+            with faults.row(row.line):
+                if row.picture:
+                    raise DatasetError(
+                        f'names the picture {row.picture}, and {self.file} is a video; write a column time_s'
+                    )
+
+    def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
+        video = VideoFile(self.file, 0.0)
+        video.start()
+        count, frame = 0, video.next()
+        try:
+            for row in sorted(rows, key=lambda each: each.time_s):
+                wanted = round(row.time_s * video.fps)
+                while frame is not None and count < wanted:
+                    count, frame = count + 1, video.next()
+                with faults.row(row.line):
+                    if frame is None:
+                        raise DatasetError(f'time {row.time_s:g} s: {self.file} ends at {count / video.fps:g} s')
+                    yield row, grey(frame)
+        finally:
+            video.stop()
+
+
+@dataclass(frozen=True)
+class ArrayPictures:
+    """Pictures as an array, (n, h, w) or (n, h, w, 3), of bytes; row k of a table stands in line k."""
+
+    images: Any
+    order: str = 'rgb'
+
+    def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
+        """Nothing can be missing."""
+
+    def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
+        for row in rows:
+            with faults.row(row.line):
+                yield row, grey(np.asarray(self.images[row.line]), self.order)
+
+
+def pictures_of(table: PressTable, source: Path | None) -> Pictures:
+    """Where a table's pictures are: beside it, in another folder, or in a video.
+
+    Raises:
+        DatasetError: rows name times, and no video is given.
+    """
+    if source is None and table.of_video:
+        raise DatasetError(f'{table.file} tells times and no pictures; name the video with --pictures')
+    if source is None or source.is_dir():
+        return FolderPictures(source or table.file.parent)
+    return VideoPictures(source)
+
+
+@dataclass
+class OneSize:
+    """Requires pictures to be as large as the first one, or as a description says."""
+
+    size: Size | None = None
+    said_by: str = ''
+
+    @classmethod
+    def of(cls, sensor: Sensor | None) -> OneSize:
+        """As a sensor is described, if it is."""
+        return cls((sensor.image.width, sensor.image.height), 'the description of the sensor') if sensor else cls()
+
+    def require(self, row: TablePress, picture: Picture) -> None:
+        """Refuse a picture of another size. Raises DatasetError."""
+        height, width = picture.shape
+        if self.size is None:
+            self.size, self.said_by = (width, height), f'the one of line {row.line}'
+        if (width, height) != self.size:
+            wanted = 'x'.join(map(str, self.size))
+            name = f'picture {row.picture}' if row.picture else f'the picture at {row.time_s:g} s'
+            raise DatasetError(
+                f'{name} has {width}x{height} pixels, and {self.said_by} {wanted}; '
+                'take all with one setting of the camera, and describe that one'
+            )
+
+
+def read_pictures(table: PressTable, folder: Path) -> list[Picture]:
+    """All pictures of a table, by row.
+
+    Raises:
+        DatasetError: one cannot be read, or has another size than the first; says in which rows.
+    """
+    faults, source, size = table.faults, FolderPictures(folder), OneSize()
+    source.require(table.rows, faults)
+    faults.require_none()
+    read = []
+    for row, picture in source.of(table.rows, faults):
+        with faults.row(row.line):
+            size.require(row, picture)
+            read.append(picture)
+    faults.require_none()
+    return read

@@ -1,0 +1,155 @@
+"""The presses that a table tells of: which picture, where, how hard, with what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.tables.cells import Cells, read_cells
+from tactile_nodes.learning.tables.columns import Column, columns_of
+from tactile_nodes.learning.tables.faults import RowFaults
+
+REACH_MM = (16.0, 16.0)
+"""From the middle of the usual gel to its rims, along x and y."""
+MOST_N = 200.0
+"""More on a soft gel is another unit."""
+
+
+@dataclass(frozen=True)
+class TablePress:
+    """A row of a table. Lengths in mm, places in the surface frame; forces in N on the gel, `force_n` into it.
+
+    Numbers that nobody knows are NaN. A force of 0 is the gel untouched. A row names a picture, or a time in a video.
+    """
+
+    line: int
+    picture: str
+    time_s: float
+    x_mm: float
+    y_mm: float
+    force_n: float
+    shear_n: tuple[float, float]
+    torque_nm: tuple[float, float, float]
+    depth_mm: float
+    indenter: str
+
+    @property
+    def touches(self) -> bool:
+        """Whether anything touches; also where nobody knows how hard."""
+        return self.force_n != 0
+
+    @property
+    def held(self) -> tuple[object, ...]:
+        """The same for pictures of one press."""
+        return self.x_mm, self.y_mm, self.force_n, self.shear_n, self.depth_mm, self.indenter
+
+
+@dataclass(frozen=True)
+class PressTable:
+    """The rows of a table, and how its columns were read, in words."""
+
+    file: Path
+    told: str
+    rows: tuple[TablePress, ...]
+    counted: str = 'line'
+
+    @property
+    def faults(self) -> RowFaults:
+        """None yet, of its rows."""
+        return RowFaults(self.file, self.counted)
+
+    @property
+    def of_video(self) -> bool:
+        """Whether rows name times instead of pictures."""
+        return any(not row.picture for row in self.rows)
+
+
+def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_n: float = 0.0) -> PressTable:
+    """A table of presses, CSV or Parquet.
+
+    Args:
+        table: the file.
+        reach_mm: from the middle to the rims of the gel along x and y; no place lies beyond.
+        untouched_n: forces up to so much, of either sign, are the gel untouched.
+
+    Raises:
+        DatasetError: it cannot be read or understood; says where.
+        ConfigurationError: it is a Parquet file, and pyarrow is not installed.
+    """
+    cells = read_cells(table)
+    columns = columns_of(cells.header, table)
+    told = '; '.join([f'{name} from {column.told}' for name, column in columns.items()])
+    unread = [each for each in cells.header if each.strip() and each not in {one.name for one in columns.values()}]
+    told += f'; not read: {", ".join(unread)}' if unread else ''
+    faults, rows = RowFaults(table), []
+    for line, row in cells.rows:
+        with faults.row(line):
+            values = _Row(dict(zip(cells.header, row, strict=True)), columns, cells)
+            rows.append(values.press(line, reach_mm, untouched_n))
+    faults.require_none()
+    return PressTable(table, told, tuple(rows))
+
+
+def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Mapping[str, str]) -> None:
+    """Refuse what no press can be; `names` says what the table calls x, y, force and time.
+
+    Raises:
+        DatasetError: says what.
+    """
+    if press.time_s < 0:
+        raise DatasetError(f'{names["time"]} must not be negative: a video begins at 0')
+    if press.force_n < 0:
+        raise DatasetError(f'{names["force"]} must not be negative: into the gel counts positive')
+    for name, value, most, said in (
+        ('force', press.force_n, MOST_N, f'forces lie below {MOST_N:g} N'),
+        ('x', press.x_mm, reach_mm[0], f'places lie within {reach_mm[0]:g} mm of the middle'),
+        ('y', press.y_mm, reach_mm[1], f'places lie within {reach_mm[1]:g} mm of the middle'),
+    ):
+        if abs(value) > most + 1e-9:
+            unit = 'N' if name == 'force' else 'mm'
+            raise DatasetError(
+                f'{names[name]} is read as {value:g} {unit}: {said}; check the unit and the order of the columns'
+            )
+
+
+@dataclass(frozen=True)
+class _Row:
+    """The cells of one row by the names of their columns."""
+
+    texts: Mapping[str, str]
+    columns: Mapping[str, Column]
+    cells: Cells
+
+    def press(self, line: int, reach_mm: tuple[float, float], untouched_n: float) -> TablePress:
+        picture, time_s, force_n = self.text('picture'), self.number('time'), self.number('force')
+        if not picture and math.isnan(time_s):
+            raise DatasetError('no picture is named' if 'picture' in self.columns else 'no time in the video is told')
+        if abs(force_n) <= untouched_n:
+            force_n = 0.0
+        press = TablePress(
+            line, picture, time_s, self.number('x'), self.number('y'), force_n, (self.number('fx'), self.number('fy')),
+            (self.number('tx'), self.number('ty'), self.number('tz')), self.number('depth'), self.text('indenter'),
+        )  # fmt: skip
+        require_possible(press, reach_mm, {what: column.name for what, column in self.columns.items()})
+        return press
+
+    def text(self, name: str) -> str:
+        """What is written; nothing without such a column."""
+        return self.texts[self.columns[name].name].strip() if name in self.columns else ''
+
+    def number(self, name: str) -> float:
+        """In mm, N, N m or s; NaN where nothing is written."""
+        text = self.text(name)
+        if not text:
+            return math.nan
+        try:
+            number = float(text.replace(',', '.') if self.cells.decimal_comma else text)
+        except ValueError:
+            number = math.nan
+        column = self.columns[name]
+        if not math.isfinite(number):
+            raise DatasetError(f'{column.name} is {text!r}, and must be a number, or empty where nobody knows it')
+        return number * column.times

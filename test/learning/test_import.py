@@ -1,0 +1,238 @@
+"""``tactile dataset import`` and `import_arrays`: pictures of a simulated gel, and tables that tell of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.imported.agreement import places_objection
+from tactile_nodes.learning.imported.arrays import import_arrays, options_of
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+HEADER = ['picture', 'x_mm', 'y_mm', 'force_n', 'indenter']
+RESTS = 4
+DESCRIPTION = 'image: {width: 640, height: 480, crop: 600, crop_height: 440}\nbins: {rows: 7, cols: 9}\n'
+Row = list[str]
+
+pytestmark = pytest.mark.usefixtures('own_cache')
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four pictures of an untouched gel, and a grid of twelve presses by two tips; and a description of the sensor."""
+    made, gel = tmp_path_factory.mktemp('pictures'), Gel()
+    table = contact_table(gel)
+    optics = Optics(gel, table)
+    (made / 'sensor.yaml').write_text(DESCRIPTION)
+    for number in range(RESTS):
+        cv2.imwrite(str(made / f'rest{number}.png'), optics.render((), number))
+    rows = [[f'rest{number}.png', '', '', '0', ''] for number in range(RESTS)]
+    for number, (x, y) in enumerate((x, y) for y in (-5.0, 0.0, 5.0) for x in (-8.0, -3.0, 3.0, 8.0)):
+        depth = 0.4 + 0.05 * (7 * number % 12)
+        cv2.imwrite(str(made / f'press{number}.png'), optics.render((Press(x, y, depth),), 100 + number))
+        tip = 'first' if number % 2 else 'second'
+        rows.append([f'press{number}.png', str(x), str(y), f'{table.force_at(depth):.4f}', tip])
+    written(made / 'presses.csv', rows)
+    return made
+
+
+def written(table: Path, rows: list[Row], header: Row = HEADER) -> Path:
+    table.write_text('\n'.join(','.join(row) for row in [header, *rows]) + '\n')
+    return table
+
+
+def rows_of(folder: Path) -> list[Row]:
+    return [line.split(',') for line in (folder / 'presses.csv').read_text().splitlines()[1:]]
+
+
+def imported(table: Path, output: Path, *words: str) -> int:
+    sensor = ['--sensor', str(table.parent / 'sensor.yaml'), '--rows', '8', '--cols', '10']
+    return main(['dataset', 'import', str(table), '-o', str(output), *sensor, *words])
+
+
+def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert imported(folder / 'presses.csv', tmp_path / 'presses.npz', '--gel', 'mine') == 0
+    presses = load_dataset(tmp_path / 'presses.npz')
+    rows = rows_of(folder)[RESTS:]
+    assert presses.force_n[presses.contact] == pytest.approx([float(row[3]) for row in rows])
+    assert presses.position_mm[presses.contact].tolist() == [[float(row[1]), float(row[2])] for row in rows]
+    assert (~presses.contact).sum() == RESTS
+    assert np.isnan(presses.depth_mm[presses.contact]).all()
+    samples = presses.as_samples()  # how deep nobody knows, and they are presses all the same
+    assert samples.known.all() and ((samples.presses[:, 2] > 0) == presses.contact).all()
+    assert [presses.card['indenters'][each] for each in presses.indenter[presses.contact]] == [row[4] for row in rows]
+    assert presses.rest_image.shape == (440, 600)
+    assert (presses.bins.rows, presses.bins.cols) == (7, 9)
+    shown = capsys.readouterr().out
+    assert 'first of each window, 600x440 px' in shown
+    assert 'depths        not known' in shown
+
+
+def edited(change: Callable[[list[Row]], object]) -> Callable[[Path], list[Row]]:
+    def rows(folder: Path) -> list[Row]:
+        made = rows_of(folder)
+        change(made)
+        return made
+
+    return rows
+
+
+def each(change: Callable[[Row], object]) -> Callable[[Path], list[Row]]:
+    return edited(lambda rows: [change(row) for row in rows[RESTS:]])
+
+
+def exchange(row: Row) -> None:
+    row[1], row[2] = row[2], row[1]
+
+
+def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
+    def change(row: Row) -> None:
+        row[column] = value(row[column])
+
+    return change
+
+
+def shift(column: int, by: int) -> Callable[[Path], list[Row]]:
+    """A column slipped by some lines, as sorted alone in a spreadsheet."""
+
+    def change(rows: list[Row]) -> None:
+        values = [row[column] for row in rows[RESTS:]]
+        for row, value in zip(rows[RESTS:], values[by:] + values[:by], strict=True):
+            row[column] = value
+
+    return edited(change)
+
+
+@pytest.mark.parametrize(
+    ('rows', 'said'),
+    [
+        (each(exchange), 'x and y are exchanged'),
+        (each(put(2, lambda y: str(-float(y)))), 'the pictures move the other way along y than is told'),
+        (shift(0, 5), 'the pictures do not move where the table says'),
+        (shift(3, 6), 'the pictures do not move more where more force is told'),
+        (each(put(3, lambda _: '0.3')), 'tells one force for all presses, 0.3 N: press with two weights at least'),
+        (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces lie below 200 N; check the unit'),
+        (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places lie within 16 mm of the middle; check the unit'),
+        (each(put(1, lambda _: '')), 'a press of a data set needs x, y and force'),
+        (edited(lambda rows: rows[6].__setitem__(0, 'gone.png')), 'line 8: cannot read the picture'),
+        (edited(lambda rows: rows.__delitem__(slice(RESTS))), 'has no picture of the gel untouched'),
+        (edited(lambda rows: rows.__delitem__(slice(RESTS, None))), 'tells no press, all forces are 0'),
+    ],
+)  # fmt: skip
+def test_a_table_that_contradicts_its_pictures_makes_no_data_set(
+    rows: Callable[[Path], list[Row]], said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, output = written(folder / 'wrong.csv', rows(folder)), tmp_path / 'presses.npz'
+    output.write_bytes(b'of yesterday')
+    assert imported(table, output) == 1
+    told = capsys.readouterr().err
+    assert said in told
+    assert len(told.splitlines()) == 1
+    assert output.read_bytes() == b'of yesterday'
+
+
+def test_two_rows_that_were_exchanged_are_named(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = rows_of(folder)
+    rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
+    assert imported(written(folder / 'exchanged.csv', rows), tmp_path / 'presses.npz') == 0
+    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere' in capsys.readouterr().out
+
+
+def test_pictures_of_two_sizes_are_refused_with_their_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = cv2.imread(str(folder / 'press3.png'), cv2.IMREAD_GRAYSCALE)[:400]
+    cv2.imwrite(str(folder / 'small.png'), small)
+    rows = rows_of(folder)
+    rows[RESTS + 3][0] = 'small.png'
+    table = written(folder / 'sizes.csv', rows)
+    assert imported(table, tmp_path / 'presses.npz') == 1
+    assert 'line 9: picture small.png has 640x400 pixels, and the description' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('sensor', 'said'), [('printed_dots', '320x240'), ('speckle_membrane', 'of another camera or gel')]
+)
+def test_a_description_of_another_sensor_is_refused(
+    sensor: str, said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['dataset', 'import', str(folder / 'presses.csv'), '-o', str(tmp_path / 'x.npz'), '--sensor', sensor]
+    assert main([*words, '--rows', '8', '--cols', '8']) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_a_gel_without_markers_is_refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = rows_of(folder)
+    cv2.imwrite(str(folder / 'blank.png'), np.full((480, 640), 90, np.uint8))
+    for row in rows[:RESTS]:
+        row[0] = 'blank.png'
+    assert imported(written(folder / 'blank.csv', rows), tmp_path / 'presses.npz') == 1
+    assert 'the rest image shows markers in 0% of its regions' in capsys.readouterr().err
+
+
+def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, tmp_path: Path) -> None:
+    rows, video = rows_of(folder), tmp_path / 'video.avi'
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
+    for row in rows:
+        writer.write(cv2.imread(str(folder / row[0]), cv2.IMREAD_GRAYSCALE))
+    writer.release()
+    timed = [[f'{number / 10:.2f}', *row[1:]] for number, row in enumerate(rows)]
+    table = written(folder / 'times.csv', timed[::-1], ['time_s', *HEADER[1:]])
+    assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 0
+    assert imported(folder / 'presses.csv', tmp_path / 'pictures.npz') == 0
+    one, other = (load_dataset(tmp_path / f'{name}.npz') for name in ('video', 'pictures'))
+    assert np.array_equal(one.features, other.features)
+
+
+def test_a_time_after_the_end_of_the_video_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    video = tmp_path / 'short.avi'
+    writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
+    for _ in range(3):
+        writer.write(cv2.imread(str(folder / 'rest0.png'), cv2.IMREAD_GRAYSCALE))
+    writer.release()
+    timed = [['0.0', '', '', '0', ''], ['0.1', '1', '1', '0.2', ''], ['9.0', '2', '2', '0.3', '']]
+    table = written(folder / 'times.csv', timed, ['time_s', *HEADER[1:]])
+    assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 1
+    assert 'line 4: time 9 s:' in (told := capsys.readouterr().err) and 'ends at 0.3 s' in told
+
+
+def test_arrays_of_another_project_are_the_same_presses(folder: Path) -> None:
+    rows = rows_of(folder)
+    images = np.stack([cv2.imread(str(folder / row[0]), cv2.IMREAD_COLOR) for row in rows])
+    number = [[float(row[column] or 'nan') for row in rows] for column in (1, 2, 3)]
+    x, y, force = (np.array(values) for values in number)
+    shear = np.tile([0.1, -0.2], (len(rows), 1))
+    made = import_arrays(
+        images, x, y, force, options=options_of('fast', 'gel-7'), shear_n=shear, indenter=[row[4] for row in rows]
+    )
+    pressed = made.contact
+    assert made.force_n[pressed] == pytest.approx(force[RESTS:])
+    # As the wrenches of a rig are: force on the gel, z out of it.
+    assert made.wrench[pressed][0, :3] == pytest.approx([0.1, -0.2, -force[RESTS]])
+    assert made.card['gel']['id'] == 'gel-7'
+    assert made.card['indenters'] == ['first', 'second']
+    with pytest.raises(DatasetError, match=r'^theirs, row 5: force_n must not be negative'):
+        wrong = np.where(np.arange(len(rows)) == 5, -1.0, force)
+        import_arrays(images, x, y, wrong, options=options_of('fast'), name='theirs')
+    with pytest.raises(DatasetError, match=r'x_mm has 3 rows, and there are 16 images'):
+        import_arrays(images, x[:3], y, force, options=options_of('fast'))
+
+
+def test_places_near_one_another_say_nothing_of_the_axes() -> None:
+    random = np.random.default_rng(1)
+    assert places_objection(random.uniform(-1, 1, (20, 2)), random.uniform(0, 1, (20, 2))) == ''
