@@ -101,7 +101,8 @@ def _choices(arguments: argparse.Namespace) -> tuple[Choice, Choice]:
     asked = {'rows': arguments.rows, 'cols': arguments.cols}
     given = {name: _at_least_one(name, value) for name, value in asked.items() if value is not None}
     regions = {**encoding.options, **given}
-    patches = regions if flow.name == 'inverse_compositional' else {}
+    sides = {name: regions[name] for name in ('rows', 'cols')}
+    patches = {'inverse_compositional': regions, 'dots': sides}.get(flow.name, {})
     return (
         Choice(flow.name, {**flow.options, **patches, **_flow_options(arguments.flow_options)}),
         Choice(encoding.name, regions),
