@@ -37,7 +37,7 @@ WORLD = WorldSettings(start_mm=(-3.0, -3.0, -1.5), gel_x_mm=-3.0, gel_y_mm=-3.0,
 SURFACE_MM, BEGINS_MM, COMMANDED_MM = -2.0, 0.3, 2.0
 GEL = Surface(SURFACE_MM, softest=Loading(SURFACE_MM, 0.577, HERTZ))  # as the surface of the paper's gel is felt
 NOISE = (0.005, 0.0001)
-SILENCE_MS = 300.0  # a computer with other work may falter for 50 ms, which would stop the tip for another reason
+SILENCE_MS = 5000.0  # granted, since a computer with other work makes silence of itself, which stops the tip as well
 MS = 1e-3
 Liar = Callable[['Bench', Changed | None], contextlib.AbstractContextManager[ForceTorqueSettings]]
 
@@ -136,7 +136,7 @@ def bench(tmp_path: Path) -> Bench:
 def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
     """The same rig and liars as in the others, which say nothing untrue."""
     with net_ft(bench, None) as settings:
-        trip, depth_mm = pressed(bench, settings, silence_ms=5000.0)
+        trip, depth_mm = pressed(bench, settings)
     assert trip is None
     assert depth_mm == pytest.approx(COMMANDED_MM, abs=0.01)
 
@@ -145,11 +145,10 @@ def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
 def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar, told: Callable) -> None:
     """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds.
 
-    Of zeros it may be seen first that the force does not rise as the gel's does. Silence is granted, which a busy
-    computer makes of itself.
+    Of zeros it may be seen first that the force does not rise as the gel's does.
     """
     with sensor(bench, Lie(bench.begins, told)) as settings:
-        trip, depth_mm = pressed(bench, settings, silence_ms=5000.0)
+        trip, depth_mm = pressed(bench, settings)
     assert trip is not None
     stalled = trip.kind == SENSOR and 'stalled' in trip.reason
     assert stalled or (told is zeros and 'does the sensor tell the truth' in trip.reason), trip
@@ -176,7 +175,7 @@ def test_samples_that_arrive_a_second_and_a_half_late_stop_the_tip(bench: Bench)
         return min(1.5, 0.8 * (monotonic_s() - since_s[0]))
 
     with net_ft(bench, None, delay_s=delay_s) as settings:
-        trip, depth_mm = pressed(bench, settings)
+        trip, depth_mm = pressed(bench, settings, silence_ms=300.0)
     assert trip is not None
     assert (trip.kind, 'were measured' in trip.reason) == (SENSOR, True), trip
     assert depth_mm < 1.2
