@@ -58,10 +58,16 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert not sensor.covered[:, 56:].any()
     assert 'moduli_mpa: [0.137561]  # as given' in text
     assert 'layers_mm: [4.0]  # assumed' in text
+    assert sensor.gel.moduli_off == 0.3
     assert cv2.imread('mine.png').shape[1] == 960
     assert main(['sensor', 'check', 'mine.yaml', 'rest']) == 0
     assert capsys.readouterr().out.count('ok   ') == 8
     assert Path('mine_check.png').is_file()
+
+
+def test_a_gel_of_which_nobody_says_how_stiff_it_is_has_forces_that_are_known_to_60_percent(folder: Path) -> None:
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18.5', '--yes']) == 0
+    assert load_sensor('mine.yaml').gel.moduli_off == 0.6
 
 
 def test_a_calibration_of_the_camera_is_written_into_it(folder: Path) -> None:

@@ -93,6 +93,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in re.findall(r'^(\w+)\.png', (made / 'gel-7.csv').read_text(), re.MULTILINE):
         presses = () if name.startswith('rest') else (Press(*PLACES.get(name, (2.0, 1.0)), 0.6),)
         cv2.imwrite(str(made / f'{name}.png'), sensor.image(*presses))
+    cv2.imwrite(str(made / 'rest.png'), sensor.image())
     write_presses(made, sensor)
     return made
 

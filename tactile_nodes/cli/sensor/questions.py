@@ -81,6 +81,8 @@ DOTS_DEPTH, TEXTURE_DEPTH = (
 STIFFNESS = Question(
     'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A as 10A?', modulus, 0.1, ('gel.moduli_mpa',)
 )
+TOLD_OFF = 0.3
+"""Share that a modulus is off by that follows from a hardness, or is somebody's word."""
 DISTANCE = Question(
     'distance', 'How far is the lens from the surface of the gel [mm]?', positive_float, 20.0,
     ('camera.position_mm',),
@@ -111,9 +113,11 @@ def answered(
     if arguments.mask:
         sources['mask.polygons_px'] = 'as given'
     sources |= dict.fromkeys(WIDTH.entries, f'what is seen, by the {"width" if width else "pitch"} given')
+    known = sources['gel.moduli_mpa'] != 'assumed'
+    sources['gel.moduli_off'] = 'of a hardness or a data sheet' if known else 'nobody measured it'
     answers = Answers(
-        arguments.output.stem, width, arguments.pitch or 0.0, given['thickness'], given['stiffness'], markers, distance,
-        camera,
+        arguments.output.stem, width, arguments.pitch or 0.0, given['thickness'], given['stiffness'],
+        TOLD_OFF if known else Answers.modulus_off, markers, distance, camera,
     )  # fmt: skip
     return answers, sources
 

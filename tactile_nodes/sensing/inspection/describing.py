@@ -49,6 +49,7 @@ class Answers:
         pitch_mm: of printed dots, instead of that.
         thickness_mm: of the gel.
         modulus_mpa: its shear modulus.
+        modulus_off: share by which that may be off, as a standard deviation.
         markers_mm: depths between which the pattern lies.
         distance_mm: from the entrance pupil of the lens to the surface of the gel.
         camera: a calibrated camera, whose place is not known.
@@ -59,6 +60,7 @@ class Answers:
     pitch_mm: float = 0.0
     thickness_mm: float = 4.0
     modulus_mpa: float = 0.1
+    modulus_off: float = 0.6
     markers_mm: tuple[float, float] = (0.2, 0.5)
     distance_mm: float = 20.0
     camera: CameraDescription | None = None
@@ -135,7 +137,8 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
             ImageSettings(*size_px, width, height),
             replace(camera, position_mm=(x_mm, y_mm, -away_mm)),
             GelDescription(
-                wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.49,), answers.markers_mm
+                wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.49,), answers.markers_mm,
+                answers.modulus_off,
             ),
             _pattern(seen, px_per_mm, wide_mm * high_mm),
             BinSettings(*(min(64, max(2, round(side / BIN_MM))) for side in (high_mm, wide_mm))),
