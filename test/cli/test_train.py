@@ -111,7 +111,7 @@ def test_a_model_of_too_few_presses_says_so_and_what_to_do(tmp_path: Path, capsy
     assert main(words_of(tmp_path, noise_px=0.15)) == 0
     said = ' '.join(capsys.readouterr().out.split())
     assert 'warning: held-out presses are read' in said
-    assert 'tactile calibrate BAG --model portable' in said
+    assert 'tactile calibrate --dataset presses.npz --model portable' in said
 
 
 def test_a_model_of_enough_presses_is_not_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
