@@ -41,9 +41,9 @@ PLACES = [
 ]
 """Of a name beside its mark, the nearest first, in points."""
 MARK_PX = 8
-LIMITS = {TIPS: ((0.08, 700.0), (0.06, 60.0)), CONTACTS: ((1.5, 30.0), (0.0, 70.0))}
+LIMITS = {TIPS: ((0.08, 700.0), (0.06, 60.0)), CONTACTS: ((0.5, 30.0), (0.0, 70.0))}
 TICKS_MN = (0.1, 0.3, 1, 3, 10, 30)
-TICKS_MS = {TIPS: (0.1, 1, 10, 100), CONTACTS: (2, 5, 10, 20)}
+TICKS_MS = {TIPS: (0.1, 1, 10, 100), CONTACTS: (0.5, 1, 2, 5, 10, 20)}
 
 
 @dataclass(frozen=True)
@@ -225,4 +225,4 @@ def _legend(axis: Any, marks: Sequence[Mark]) -> None:
         title = 'grey: motion measured by …, all trained alike'
         axis.legend(fontsize=9, title=title, title_fontsize=9, ncols=2, loc='center right', bbox_to_anchor=(1.0, 0.48))
     else:
-        axis.legend(fontsize=9, loc='center left')
+        axis.legend(fontsize=9, loc='center left', bbox_to_anchor=(0.0, 0.38))
