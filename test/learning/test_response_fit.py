@@ -162,12 +162,16 @@ def test_a_unit_of_a_feature_is_its_noise_at_rest() -> None:
 
 
 def test_too_few_untouched_frames_are_refused() -> None:
-    with pytest.raises(DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'):
+    with pytest.raises(
+        DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'
+    ):
         learned(presses(100, seed=1, still=0.1))
 
 
 def test_too_few_presses_are_refused() -> None:
-    with pytest.raises(DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'):
+    with pytest.raises(
+        DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'
+    ):
         learned(presses(100, seed=1, still=0.95))
 
 
