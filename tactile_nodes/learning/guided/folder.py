@@ -1,0 +1,96 @@
+"""The folder that presses by hand are kept in: pictures, and the table that `dataset import` and `calibrate` read.
+
+A picture is written before its row, and a row in one piece, so that whatever ends the session loses no press.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes.drivers.camera.pictures import read_grey, write_png
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.guided.targets import Done
+from tactile_nodes.learning.tables.columns import NEWTONS
+from tactile_nodes.learning.tables.presses import TablePress, read_table
+
+TABLE = 'presses.csv'
+
+
+class PressFolder:
+    """A folder of presses with one indenter, begun or gone on with.
+
+    Args:
+        folder: where; made with the first picture.
+        unit: of the scale, as a table's header has it: 'g', 'n'.
+        indenter: what presses.
+        reach_mm: from the middle of the gel to its rims.
+
+    Raises:
+        DatasetError: the table that is there cannot be read, or has another unit.
+    """
+
+    def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
+        self.folder, self.table = folder, folder / TABLE
+        self._newton, self._indenter = NEWTONS[unit], indenter
+        self._header = f'picture,x_mm,y_mm,force_{unit},indenter\n'
+        self.rows: list[TablePress] = []
+        if self.table.exists():
+            self.rows = list(read_table(self.table, reach_mm).rows)
+            self._require_same_header()
+        self._reach_mm = reach_mm
+
+    def _require_same_header(self) -> None:
+        with self.table.open('rb') as opened:
+            text = opened.read(len(self._header) + 1)
+            opened.seek(-1, os.SEEK_END)
+            ended = opened.read() == b'\n'
+        if not text.startswith(self._header.encode()) or not ended:
+            raise DatasetError(
+                f'{self.table} begins otherwise than {self._header.strip()}, or its last line has no end; go on with '
+                'the unit that it has, or in another folder'
+            )
+
+    @property
+    def done(self) -> list[Done]:
+        """The presses that were made."""
+        return [Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches]
+
+    @property
+    def rests(self) -> list[UInt8[np.ndarray, 'h w']]:
+        """The pictures of the untouched gel. Raises ConfigurationError: one cannot be read."""
+        return [read_grey(self.folder / row.picture) for row in self.rows if not row.touches]
+
+    def add_rest(self, picture: UInt8[np.ndarray, 'h w']) -> None:
+        """Keep a picture of the untouched gel."""
+        self._add(self._write('rest', picture), ',,0,')
+
+    def add_press(self, picture: UInt8[np.ndarray, 'h w'], place_mm: tuple[float, float], reading: float) -> None:
+        """Keep a press; the reading in the unit of the scale, NaN of a place that nobody knows.
+
+        Raises:
+            DatasetError, ConfigurationError: it cannot be written.
+        """
+        x, y = ('' if np.isnan(each) else f'{each:g}' for each in place_mm)
+        self._add(self._write('press', picture), f'{x},{y},{reading:g},{self._indenter}')
+
+    def _write(self, kind: str, picture: UInt8[np.ndarray, 'h w']) -> str:
+        number = 1
+        while (file := self.folder / f'{kind}_{number:04}.png').exists():
+            number += 1
+        write_png(file, picture)
+        return file.name
+
+    def _add(self, picture: str, row: str) -> None:
+        new = not self.table.exists()
+        try:
+            with self.table.open('ab') as opened:
+                opened.write(f'{self._header if new else ""}{picture},{row}\n'.encode())
+                opened.flush()
+                os.fsync(opened.fileno())
+        except OSError as error:
+            raise DatasetError(f'cannot write {self.table} ({error.strerror}); make room, and start again') from error
+        self.rows = list(read_table(self.table, self._reach_mm).rows)

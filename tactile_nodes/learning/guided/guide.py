@@ -1,0 +1,172 @@
+"""The session of a person who presses by hand, from the untouched gel to the last press."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import UInt8
+
+from tactile_nodes.drivers.camera.contract import Camera, Frame
+from tactile_nodes.errors import DatasetError, DeviceError, DeviceTimeoutError, ImageError
+from tactile_nodes.learning.guided.folder import PressFolder
+from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.guided.watching import STEADY, UNTOUCHED, Watch
+from tactile_nodes.sensing.geometry import grey
+from tactile_nodes.sensing.picture.change import PictureComparison
+from tactile_nodes.sensing.picture.quality import require_picture
+from tactile_nodes.sensing.rest.capture import RestCapture
+from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensors import Sensor
+
+RESTS = 20
+"""Pictures of the untouched gel: a fifth is put aside for a test, and twelve have to be left."""
+MOVED_PX = 1.0
+"""The camera sits otherwise than before from so much on."""
+PATIENCE_S = 5.0
+NO_PLACE = (math.nan, math.nan)
+
+Picture = UInt8[np.ndarray, 'h w']
+
+
+class Person(Protocol):
+    """Who presses."""
+
+    def leave_untouched(self) -> None:
+        """Asked to leave the gel alone."""
+        ...
+
+    def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
+        """Told what comes next."""
+        ...
+
+    def sees(self, state: str, place_mm: tuple[float, float]) -> None:
+        """Shown what the camera sees, about where."""
+        ...
+
+    def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        """What the scale shows, in its unit, and where was pressed (mm, NaN: not known); None: no such press."""
+        ...
+
+    def say(self, text: str) -> None:
+        """A line for the person."""
+        ...
+
+
+class Guide:
+    """Guides a person through the presses that are wished for.
+
+    Args:
+        camera: an open one, which looks at the gel.
+        person: who presses.
+        folder: where presses are kept, and those of earlier sessions are.
+        wish: which presses.
+        sensor: the description of what is pressed.
+    """
+
+    def __init__(self, camera: Camera, person: Person, folder: PressFolder, wish: Wish, sensor: Sensor) -> None:
+        self._camera, self._person, self._folder, self._wish = camera, person, folder, wish
+        self._sensor = sensor
+
+    def run(self) -> None:
+        """All presses that are missing; returns when it is enough.
+
+        Raises:
+            DatasetError: the gel or its camera is another than in the folder, or nothing can be written.
+            DeviceError: the camera is lost, or has come to its end.
+            ImageError: pictures of another size than described, or without markers.
+        """
+        watch = Watch(self._sensor, self._rests())
+        while (target := self._wish.next(self._folder.done)) is not None:
+            self._person.press(target, self._picture(), self._folder.done)
+            self._press(watch, target)
+
+    def missing(self) -> str:
+        """What there is, and what is still missing."""
+        done = self._folder.done
+        unit = zip(self._wish.forces_n, self._wish.counts(done), strict=True)
+        forces = ', '.join(f'{count} of about {force:.2g} N' for force, count in unit)
+        gap = f', no place farther than {self._wish.gap_mm(done):.1f} mm from one' if done else ''
+        return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
+
+    def _rests(self) -> list[Picture]:
+        """Pictures of the untouched gel; those of an earlier session, if they still hold."""
+        kept = self._folder.rests
+        self._person.leave_untouched()
+        capture = RestCapture(8)
+        while capture.offer(picture := self._picture()) is None:
+            if capture.waiting:
+                self._person.sees('moving', NO_PLACE)
+        if kept:
+            self._require_same(average(kept), picture)
+        while len(kept) < RESTS:
+            kept.append(self._picture())
+            self._folder.add_rest(kept[-1])
+        return kept
+
+    def _require_same(self, before: Picture, now: Picture) -> None:
+        if before.shape != now.shape:
+            raise DatasetError(f'pictures of {self._folder.folder} have another size than the camera gives now')
+        change = PictureComparison(before).of(now)
+        if not change.same or not change.apart_px <= MOVED_PX:
+            what = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'another gel'
+            raise DatasetError(
+                f'the camera sees {what} beside the pictures of the untouched gel in {self._folder.folder}, or '
+                'something touches it; begin another folder, and give both tables to tactile dataset import'
+            )
+
+    def _press(self, watch: Watch, target: Target) -> None:
+        """One press: wait for it, ask for its reading, keep it, and wait for the gel to be let go."""
+        picture = self._until(watch, STEADY)
+        told = self._person.reading(target)
+        if told is None:
+            self._person.say('passed over')
+        elif not watch.holds(picture, self._picture()):
+            self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is')
+        else:
+            reading, place_mm = told
+            self._folder.add_press(picture, place_mm, reading)
+            self._person.say(f'kept; {self.missing()}. Lift off')
+        self._until(watch, UNTOUCHED)
+
+    def _until(self, watch: Watch, state: str) -> Picture:
+        """The first picture that shows a state."""
+        while True:
+            picture = self._picture()
+            seen = watch.see(picture)
+            self._person.sees(seen, watch.place_mm)
+            if seen == state:
+                return picture
+
+    def _picture(self) -> Picture:
+        """The newest picture of the camera, grey, as described."""
+        picture = grey(_frame(self._camera).image)
+        require_picture(picture)
+        image = self._sensor.image
+        if picture.shape != (image.height, image.width):
+            height, width = picture.shape
+            raise ImageError(
+                f'the camera gives pictures of {width}x{height} pixels, and the description of the sensor says '
+                f'{image.width}x{image.height}; set the camera, or correct the description'
+            )
+        return picture
+
+
+def _frame(camera: Camera) -> Frame:
+    try:
+        frame = camera.read(PATIENCE_S)
+    except DeviceTimeoutError as error:
+        raise DeviceError(f'{error}; see that the camera runs, and start again: presses are kept') from error
+    if frame is None:
+        raise DeviceError('the recording has come to its end; what was pressed is kept')
+    return frame
+
+
+def until_enough(guide: Guide, say: Callable[[str], None]) -> None:
+    """Run it, and say what there is however it ends."""
+    try:
+        guide.run()
+    finally:
+        say(guide.missing())

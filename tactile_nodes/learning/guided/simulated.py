@@ -1,0 +1,80 @@
+"""The twin of a person: a hand that presses a simulated gel as it is told, a little beside, and reads a scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.learning.guided.guide import Picture
+from tactile_nodes.learning.guided.targets import Done, Target
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation import worlds
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.optics import Press
+
+AWAY = Press(0.0, 0.0, -1.0)
+UNSTEADY = 0.15
+"""By which share a hand presses harder or less hard than it is told."""
+
+
+class SimulatedPerson:
+    """Presses at once, with about the force that was asked, exactly at the place; the scale is right to a tenth of a
+    per cent of its full range.
+
+    Args:
+        sensor: what is pressed.
+        newton: what one of the scale's unit is in N.
+        tell: hears what a person would read.
+        world: the name under which the simulated camera finds the gel.
+    """
+
+    def __init__(self, sensor: Sensor, newton: float, tell: Callable[[str], None], world: str = 'by hand') -> None:
+        self._gel, self._newton, self._tell = gel_of(sensor), newton, tell
+        self._table = contact_table(self._gel)
+        self._random = np.random.default_rng(1)
+        self._now = AWAY
+        worlds.share(world, self)
+
+    @property
+    def gel(self) -> Gel:
+        """What is pressed."""
+        return self._gel
+
+    @property
+    def tables(self) -> Mapping[str, ContactTable]:
+        """Of the one tip."""
+        return {'tip': self._table}
+
+    def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
+        """Where the tip is held."""
+        return self._now
+
+    def presses_at(self, time_ns: int) -> tuple[Press, ...]:  # noqa: ARG002
+        """The tip, where it touches."""
+        return (self._now,) if self._now.depth_mm > 0 else ()
+
+    def force_at(self, time_ns: int) -> float:  # noqa: ARG002
+        """With which it presses, N."""
+        return self._table.force_at(self._now.depth_mm) if self._now.depth_mm > 0 else 0.0
+
+    def leave_untouched(self) -> None:
+        self._now = AWAY
+
+    def press(self, target: Target, picture: Picture, done: list[Done]) -> None:  # noqa: ARG002
+        force_n = target.force_n * float(self._random.uniform(1 - UNSTEADY, 1 + UNSTEADY))
+        self._now = Press(target.x_mm, target.y_mm, self._table.depth_at(force_n))
+        self._tell(f'pressing at x {target.x_mm:g}, y {target.y_mm:g} mm')
+
+    def sees(self, state: str, place_mm: tuple[float, float]) -> None:
+        """Needs no help."""
+
+    def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        return round(self.force_at(0) / self._newton, 4), (target.x_mm, target.y_mm)
+
+    def say(self, text: str) -> None:
+        self._now = AWAY
+        self._tell(text)

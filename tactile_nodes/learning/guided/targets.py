@@ -1,0 +1,78 @@
+"""Which press comes next, by those that were made, and what is still missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+INNER = 0.8
+"""Share of the gel's half sides that is pressed: at its rim a gel answers otherwise."""
+STEP_MM = 0.5
+NEAR_FORCE = 0.25
+"""A press counts for a wished force within so much of it."""
+
+
+class Target(NamedTuple):
+    """Where to press, mm from the middle of the gel, and how hard, N."""
+
+    x_mm: float
+    y_mm: float
+    force_n: float
+
+
+class Done(NamedTuple):
+    """A press that was made; NaN where nobody knows the place."""
+
+    x_mm: float
+    y_mm: float
+    force_n: float
+
+
+@dataclass(frozen=True)
+class Wish:
+    """So many presses of some forces (N), all over a gel of these sides (mm)."""
+
+    presses: int
+    forces_n: tuple[float, ...]
+    sides_mm: tuple[float, float]
+
+    def next(self, done: Sequence[Done]) -> Target | None:
+        """The place farthest from all before, the force that was made least often; None when it is enough."""
+        if len(done) >= self.presses:
+            return None
+        apart = distances(self.places, done)
+        x_mm, y_mm = self.places[int(np.argmax(apart))].tolist()
+        counts = self.counts(done)
+        return Target(x_mm, y_mm, self.forces_n[int(np.argmin(counts))])
+
+    @property
+    def places(self) -> Float[np.ndarray, 'places 2']:
+        """Where may be pressed, the middle first."""
+        x, y = (_line(INNER * side / 2) for side in self.sides_mm)
+        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return places[np.argsort(np.hypot(*places.T), kind='stable')]
+
+    def counts(self, done: Sequence[Done]) -> list[int]:
+        """How many presses each force has."""
+        return [sum(abs(each.force_n - force) <= NEAR_FORCE * force for each in done) for force in self.forces_n]
+
+    def gap_mm(self, done: Sequence[Done]) -> float:
+        """How far the place farthest from all presses is from the nearest one."""
+        return float(distances(self.places, done).max())
+
+
+def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Float[np.ndarray, ' places']:
+    """From each place to the nearest press; while there is none, the middle counts as farthest."""
+    known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)
+    if not len(known):
+        return np.asarray(-np.hypot(*places.T))
+    return np.asarray(np.linalg.norm(places[:, None] - known, axis=2).min(axis=1))
+
+
+def _line(reach_mm: float) -> Float[np.ndarray, ' n']:
+    steps = int(reach_mm / STEP_MM)
+    return np.arange(-steps, steps + 1) * STEP_MM
