@@ -74,14 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
     person: Person = TerminalPerson(arguments.folder, sensor, arguments.unit, NEWTONS[unit])
     scene = SceneSettings()
     if simulated:
+        print('a simulated hand presses; with a camera, give --source')
         person, scene = SimulatedPerson(sensor, NEWTONS[unit], print), SceneSettings(world='by hand')
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), print)
     print('enough. What to do with them:')
-    model = 'portable' if arguments.sensor == 'simulated' else 'ITS_MODEL.safetensors'
-    print(f'  tactile calibrate --pictures {folder.table} --model {model} --gel NAME -o NAME.safetensors')
-    print(f'  tactile dataset import {folder.table} -o NAME.npz --gel NAME --model {model}')
+    print(f'  tactile calibrate --pictures {folder.table} --model portable --gel NAME -o NAME.safetensors')
+    print(f'  tactile dataset import {folder.table} -o NAME.npz --gel NAME')
     return 0
 
 
@@ -119,11 +119,14 @@ class TerminalPerson:
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
         question = (
-            f'\nsteady. Hold on: what does the scale show [{self._unit}]? Then, if not at the mark, x and y in mm, '
-            f'or {UNKNOWN} where you do not know; {PASSED}: not this press: '
+            f'\nsteady. Hold on: what does the scale show [{self._unit}]? (Behind it x and y in mm, if not at the '
+            f'mark, or {UNKNOWN} if you do not know; {PASSED} passes this press over): '
         )
         while True:
-            told = read_answer(input(question), (target.x_mm, target.y_mm))
+            try:
+                told = read_answer(input(question), (target.x_mm, target.y_mm))
+            except EOFError:  # Ctrl-D ends it as Ctrl-C does
+                raise KeyboardInterrupt from None
             if not isinstance(told, str):
                 return told
             question = f'{told}: '

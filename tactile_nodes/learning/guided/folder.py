@@ -15,7 +15,7 @@ from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.guided.targets import Done
 from tactile_nodes.learning.tables.columns import NEWTONS
-from tactile_nodes.learning.tables.presses import TablePress, read_table
+from tactile_nodes.learning.tables.presses import TablePress, read_table, require_possible
 
 TABLE = 'presses.csv'
 
@@ -30,18 +30,21 @@ class PressFolder:
         reach_mm: from the middle of the gel to its rims.
 
     Raises:
-        DatasetError: the table that is there cannot be read, or has another unit.
+        DatasetError: the table that is there cannot be read, or has another unit; or a name that would break it.
     """
 
     def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
         self.folder, self.table = folder, folder / TABLE
-        self._newton, self._indenter = NEWTONS[unit], indenter
+        self._newton, self._indenter, self._reach_mm = NEWTONS[unit], indenter, reach_mm
+        if set(indenter) & set(',;"\t\r\n'):
+            raise DatasetError(
+                f'the indenter {indenter!r} holds a comma or the like, which parts cells; name it otherwise'
+            )
         self._header = f'picture,x_mm,y_mm,force_{unit},indenter\n'
         self.rows: list[TablePress] = []
         if self.table.exists():
             self.rows = list(read_table(self.table, reach_mm).rows)
             self._require_same_header()
-        self._reach_mm = reach_mm
 
     def _require_same_header(self) -> None:
         with self.table.open('rb') as opened:
@@ -76,6 +79,18 @@ class PressFolder:
         """
         x, y = ('' if np.isnan(each) else f'{each:g}' for each in place_mm)
         self._add(self._write('press', picture), f'{x},{y},{reading:g},{self._indenter}')
+
+    def fault(self, reading: float, place_mm: tuple[float, float]) -> str:
+        """Why an answer cannot be of a press; empty where it can."""
+        unknown = np.nan
+        row = TablePress(
+            0, '', unknown, *place_mm, reading * self._newton, (unknown,) * 2, (unknown,) * 3, unknown, self._indenter
+        )
+        try:
+            require_possible(row, self._reach_mm, {'x': 'x', 'y': 'y', 'force': 'the reading'})
+        except DatasetError as error:
+            return str(error)
+        return ''
 
     def _write(self, kind: str, picture: UInt8[np.ndarray, 'h w']) -> str:
         number = 1

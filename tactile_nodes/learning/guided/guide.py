@@ -28,6 +28,10 @@ MOVED_PX = 1.0
 PATIENCE_S = 5.0
 NO_PLACE = (math.nan, math.nan)
 
+ASIDE_MM = 5.0
+"""Farther from its place than this no press is seen; what the camera tells of it is a millimetre or two off."""
+
+Answer = tuple[float, tuple[float, float]]
 Picture = UInt8[np.ndarray, 'h w']
 
 
@@ -46,7 +50,7 @@ class Person(Protocol):
         """Shown what the camera sees, about where."""
         ...
 
-    def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+    def reading(self, target: Target) -> Answer | None:
         """What the scale shows, in its unit, and where was pressed (mm, NaN: not known); None: no such press."""
         ...
 
@@ -78,7 +82,7 @@ class Guide:
             DeviceError: the camera is lost, or has come to its end.
             ImageError: pictures of another size than described, or without markers.
         """
-        watch = Watch(self._sensor, self._rests())
+        watch = Watch(self._sensor, self._rest())
         while (target := self._wish.next(self._folder.done)) is not None:
             self._person.press(target, self._picture(), self._folder.done)
             self._press(watch, target)
@@ -91,8 +95,8 @@ class Guide:
         gap = f', no place farther than {self._wish.gap_mm(done):.1f} mm from one' if done else ''
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 
-    def _rests(self) -> list[Picture]:
-        """Pictures of the untouched gel; those of an earlier session, if they still hold."""
+    def _rest(self) -> list[Picture]:
+        """Pictures of the untouched gel, or the check that those of an earlier session still hold."""
         kept = self._folder.rests
         self._person.leave_untouched()
         capture = RestCapture(8)
@@ -120,7 +124,7 @@ class Guide:
     def _press(self, watch: Watch, target: Target) -> None:
         """One press: wait for it, ask for its reading, keep it, and wait for the gel to be let go."""
         picture = self._until(watch, STEADY)
-        told = self._person.reading(target)
+        told = self._answer(watch, target)
         if told is None:
             self._person.say('passed over')
         elif not watch.holds(picture, self._picture()):
@@ -130,6 +134,22 @@ class Guide:
             self._folder.add_press(picture, place_mm, reading)
             self._person.say(f'kept; {self.missing()}. Lift off')
         self._until(watch, UNTOUCHED)
+
+    def _answer(self, watch: Watch, target: Target) -> Answer | None:
+        """The reading and the place that the person tells, asked again where neither can be; a place once only."""
+        asked_for_place = False
+        while (told := self._person.reading(target)) is not None:
+            off_mm = math.dist(told[1], watch.place_mm)
+            if fault := self._folder.fault(*told):
+                self._person.say(fault)
+            elif off_mm > ASIDE_MM and not asked_for_place:
+                asked_for_place, (x, y) = True, watch.place_mm
+                self._person.say(
+                    f'the camera sees it about x {x:.0f}, y {y:.0f} mm, {off_mm:.0f} mm away: tell the place'
+                )
+            else:
+                break
+        return told
 
     def _until(self, watch: Watch, state: str) -> Picture:
         """The first picture that shows a state."""

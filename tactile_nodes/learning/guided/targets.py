@@ -70,7 +70,8 @@ def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Fl
     known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)
     if not len(known):
         return np.asarray(-np.hypot(*places.T))
-    return np.asarray(np.linalg.norm(places[:, None] - known, axis=2).min(axis=1))
+    nearest: np.ndarray = np.linalg.norm(places[:, None] - known, axis=2).min(axis=1)
+    return nearest
 
 
 def _line(reach_mm: float) -> Float[np.ndarray, ' n']:

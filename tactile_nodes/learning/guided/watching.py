@@ -10,53 +10,55 @@ from jaxtyping import Float, UInt8
 
 from tactile_nodes.learning.imported.agreement import middles
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensing.tracking import FeatureTracker
 from tactile_nodes.sensors import Sensor
 
 UNTOUCHED, MOVING, STEADY = 'untouched', 'moving', 'steady'
+REGIONS = 10
 HELD = 8
 """So many pictures in a row that show the same are a press held still."""
-SIDE, SURE = 10, 0.5
-"""Regions along each side of the picture, and how sure the motion of one must be to count."""
-OF_TEXTURE = 'inverse_compositional', {'rows': SIDE, 'cols': SIDE, 'finest_scale': 1}
-TOUCHED, LEAST_PX, SAME_SHARE = 3.0, 0.02, 0.04
-"""Times what the untouched gel seems to move by, at least so much: a region that moves more is touched. Two pictures
-are of one press if no region moves more than that between them, beside a share of the most that the press moves."""
+LEAST_NOISE_PX = 0.01
+"""By which regions of pictures at rest move at least, as those of the simulated sensor do; 20 g move them by 0.18."""
+TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 6.0, 4.0, 0.03
+"""In units of that noise: what is a touch, and what two pictures of one press may differ by, beside a share of the most
+that it moves."""
 
 
 class Watch:
-    """Looks at picture after picture beside the mean of those of the untouched gel.
+    """Looks at picture after picture beside the untouched gel.
 
     Args:
         sensor: the description, by which a place in the picture is one on the gel.
-        rests: pictures of the untouched gel, which tell what noise makes.
+        rests: pictures of the untouched gel, whose mean is looked at beside others, and whose noise counts.
 
     Raises:
-        ImageError: they show nothing that could be followed.
+        ImageError: they show no markers.
     """
 
     def __init__(self, sensor: Sensor, rests: Sequence[UInt8[np.ndarray, 'h w']]) -> None:
         self._held = deque[np.ndarray](maxlen=HELD)
-        width, height = (side // (2 * SIDE) * 2 * SIDE for side in sensor.image.crop_px)  # halved, regions divide it
-        self._crop = Crop.centred(sensor.image.width, sensor.image.height, width, height)
-        regions = {'rows': SIDE, 'cols': SIDE}
-        dots = sensor.pattern.kind == 'dots'
-        self._flow = make_flow('dots', regions) if dots else make_flow(*OF_TEXTURE)
-        self._flow.set_reference(np.ascontiguousarray(self._crop.apply(average(rests))))
+        regions = {'rows': REGIONS, 'cols': REGIONS}
+        flow = make_flow('inverse_compositional', {**regions, 'finest_scale': 1})
+        self._tracker = FeatureTracker(flow, make_encoding('cartesian_mean', regions))
+        width, height = (side // (2 * REGIONS) * 2 * REGIONS for side in sensor.image.crop_px)  # of half-size pictures
+        self._size = width, height
+        self._tracker.use_reference(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
         seen = Regions(sensor, 1, 1).shares_of(places.reshape(-1, 2))
         self._place_of = np.linalg.lstsq(_with_one(seen), places.reshape(-1, 2), rcond=None)[0]
+        self._noise_px = max(LEAST_NOISE_PX, *(_most(self._looked_at(each)[0]) for each in rests))
         self.state, self.place_mm = UNTOUCHED, (np.nan, np.nan)
-        self._touched_px = TOUCHED * max(LEAST_PX, *(_most(self._looked_at(each)[0]) for each in rests))
 
     def see(self, picture: UInt8[np.ndarray, 'h w']) -> str:
         """Take one picture; the state."""
         motion, place = self._looked_at(picture)
         self._held.append(motion)
         self.place_mm = place
-        if _most(motion) < self._touched_px:
+        if _most(motion) < TOUCHED_NOISE * self._noise_px:
             self.state = UNTOUCHED
         else:
             same = len(self._held) == HELD and all(self._alike(self._held[0], each) for each in self._held)
@@ -67,14 +69,15 @@ class Watch:
         """Whether two pictures show the same press."""
         return self._alike(self._looked_at(picture)[0], self._looked_at(other)[0])
 
+    def _cut(self, picture: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2']:
+        return np.ascontiguousarray(centre_crop(picture, *self._size))
+
     def _alike(self, one: Float[np.ndarray, 'rows cols 2'], other: Float[np.ndarray, 'rows cols 2']) -> bool:
-        """Whether no region moves from one to the other, beyond noise and a share of what the press moves."""
-        return _most(other - one) <= self._touched_px + SAME_SHARE * _most(one)
+        return _most(other - one) <= SAME_NOISE * self._noise_px + SAME_SHARE * _most(one)
 
     def _looked_at(self, picture: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, tuple[float, float]]:
-        field = self._flow.displacement(np.ascontiguousarray(self._crop.apply(picture)))
-        assert field.confidence is not None
-        motion = field.displacement_px * (field.confidence >= SURE)[..., None]
+        seen = self._tracker.features(self._tracker.field(self._cut(picture)))
+        motion = seen.values * (seen.confidence >= 0.5)[..., None]
         x, y = (_with_one(middles(np.square(motion).sum(axis=-1)[None])) @ self._place_of)[0].tolist()
         return motion, (x, y)
 

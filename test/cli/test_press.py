@@ -1,0 +1,213 @@
+"""``tactile press``: a simulated hand is guided, and what a person at the terminal answers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.cli.press import read_answer
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.drivers.camera.contract import CameraSettings, SceneSettings
+from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.errors import DatasetError, DeviceError
+from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.guided.drawing import marked, sketch
+from tactile_nodes.learning.guided.folder import PressFolder
+from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, Guide
+from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
+from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.tables.presses import read_table
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.optics import Optics, Press
+
+REACH = (16.0, 16.0)
+SIDES = (32.0, 32.0)
+NEWTON_PER_GRAM = 9.81e-3
+
+
+class StandingClock(SteppedClock):
+    """A clock whose sleeps are over at once."""
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.set_ns(max(self.now_ns(), deadline_ns))
+
+
+class Aside(SimulatedPerson):
+    """Presses 10 mm to the right of the mark, and tells it only when asked again."""
+
+    def __init__(self, said: list[str]) -> None:
+        super().__init__(Sensor(), NEWTON_PER_GRAM, said.append, world='aside')
+        self.told = [(0.0, 0.0), (10.0, 0.0)]
+
+    def press(self, target: Target, picture: np.ndarray, done: list[Done]) -> None:
+        super().press(Target(10.0, 0.0, target.force_n), picture, done)
+
+    def say(self, text: str) -> None:
+        if 'tell the place' not in text:
+            self._now = AWAY
+        self._tell(text)
+
+    def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        return 30.0, self.told.pop(0)
+
+
+class Unsteady(SimulatedPerson):
+    """Presses as told, but lifts while the scale is read, passes one press over, and stops after four."""
+
+    def __init__(self, said: list[str]) -> None:
+        super().__init__(Sensor(), NEWTON_PER_GRAM, said.append, world='unsteady')
+        self.asked = 0
+
+    def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        self.asked += 1
+        told = super().reading(target)
+        if self.asked == 2:
+            self._now = Press(target.x_mm, target.y_mm, 0.7 * self._now.depth_mm)
+        if self.asked == 4:
+            raise KeyboardInterrupt
+        assert told is not None
+        return None if self.asked == 3 else (told[0], NO_PLACE)
+
+
+def folder_of(path: Path, unit: str = 'g') -> PressFolder:
+    return PressFolder(path, unit, 'ball:0.6', REACH)
+
+
+def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['press', str(tmp_path / 'by_hand'), '--indenter', 'ball:0.6', '--forces', '20', '60', '--presses']
+    assert main([*words, '2']) == 0
+    assert '2 of 2 presses (1 of about 0.2 N, 1 of about 0.59 N)' in capsys.readouterr().out
+    assert main([*words, '10']) == 0
+    table = tmp_path / 'by_hand' / 'presses.csv'
+    rows = read_table(table).rows
+    assert [row.touches for row in rows] == [False] * RESTS + [True] * 10
+    assert main(['dataset', 'import', str(table), '-o', str(tmp_path / 'presses.npz')]) == 0
+    presses = load_dataset(tmp_path / 'presses.npz')
+    assert presses.card['indenters'] == ['ball:0.6'] and presses.contact.sum() == 10
+
+
+def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(tmp_path: Path) -> None:
+    said: list[str] = []
+    person = Unsteady(said)
+    settings = CameraSettings(scene=SceneSettings(world='unsteady'))
+    camera = open_camera(settings, StandingClock())
+    guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), SIDES), Sensor())
+    with pytest.raises(KeyboardInterrupt):
+        guide.run()
+    assert any('the press moved while you read the scale' in line for line in said)
+    assert 'passed over' in said
+    (done,) = folder_of(tmp_path).done  # of four the first
+    assert math.isnan(done.x_mm) and done.force_n == pytest.approx(0.3, rel=0.2)
+    assert person.press_at(0) != AWAY
+
+
+@pytest.mark.parametrize(
+    ('place_mm', 'grams', 'said'),
+    [
+        ((99.0, 0.0), 50.0, 'x is read as 99 mm'),
+        (NO_PLACE, 5e5, 'the reading is read as 4905 N: forces lie below 200 N'),
+    ],
+)
+def test_an_answer_that_no_press_can_be_is_asked_again_and_never_written(
+    place_mm: tuple[float, float], grams: float, said: str, tmp_path: Path
+) -> None:
+    assert folder_of(tmp_path).fault(grams, place_mm).startswith(said)
+    assert folder_of(tmp_path).fault(50.0, (1.0, 2.0)) == ''
+
+
+def test_a_name_of_an_indenter_that_would_break_the_table_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match='holds a comma'):
+        PressFolder(tmp_path, 'g', 'ball, steel', REACH)
+
+
+def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
+    said: list[str] = []
+    person = Aside(said)
+    camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), StandingClock())
+    Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), SIDES), Sensor()).run()
+    assert any('mm away: tell the place' in line for line in said)
+    assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
+
+
+def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='another')
+    other = Gel(seed=77)
+    folder = folder_of(tmp_path)
+    folder.add_rest(Optics(other, contact_table(other)).render((), 1))
+    camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), StandingClock())
+    with pytest.raises(DatasetError, match=r'the camera sees another gel beside the pictures .* begin another folder'):
+        Guide(camera, person, folder, Wish(2, (0.3,), SIDES), Sensor()).run()
+    assert len(folder_of(tmp_path).rows) == 1
+
+
+def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
+    pictures = tmp_path / 'pictures'
+    pictures.mkdir()
+    cv2.imwrite(str(pictures / '1.png'), Optics(Gel(), contact_table(Gel())).render((), 1))
+    camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), StandingClock())
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
+    with pytest.raises(DeviceError, match='the recording has come to its end'):
+        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), SIDES), Sensor()).run()
+
+
+def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
+    folder_of(tmp_path).add_rest(np.full((480, 640), 90, np.uint8))
+    with pytest.raises(DatasetError, match='begins otherwise than picture,x_mm,y_mm,force_n,indenter'):
+        folder_of(tmp_path, 'n')
+
+
+def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None:
+    wish = Wish(5, (0.2, 0.5), (20.0, 10.0))
+    assert wish.next([]) == Target(0.0, 0.0, 0.2)
+    # 0.8 of 10 and 5 mm may be pressed: the corners are farthest from the middle.
+    second = wish.next([Done(0.0, 0.0, 0.21)])
+    assert second is not None
+    assert (abs(second.x_mm), abs(second.y_mm), second.force_n) == (8.0, 4.0, 0.5)
+    assert wish.next([Done(0.0, 0.0, 0.2)] * 5) is None
+    assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(8, 4))
+
+
+def test_a_mark_in_the_picture_is_where_the_description_says() -> None:
+    # The pupil is 23 mm below the middle of the gel, so that this is seen in the middle of the picture.
+    drawn = marked(np.zeros((480, 640), np.uint8), Sensor(), Target(0.0, 0.0, 0.2), [Done(-5.0, 0.0, 0.2)])
+    red = np.argwhere((drawn == (0, 0, 255)).all(axis=2)).mean(axis=0)
+    green = np.argwhere((drawn == (0, 200, 0)).all(axis=2)).mean(axis=0)
+    assert red == pytest.approx([239.5, 319.5], abs=1.0)
+    assert green[0] == pytest.approx(239.5, abs=1.0) and 240 < green[1] < 270
+
+
+def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
+    lines = sketch(SIDES, Target(-16.0, 16.0, 0.2), [Done(16.0, -16.0, 0.2)])
+    assert lines[-1].startswith('X') and lines[0].endswith('o')
+
+
+@pytest.mark.parametrize(
+    ('text', 'told'),
+    [
+        ('50', (50.0, (3.0, -2.0))),
+        ('50,5', (50.5, (3.0, -2.0))),
+        ('50 3.5 -2', (50.0, (3.5, -2.0))),
+        ('s', None),
+        ('', 'write the reading alone, as 50, or with a place, as 50 3.5 -2, or as 50 ?'),
+        ('50 3', 'write the reading alone, as 50, or with a place, as 50 3.5 -2, or as 50 ?'),
+        ('fifty', 'write the reading alone, as 50, or with a place, as 50 3.5 -2, or as 50 ?'),
+        ('0', 'the reading must be above 0; tare the scale with the sensor on it'),
+    ],
+)
+def test_answers_at_the_terminal(text: str, told: object) -> None:
+    assert read_answer(text, (3.0, -2.0)) == told
+
+
+def test_a_place_that_nobody_knows_is_not_a_number() -> None:
+    answer = read_answer('50 ?', (3.0, -2.0))
+    assert isinstance(answer, tuple)
+    assert answer[0] == 50.0 and all(map(math.isnan, answer[1]))
