@@ -56,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--body', default='', help='of a model of any contact: what pressed, if it is another body: ball:R or punch:R '
         '(radius in mm), or what contact:= of a live launch takes, as ring, part.stl'
     )  # fmt: skip
+    parser.add_argument('--indenter', default='', metavar='NAME', help='of a data set: whose presses count, if several')
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
     parser.add_argument(
         '--force', action='store_true', help='write the model also if it reads held-out presses no better than before'
@@ -118,6 +119,8 @@ def _require_used(arguments: argparse.Namespace) -> None:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     if arguments.gel and arguments.dataset:
         raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
+    if arguments.indenter and not arguments.dataset:
+        raise ConfigurationError('--indenter chooses presses of a --dataset FILE; leave it out')
     for option in ('curve', 'namespace'):
         if getattr(arguments, option) and not arguments.bags:
             raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
@@ -180,7 +183,7 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
     layer = load_layer_config(arguments.layer) if arguments.layer else None
     return calibrate(
         model, arguments.dataset, output, layer=layer, progress=progress, command=command, forced=arguments.force,
-        pressed=_pressed(arguments),
+        pressed=_pressed(arguments), indenter=arguments.indenter,
     )  # fmt: skip
 
 

@@ -79,6 +79,21 @@ def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
     assert 'depths        not known' in shown
 
 
+def test_presses_of_one_of_several_indenters_are_chosen(folder: Path, tmp_path: Path) -> None:
+    assert imported(folder / 'presses.csv', tmp_path / 'presses.npz') == 0
+    presses = load_dataset(tmp_path / 'presses.npz')
+    first = presses.of_indenter('first')
+    rows = [row for row in rows_of(folder) if row[4] == 'first']
+    assert first.force_n[first.contact] == pytest.approx([float(row[3]) for row in rows])
+    assert (~first.contact).sum() == RESTS
+    assert len(first.as_samples().features) == len(rows) + RESTS
+    assert first.fingerprint != presses.fingerprint
+    with pytest.raises(DatasetError, match='holds presses of first, second, and one is taken: choose it with --indent'):
+        presses.of_indenter('')
+    with pytest.raises(DatasetError, match="made with 'third'; it holds presses of first, second"):
+        presses.of_indenter('third')
+
+
 def edited(change: Callable[[list[Row]], object]) -> Callable[[Path], list[Row]]:
     def rows(folder: Path) -> list[Row]:
         made = rows_of(folder)

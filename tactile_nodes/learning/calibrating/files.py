@@ -60,11 +60,13 @@ def calibrate(
     command: str = '',
     forced: bool = False,
     pressed: Pressed | None = None,
+    indenter: str = '',
 ) -> tuple[str, Made]:
     """Write the model of the gel that was pressed; its id, and how it came about.
 
     A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`;
-    `pressed` is what a readout of any contact has to know beside that, as its source says unless given.
+    `pressed` is what a readout of any contact has to know beside that, as its source says unless given;
+    `indenter` names the one whose presses count, where the data set has several.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -72,7 +74,7 @@ def calibrate(
         ConfigurationError: a layer needs torch, which is not installed.
     """
     begun = clock.perf_ns()
-    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
+    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file).of_indenter(indenter)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
     if network or layer:
         made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float16, Float32, Int, UInt8
 
+from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, Split, by_position, by_sample
@@ -102,6 +103,26 @@ class RecordedPresses:
         keys = np.column_stack([self.press_number, self.attempt, self.window_ns, self.contact, rests.reshape(-1)])
         numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
         return numbers.reshape(-1)
+
+    def of_indenter(self, name: str) -> RecordedPresses:
+        """The presses of one indenter, and all samples without contact; without a name, if there are no others.
+
+        Raises:
+            DatasetError: there is no such indenter, or several and none is named.
+        """
+        known = self.card['indenters']
+        listed = ', '.join(each or 'one without a name' for each in known)
+        if not name and len(known) > 1:
+            raise DatasetError(f'the data set holds presses of {listed}, and one is taken: choose it with --indenter')
+        if name and name not in known:
+            raise DatasetError(f'no press of the data set was made with {name!r}; it holds presses of {listed}')
+        if len(known) == 1:
+            return self
+        rows = np.flatnonzero(~self.contact | (self.indenter == known.index(name)))
+        chosen: dict[str, Any] = {
+            each: values[rows] for each, values in self.arrays().items() if each not in ('confidence', *OPTIONAL)
+        }
+        return replace(self, **chosen)
 
     def split(self, kind: str, seed: int, *, test: float = TEST_SHARE, validation: float = VALIDATION_SHARE) -> Split:
         """Training, validation and test set; `kind` is 'sample' or 'position'.
