@@ -80,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), print)
     print('enough. What to do with them:')
-    print(f'  tactile calibrate --pictures {folder.table} --model portable --gel NAME -o NAME.safetensors')
+    model = 'portable' if arguments.sensor == 'simulated' else 'ITS_MODEL'
+    print(f'  tactile calibrate --pictures {folder.table} --model {model} --gel NAME -o NAME.safetensors')
     print(f'  tactile dataset import {folder.table} -o NAME.npz --gel NAME')
     return 0
 

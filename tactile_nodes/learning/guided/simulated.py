@@ -36,7 +36,7 @@ class SimulatedPerson:
         self._gel, self._newton, self._tell = gel_of(sensor), newton, tell
         self._table = contact_table(self._gel)
         self._random = np.random.default_rng(1)
-        self._now = AWAY
+        self._now = self._held = AWAY
         worlds.share(world, self)
 
     @property
@@ -66,13 +66,14 @@ class SimulatedPerson:
 
     def press(self, target: Target, picture: Picture, done: list[Done]) -> None:  # noqa: ARG002
         force_n = target.force_n * float(self._random.uniform(1 - UNSTEADY, 1 + UNSTEADY))
-        self._now = Press(target.x_mm, target.y_mm, self._table.depth_at(force_n))
+        self._now = self._held = Press(target.x_mm, target.y_mm, self._table.depth_at(force_n))
         self._tell(f'pressing at x {target.x_mm:g}, y {target.y_mm:g} mm')
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:
         """Needs no help."""
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        self._now = self._held  # held on to while it is asked again
         return round(self.force_at(0) / self._newton, 4), (target.x_mm, target.y_mm)
 
     def say(self, text: str) -> None:
