@@ -37,8 +37,6 @@ HOPELESS, SLOW = 4.0, 0.9
 """Contacts that leave so many times of what they may (squared) explain nothing: steps end with the first that leaves
 more than this share of what the step before left."""
 START_SPACING_MM = 2.0
-ABOUT_MM = 5.0
-"""How far along x a tip is looked for in the table from the bin that is told the most by the linear answer."""
 START_FORCES = np.array([0.15, 0.5, 0.9])
 """Of the hardest press."""
 MARGIN = 1.1
@@ -238,18 +236,12 @@ class AxisymmetricReadout:
         x, y, force_n = starts[best].tolist()
         return np.array([x, y, force_n * float(share[best])])
 
-    def share_of(self, seen: Seen, noise_px: float, tips: int, x_mm: float) -> float:
+    def share_of(self, seen: Seen, noise_px: float, tips: int) -> float:
         """How much of the squared motion, without such noise of each region, so many tips of the table explain; 0 to 1.
-
-        A single one is looked for where x is about `x_mm`.
 
         Each is the one that explains most of what those before leave (orthogonal matching pursuit, Pati 1993).
         """
-        starts, fields, squares = self._starts
-        if tips == 1:  # starts are in the order of x
-            x_mm = min(max(x_mm, starts[0, 0]), starts[-1, 0])
-            about = slice(*np.searchsorted(starts[:, 0], (x_mm - ABOUT_MM, x_mm + ABOUT_MM)))
-            fields, squares = fields[about], squares[about]
+        _, fields, squares = self._starts
         left = motion = seen.motion.reshape(-1).astype(np.float32)
         axes = np.empty((0, motion.size), np.float32)
         for _ in range(tips):

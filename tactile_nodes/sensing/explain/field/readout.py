@@ -179,8 +179,7 @@ class FieldReadout:
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
             return None
-        x_mm = self.bins.origin_mm[0] + (int(coarse.argmax()) % self.bins.cols + 0.5) * self.bins.bin_size_mm[0]
-        if self.tips.share_of(seen, noise_px, count, x_mm) < TABLE_SHARE:
+        if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
         fit = self.tips.fit(seen, count, worth)
