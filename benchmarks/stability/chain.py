@@ -19,11 +19,11 @@ from tactile_nodes.messages import types
 from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
-from tactile_nodes.pipeline.force_status import calibration_reasons
+from tactile_nodes.pipeline.force_status import LEAST_CONFIDENCE, calibration_reasons
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 
-REST_FRAMES, LEAST_CONFIDENCE, CHECK_S = 16, 0.85, 0.5
+REST_FRAMES, CHECK_S = 16, 0.5
 """What config/live.yaml and the drift monitor's parameters say."""
 
 Values = Callable[[np.ndarray], np.ndarray]

@@ -96,6 +96,11 @@ def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: in
     return Judged(sigma_n, FORCE.STATUS_DEGRADED, int(reasons or FORCE.REASON_UNLIKE_TRAINING))
 
 
+def judged_alone(found: ForceMap) -> Judged:
+    """The same by what a force says of itself: as of an undisturbed picture."""
+    return judged(found, found_reasons(found))
+
+
 def calibration_reasons(state: types.CalibrationState) -> int:
     """What a calibration's state adds to the reasons of every force."""
     kind = types.CalibrationState

@@ -24,8 +24,7 @@ from tactile_nodes.learning.datasets.simulated import recipe_id
 from tactile_nodes.learning.evaluation.scores import percentile, share
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.pipeline.force_status import FORCE, found_reasons
-from tactile_nodes.pipeline.force_status import judged as status_of
+from tactile_nodes.pipeline.force_status import FORCE, judged_alone
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.explain.reading import Contact
@@ -102,7 +101,7 @@ def judged(tips: Float[np.ndarray, '2 4'], found: ForceMap, threshold_n: float) 
         pairs = [(contacts[0], tips[first]), (contacts[1], tips[second])]
         if all(_away_mm(*pair) <= PLACE_MM for pair in pairs):
             placed, near = True, all(_force_fits(*pair) for pair in pairs)
-    told, off_n = status_of(found, found_reasons(found)), abs(found.total_n - tips[:, 3].sum())
+    told, off_n = judged_alone(found), abs(found.total_n - tips[:, 3].sum())
     ok, degraded = (told.status == each for each in (FORCE.STATUS_OK, FORCE.STATUS_DEGRADED))
     held = off_n <= metrics.interval_factor(metrics.INTERVAL) * told.sigma_n
     return near, placed, len(contacts) == 2, found.unlikeness > 1, ok, degraded, held, off_n

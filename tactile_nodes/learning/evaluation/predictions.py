@@ -11,7 +11,7 @@ from jaxtyping import Float, Float32, Int
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.pipeline.force_status import found_reasons, judged
+from tactile_nodes.pipeline.force_status import judged_alone
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -110,7 +110,7 @@ def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = N
 def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
     """Truth and answers for all samples of a data set."""
     found = predict(loaded, dataset, progress)
-    bins, told = loaded.model.bins, [judged(each, found_reasons(each)) for each in found]
+    bins, told = loaded.model.bins, [judged_alone(each) for each in found]
     return Predictions(
         place_mm=np.asarray(dataset.presses[:, :2], np.float64),
         depth_mm=np.asarray(dataset.presses[:, 2], np.float64),

@@ -24,7 +24,7 @@ def marked(
     image = sensor.image
     places = np.array([target[:2], *(each[:2] for each in done if np.isfinite(each[:2]).all())])
     corner = (np.array([image.width, image.height]) - image.crop_px) // 2
-    pixels = np.rint(corner + Regions(sensor, 1, 1).shares_of(places) * image.crop_px - 0.5).astype(int)
+    pixels = np.rint(corner + Regions(sensor, 1, 1).middle_seen_at(places)).astype(int)
     drawn = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
     for made in pixels[1:].tolist():
         cv2.circle(drawn, made, 4, MADE, cv2.FILLED)

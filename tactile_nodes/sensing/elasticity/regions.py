@@ -163,12 +163,12 @@ class Regions:
         return usable
 
     def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
-        """Where in the cut picture places are seen, half as deep as markers lie, as shares of its sides (x, y)."""
-        image, depth = self.sensor.image, np.full(len(place_mm), -self.depths_mm[DEPTHS // 2])
-        cut = np.array(image.crop_px)
-        corner = (np.array([image.width, image.height]) - cut) // 2
-        seen: np.ndarray = (self._project(np.column_stack([place_mm, depth])[None])[0] + 0.5 - corner) / cut
-        return seen
+        """Where `middle_seen_at` has places, as shares of the sides of what is cut (x, y)."""
+        return np.asarray((self.middle_seen_at(place_mm) + 0.5) / self.sensor.image.crop_px)
+
+    def middle_seen_at(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
+        """Where places are in what is cut from the camera's picture (px), in the middle of the markers' depths."""
+        return self.seen_at(np.column_stack([place_mm, np.full(len(place_mm), -self.depths_mm[DEPTHS // 2])]))
 
     def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
         """Where the rays of all windows meet a depth, in the surface frame."""

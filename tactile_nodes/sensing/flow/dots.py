@@ -7,7 +7,7 @@ Meer 2002) from where it was at rest, or from where its neighbours went.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,7 +15,13 @@ from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
-from tactile_nodes.sensing.flow.methods import DisplacementField, require_covered, require_grey, require_like
+from tactile_nodes.sensing.flow.methods import (
+    DisplacementField,
+    require_covered,
+    require_grey,
+    require_like,
+    told_options,
+)
 
 COARSE = 4
 """Surroundings are found at a quarter of the resolution."""
@@ -61,8 +67,7 @@ class DotsFlow:
 
     @property
     def options(self) -> dict[str, object]:
-        told = asdict(self._options)
-        return told if self._options.covered else {name: told[name] for name in told if name != 'covered'}
+        return told_options(self._options)
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)

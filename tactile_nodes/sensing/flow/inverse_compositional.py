@@ -9,7 +9,7 @@ fails too, a dense search helps out.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,6 +24,7 @@ from tactile_nodes.sensing.flow.methods import (
     require_covered,
     require_grey,
     require_like,
+    told_options,
 )
 from tactile_nodes.sensing.flow.patches import (
     LARGEST_ANSWER_PX,
@@ -106,8 +107,7 @@ class InverseCompositionalFlow:
 
     @property
     def options(self) -> dict[str, object]:
-        told = asdict(self._options)
-        return told if self._options.covered else {name: told[name] for name in told if name != 'covered'}
+        return told_options(self._options)
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Protocol, get_args, get_origin, get_type_hints, runtime_checkable
+from typing import Any, Protocol, get_args, get_origin, get_type_hints, runtime_checkable
 
 import cv2
 import numpy as np
@@ -204,6 +204,11 @@ def checked_options(method: str, options_type: type, options: Mapping[str, objec
             names = ' or '.join(each.__name__ for each in wanted)
             raise ConfigurationError(f'option {name!r} of {method!r} must be of type {names}, got {value!r}')
     return {name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
+
+
+def told_options(options: Any) -> dict[str, object]:
+    """A method's options as a model's card records them; lists that are empty are left out, as in cards of before."""
+    return {name: value for name, value in asdict(options).items() if value != ()}
 
 
 def require_covered(method: str, covered: tuple[int, ...], rows: int, cols: int) -> None:

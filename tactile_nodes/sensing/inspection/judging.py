@@ -17,6 +17,8 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
+from tactile_nodes.sensing.flow.dots import DotsFlow
+from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
@@ -112,8 +114,12 @@ class Inspection:
 
     @cached_property
     def _confidence(self) -> Float[np.ndarray, ' regions']:
-        """In the motion of each region, as the rest image has it."""
-        return np.asarray(self._flow(self.rest).displacement(self.rest).confidence, float).ravel()
+        """In the motion of each region, as the rest image has it; none where no dots are found to be followed."""
+        try:
+            flow = self._flow(self.rest)
+        except ImageError:
+            return np.zeros(self.regions.count)
+        return np.asarray(flow.displacement(self.rest).confidence, float).ravel()
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -194,8 +200,7 @@ class Inspection:
             for count in (int(side // pattern.pitch_mm) for side in (gel.width_mm, gel.height_mm))
         ]
         x, y = np.meshgrid(*lines)
-        depth = np.full(x.size, -sum(gel.markers_mm) / 2)
-        places = self.regions.seen_at(np.column_stack([x.ravel(), y.ravel(), depth]))
+        places = self.regions.middle_seen_at(np.column_stack([x.ravel(), y.ravel()]))
         radius = self.regions.px_per_mm * sum(pattern.diameter_mm) / 4
         size = np.array(self.sensor.image.crop_px)
         inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
@@ -274,7 +279,8 @@ class Inspection:
 
     def _flow(self, rest: UInt8[np.ndarray, 'h w']) -> FlowMethod:
         """As models of described sensors measure motion."""
-        flow = make_flow('inverse_compositional', {'rows': self.regions.rows, 'cols': self.regions.cols})
+        method = DotsFlow.name if self.sensor.pattern.kind == 'dots' else InverseCompositionalFlow.name
+        flow = make_flow(method, {'rows': self.regions.rows, 'cols': self.regions.cols})
         flow.set_reference(rest)
         return flow
 
