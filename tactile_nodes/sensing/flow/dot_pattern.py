@@ -13,6 +13,9 @@ LEAST_DOTS = 8
 LEAST_CONTRAST = 8.0
 """Grey levels by which a dot differs from what is around it."""
 
+COARSE = 4
+"""Surroundings are found at a quarter of the resolution."""
+
 DIMMEST = 0.2
 """Of the usual light: where there is less, differences of grey levels are not taken for more."""
 
@@ -63,12 +66,19 @@ class Dots:
 
 def find_dots(picture: UInt8[np.ndarray, 'h w']) -> Dots | None:
     """The dots of a picture, dark or bright ones, whichever are more; None if it shows none in rows and columns."""
-    side = min(picture.shape) // 4 | 1
-    around = cv2.medianBlur(picture, side).astype(np.float32)
-    usual = max(float(np.median(around)), 1.0)
-    above = (picture - around) * usual / np.maximum(around, DIMMEST * usual)
+    above = contrast(picture) * np.float32(max(np.median(picture), 1))
     found = [each for each in (_found(-above, dark=True), _found(above, dark=False)) if each is not None]
     return max(found, key=len, default=None)
+
+
+def contrast(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Float32[np.ndarray, 'h w']:
+    """How much brighter, or darker, each pixel is than what is around it, as a share of that."""
+    height, width = picture.shape
+    small = cv2.resize(picture, (width // COARSE, height // COARSE), interpolation=cv2.INTER_AREA)
+    usual = cv2.medianBlur(small, min(small.shape) // 4 | 1)
+    around = cv2.resize(usual, (width, height)).astype(np.float32)
+    share = (picture - around) / np.maximum(around, DIMMEST * max(float(np.median(usual)), 1.0))
+    return np.asarray(-share if dark else share, np.float32)
 
 
 def _found(above: Float32[np.ndarray, 'h w'], *, dark: bool) -> Dots | None:

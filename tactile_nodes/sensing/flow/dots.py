@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
+from tactile_nodes.sensing.flow.dot_pattern import Dots, contrast, find_dots
 from tactile_nodes.sensing.flow.methods import (
     DisplacementField,
     require_covered,
@@ -22,9 +21,6 @@ from tactile_nodes.sensing.flow.methods import (
     require_like,
     told_options,
 )
-
-COARSE = 4
-"""Surroundings are found at a quarter of the resolution."""
 
 REACH = 0.75
 """Of a dot's diameter: radius within which its centre is looked for, all of the dot and nothing of the next one."""
@@ -157,16 +153,6 @@ class _Rest:
         return DisplacementField(
             planes[:, 0].reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
         )
-
-
-def contrast(image: UInt8[np.ndarray, 'h w'], *, dark: bool) -> Float32[np.ndarray, 'h w']:
-    """How much darker, or brighter, each pixel is than what is around it, as a share of that."""
-    height, width = image.shape
-    small = cv2.resize(image, (width // COARSE, height // COARSE), interpolation=cv2.INTER_AREA)
-    usual = cv2.medianBlur(small, min(small.shape) // 4 | 1)
-    around = np.maximum(cv2.resize(usual, (width, height)).astype(np.float32), 1.0)
-    share: np.ndarray = image / around - 1
-    return -share if dark else share
 
 
 def centred(
