@@ -68,8 +68,8 @@ def assert_same_numbers(one: NetworkReadout, other: NetworkReadout) -> None:
 def test_a_training_that_was_killed_goes_on_to_the_same_network(tmp_path: Path):
     """The process is killed somewhere after its sixth epoch; the next start ends as one that was never killed."""
     begun = subprocess.Popen(
-        [sys.executable, str(Path(__file__).with_name('tiny_training.py')), str(tmp_path)],
-        stdout=subprocess.PIPE, text=True, env={**os.environ, 'PYTHONPATH': str(Path(__file__).parents[2])},
+        [sys.executable, str(Path(__file__).parents[1] / 'tiny_training.py'), str(tmp_path)],
+        stdout=subprocess.PIPE, text=True, env={**os.environ, 'PYTHONPATH': str(Path(__file__).parents[3])},
     )  # fmt: skip
     assert begun.stdout is not None
     for _ in range(6):

@@ -240,13 +240,13 @@ def test_the_card_says_how_the_layer_came_about(made: NetworkTransfer) -> None:
 
 
 def test_the_published_settings_are_those_of_the_papers_table() -> None:
-    letter = load_layer_config(Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml')
+    letter = load_layer_config(Path(__file__).parents[3] / 'config' / 'transfer' / 'paper_letter.yaml')
     assert (letter.batch, letter.learning_rate, letter.patience, letter.dropout) == (64, 0.0001, 200, 0.05)
     assert (letter.centred, letter.keep_start) == (False, False)
 
 
 def test_the_settings_that_ship_are_the_defaults() -> None:
-    folder = Path(__file__).parents[2] / 'config' / 'transfer'
+    folder = Path(__file__).parents[3] / 'config' / 'transfer'
     assert load_layer_config(folder / 'paper.yaml') == LayerConfig()
     letter = load_layer_config(folder / 'paper_letter.yaml')
     ours = {name: getattr(LayerConfig(), name) for name in ('learning_rate', 'patience', 'centred', 'keep_start')}
