@@ -58,7 +58,8 @@ how many times `search_share` of the patches on that are lost. Under a hard, wid
 
 AROUND, AROUND_PX = 3, 66
 """A search goes so many patches around those that are lost, and so far: a contact stretches what lies next to it. All
-of the picture takes three times as long under a contact, and forces come out no better. A search needs 64 pixels."""
+of the picture takes the slowest twentieth of frames 1.8 times as long, and forces come out alike to a tenth (force in
+wrong bins 10.2 for 10.5 % of 40 contacts). A search needs 64 pixels."""
 
 STRETCH_WORTH = 0.05
 """How much more of a patch must be explained once stretching is undone: doing so costs sharpness."""
