@@ -22,8 +22,10 @@ from tactile_nodes.learning.guided.folder import PressFolder
 from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, Guide
 from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
 from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
 from tactile_nodes.learning.tables.presses import read_table
-from tactile_nodes.sensors import Sensor
+from tactile_nodes.sensors import Sensor, load_sensor
+from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -147,6 +149,17 @@ def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r'the camera sees another gel beside the pictures .* begin another folder'):
         Guide(camera, person, folder, Wish(2, (0.3,), SIDES), Sensor()).run()
     assert len(folder_of(tmp_path).rows) == 1
+
+
+@pytest.mark.parametrize('name', ['simulated', 'printed_dots', 'speckle_membrane'])
+def test_the_lightest_press_that_is_asked_for_is_seen_and_so_is_letting_go(name: str) -> None:
+    gel = gel_of(load_sensor(name))
+    table = contact_table(gel)
+    optics = Optics(gel, table)
+    watch = Watch(load_sensor(name), [optics.render((), each) for each in range(RESTS)])
+    held = (Press(0.0, 0.0, table.depth_at(0.85 * 20 * NEWTON_PER_GRAM)),)
+    assert [watch.see(optics.render(held, 100 + each)) for each in range(HELD)] == [MOVING] * (HELD - 1) + [STEADY]
+    assert [watch.see(optics.render((), 200 + each)) for each in range(HELD)] == [UNTOUCHED] * HELD
 
 
 def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:

@@ -22,8 +22,9 @@ REGIONS = 10
 HELD = 8
 """So many pictures in a row that show the same are a press held still."""
 LEAST_NOISE_PX = 0.01
-"""By which regions of pictures at rest move at least, as those of the simulated sensor do; 20 g move them by 0.18."""
-TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 6.0, 4.0, 0.03
+"""By which regions of pictures at rest move at least, as those of the simulated sensor do. 20 g move them by 0.18 px,
+those of printed dots by 0.165 beside a noise of 0.031."""
+TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 3.0, 2.0, 0.03
 """In units of that noise: what is a touch, and what two pictures of one press may differ by, beside a share of the most
 that it moves."""
 
@@ -42,9 +43,9 @@ class Watch:
     def __init__(self, sensor: Sensor, rests: Sequence[UInt8[np.ndarray, 'h w']]) -> None:
         self._held = deque[np.ndarray](maxlen=HELD)
         regions = {'rows': REGIONS, 'cols': REGIONS}
-        flow = make_flow('inverse_compositional', {**regions, 'finest_scale': 1})
+        flow = make_flow('inverse_compositional', {**regions, 'finest_scale': 0})
         self._tracker = FeatureTracker(flow, make_encoding('cartesian_mean', regions))
-        width, height = (side // (2 * REGIONS) * 2 * REGIONS for side in sensor.image.crop_px)  # of half-size pictures
+        width, height = (side // REGIONS * REGIONS for side in sensor.image.crop_px)
         self._size = width, height
         self._tracker.use_reference(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
