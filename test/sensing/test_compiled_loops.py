@@ -251,11 +251,11 @@ def test_the_same_is_not_known_of_regions():
 
 
 @needs_numba
+@pytest.mark.parametrize('passes', [1, 3])
 @pytest.mark.parametrize('pressed_n', [1.5, 0.02, 0.0, -0.3])
-def test_the_same_field_explains_a_motion(pressed_n: float):
+def test_the_same_field_explains_a_motion(pressed_n: float, passes: int):
     """One that is dragged over eight patches, light, none, and suction, which the linear answer sees nowhere."""
-    readout = load_model(find_model('field')).model.readout
-    solver = readout.solver
+    solver = dataclasses.replace(load_model(find_model('field')).model.readout.solver, passes=passes)
     on, forces = np.arange(8) + 150 + 14 * (np.arange(8) // 4), np.zeros((3, solver.patches.count))
     forces[0, on], forces[1, on] = pressed_n / 8, pressed_n / 40
     noise = np.random.default_rng(2).normal(scale=solver.noise_px, size=len(solver.response))
@@ -264,7 +264,7 @@ def test_the_same_field_explains_a_motion(pressed_n: float):
     plain, compiled = both(lambda compiled: dataclasses.replace(solver, compiled=compiled).field(motion, weights))
     np.testing.assert_array_equal(compiled.active, plain.active)
     np.testing.assert_allclose(compiled.forces_n, plain.forces_n, atol=2e-4)
-    np.testing.assert_allclose(compiled.root.T @ compiled.root, plain.root.T @ plain.root, rtol=1e-2, atol=1e-5)
+    np.testing.assert_allclose(compiled.root.T @ compiled.root, plain.root.T @ plain.root, rtol=1e-2, atol=3e-4)
     assert (compiled.misfit, compiled.gain) == pytest.approx((plain.misfit, plain.gain), rel=1e-3, abs=1e-3)
 
 

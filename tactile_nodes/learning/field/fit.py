@@ -53,6 +53,10 @@ deep hold 93 % of 30 totals (seed 717), with once the square 77 %."""
 
 UNEVEN_TIMES = 2.0
 
+NEAR, PASSES = 1.0, 3
+"""Unevenness beyond which markers lie so near the surface that a field is solved in passes, and how many; where fewer
+regions than patches tell of forces, one does as well."""
+
 LEAST_SEEN = 0.2
 """Share of the regions that must see the gel."""
 
@@ -155,7 +159,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
         bar.advance()
     readout = FieldReadout(
         scaling, response, regions.bins, noise_px(scaling), UNFITTED, spread, ROOM,
-        surface=regions.surface_under_shear,
+        surface=regions.surface_under_shear, passes=_passes(regions),
     )  # fmt: skip
     return FieldFit(readout, 'description')
 
@@ -255,7 +259,8 @@ class _Judge:
         noise, spread = noise_px(self.scaling), _spread(form, presses, self.regions.uneven, by_ball=self.by_ball)
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
         return FieldReadout(
-            self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self.surface
+            self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self.surface,
+            passes=_passes(self.regions),
         )  # fmt: skip
 
     @cached_property
@@ -278,6 +283,11 @@ class _Judge:
     def _field(self, readout: FieldReadout, row: int) -> Field:
         values, confidence = self.dataset.features[row], self.dataset.confidence[self.dataset.rest[row]]
         return readout.solver.field(*readout.weighed(values.astype(np.float32), confidence)[1:])
+
+
+def _passes(regions: Regions) -> int:
+    """How often a frame is solved: see `NEAR`."""
+    return PASSES if regions.uneven > NEAR and regions.count >= regions.patches.count else 1
 
 
 def _curve(judge: _Judge, presses: BodyPresses, start: np.ndarray, fold: Int[np.ndarray, ' n']) -> tuple[Point, ...]:

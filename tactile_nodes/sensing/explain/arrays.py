@@ -40,6 +40,7 @@ AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReado
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
 RANGES['pressed_n'] = RANGES['hardest_n']
 RANGES |= {'noise_px': (1e-6, 10.0), 'doubt': (0.0, 1.0), 'misfit_limit': (1e-3, 1e3), 'least_gain': (0.0, 1e9)}
+RANGES['passes'] = 1, 10
 """No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
 
 
@@ -231,7 +232,7 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
         inner, said = _axisymmetric_arrays(readout.tips)
         arrays |= {TIPS + name: each for name, each in inner.items()}
         tips = {'tips': said}
-    numbers = {name: getattr(readout, name) for name in FIELD_NUMBERS}
+    numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
     return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, 'spread': asdict(readout.spread), **tips}
 
 
@@ -248,7 +249,8 @@ def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinG
     response = arrays['field'].astype(np.float32)
     surface = arrays.get('surface', STILL)
     return FieldReadout(
-        _scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, surface=surface, **numbers
+        _scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, surface=surface,
+        passes=int(said.get('passes', 1)), **numbers,
     )  # fmt: skip
 
 

@@ -137,7 +137,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
             ImageSettings(*size_px, width, height),
             replace(camera, position_mm=(x_mm, y_mm, -away_mm)),
             GelDescription(
-                wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.49,), answers.markers_mm,
+                wide_mm, high_mm, (answers.thickness_mm,), (answers.modulus_mpa,), (0.5,), answers.markers_mm,
                 answers.modulus_off,
             ),
             _pattern(seen, px_per_mm, wide_mm * high_mm),

@@ -19,13 +19,16 @@ from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
 from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses
 from tactile_nodes.learning.field.calibration import described_model
+from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.force_status import FORCE, judged
+from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
+from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import BinGrid
@@ -46,7 +49,7 @@ from tactile_nodes.simulation.optics import Optics, Press, Shaping
 SMALL = Sensor(
     'small', ImageSettings(320, 240, 320, 200),
     CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
-    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.49,), (0.3, 0.8), 0.0),
+    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.5,), (0.3, 0.8), 0.0),
     PatternDescription('spheres', 4000, (0.1, 0.15)), BinSettings(4, 6),
 )  # fmt: skip
 """3 mm a bin, 20 px a millimetre: 16x10 mm are seen."""
@@ -142,6 +145,27 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
     _, made_of_it = calibrate_by_hand(source, tmp_path / 'presses.csv', 'stiffer', output, Progress())
     assert made_of_it.after.force_median_n < 0.4 * made_of_it.before.force_median_n
     assert load_model(output).image_size == (320, 200)
+
+
+@pytest.mark.parametrize('place_mm', [(0.0, 0.0), (3.0, 0.0), (0.7, 0.0), (1.5, 1.5)])
+def test_a_small_contact_is_found_on_a_corner_of_bins_as_within_one(place_mm: tuple[float, float]) -> None:
+    """0.3 N within 0.3 mm, over markers 0.35 mm deep: regions show what no force spread over a bin moves. Bins are 3 mm
+    wide; places are a corner of four, another, an edge, and the middle of one."""
+    sensor = dataclasses.replace(SMALL, gel=dataclasses.replace(SMALL.gel, markers_mm=(0.3, 0.4)))
+    regions = usual_regions(sensor)
+    shape = regions.rows, regions.cols
+    scaling = InputScaling(
+        np.zeros((*shape, 2), np.float32), np.full((*shape, 2), 250, np.float32),
+        regions.usable.reshape(shape).astype(np.float32), 0.1,
+    )  # fmt: skip
+    readout, around = described(sensor, scaling).readout, np.arange(8) * np.pi / 4
+    disc = np.vstack([np.zeros(2), *(0.15 * n * np.column_stack([np.cos(around), np.sin(around)]) for n in (1, 2))])
+    spectrum = regions.layer.points(disc, np.ones(len(disc)))
+    terms = regions.terms_of_pressure(np.array([place_mm]), spectrum, np.flatnonzero(scaling.trusted))[0]
+    motion = 0.3 * (terms @ regions.nominal_shares).astype(float)
+    found = readout.solver.field(motion, readout.solver.weights(motion, np.ones(len(motion))))
+    assert found.total_n == pytest.approx(0.3, rel=0.1)
+    assert found.forces_n[0] @ readout.solver.patches.centres_mm / found.total_n == pytest.approx(place_mm, abs=0.15)
 
 
 class SmallSensor(BagSensor):

@@ -62,7 +62,7 @@ class FieldReadout:
     `scaling` says what the regions show at rest and which are known; `response` is their motion (px) under 1 N on each
     patch, as `FieldSolver` has it. `misfit_limit` is the misfit beyond which a frame is unlike anything that the
     response knows, `least_gain` what has to be gained by any force. `tips` reads frames in which only tips press.
-    `surface` is how far shear takes the surface along, as `moved_along` has it.
+    `surface` is how far shear takes the surface along, as `moved_along` has it; `passes` is as `FieldSolver` has it.
     """
 
     scaling: InputScaling
@@ -76,6 +76,7 @@ class FieldReadout:
     tips: AxisymmetricReadout | None = None
     surface: Float32[np.ndarray, '2 near near'] = field(default_factory=lambda: STILL)
     compiled: bool = False
+    passes: int = 1
 
     kind = 'field'
 
@@ -102,7 +103,9 @@ class FieldReadout:
     def solver(self) -> FieldSolver:
         """What finds the field."""
         camera = camera_ways(self.scaling.trusted.shape, self._known)
-        return FieldSolver(self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt, self.compiled)
+        return FieldSolver(
+            self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt, self.compiled, self.passes
+        )
 
     @cached_property
     def _known(self) -> np.ndarray:

@@ -1,10 +1,11 @@
 """The force field that explains how regions move: normal force and shear on patches of the surface.
 
 Least squares under p >= 0 and |q| <= p: first on those bins in which a linear answer finds force, then on the patches
-around which there is some. A uniform pressure on an incompressible layer moves next to nothing, so that any smear of it
-would fit: a reweighted l1 term holds a patch down the more, the less force there is around it, and less where the
-contact is wide. What the camera itself moved by is found with the forces. Which region counts how much is in
-`tactile_nodes.sensing.explain.field.weights`.
+around which there is some. Where markers lie near the surface, regions see what is smaller than a bin, and the linear
+answer looks in the wrong bins: there all bins are tried, and what is found is solved for again. A uniform pressure on
+an incompressible layer moves next to nothing, so that any smear of it would fit: a reweighted l1 term holds a patch
+down the more, the less force there is around it, and less where the contact is wide. What the camera itself moved by is
+found with the forces. Which region counts how much is in `tactile_nodes.sensing.explain.field.weights`.
 """
 
 from __future__ import annotations
@@ -49,9 +50,8 @@ COARSE = 300.0
 UNSTABLE = 3e-6
 """The least of it as a share of what is known best of any force: 32 bit floats tell no smaller ones apart."""
 
-MOVED, EVEN_N = 2.0, 0.1
-"""Residual of no force, in units of what is expected, from which all bins are tried, evenly, where the linear answer
-finds no force: where markers lie near the surface it takes a small contact between bins for suction."""
+EVEN_N = 0.1
+"""Force on each bin where nothing is known of where forces act."""
 
 LEAST_SHOWN = 0.1
 """Of what is usual: forces that show less are told so seldom that no more needs to be said."""
@@ -104,7 +104,8 @@ class FieldSolver:
 
     `response` is the motion (px) of the known regions, along x and y, under 1 N on each patch: normal, along x, along
     y; `camera` their motion as the camera moves as far as is usual. `noise_px` is the least that a region moves by
-    itself, `doubt` the share of its motion that the response may be off by.
+    itself, `doubt` the share of its motion that the response may be off by. `passes`: how often a frame is solved; with
+    more than one it begins on all bins, and each pass on what the one before found.
     """
 
     response: Float32[np.ndarray, 'rows unknowns']
@@ -113,6 +114,7 @@ class FieldSolver:
     noise_px: float
     doubt: float
     compiled: bool = False
+    passes: int = 1
 
     def weights(
         self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions'], noise_px: float = 0.0
@@ -150,27 +152,37 @@ class FieldSolver:
     ) -> Field:
         """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
         flat = motion.reshape(-1).astype(float)
-        around = self.coarse(motion) if coarse is None else coarse
+        if self.passes == 1:
+            return self._solved(self.coarse(motion) if coarse is None else coarse, flat, weights)
+        bins = np.arange(self.patches.bins.count)
+        found = self._summed(self._on_bins(bins, np.full(bins.size, EVEN_N), flat, weights))
+        for _ in range(self.passes):
+            field = self._solved(found, flat, weights)
+            found = self._summed(field.forces_n[0])
+        return field
+
+    def _solved(
+        self, around: Float[np.ndarray, ' bins'], motion: Float[np.ndarray, ' rows'], weights: Weights
+    ) -> Field:
+        """The best field on those bins around which there is force."""
         on = around > max(ACTIVE * around.max(), LEAST_N)
         if not on.any():
-            if (nothing := self._nothing(flat, weights)).misfit < MOVED:
-                return nothing
-            around, on = np.full_like(around, EVEN_N), np.ones_like(on)
+            return self._nothing(motion, weights)
         if self.compiled:
-            return self._by_loops(around, flat, weights)
-        pressed = self._on_bins(np.flatnonzero(on), around, flat, weights)
+            return self._by_loops(around, motion, weights)
+        pressed = self._on_bins(np.flatnonzero(on), around, motion, weights)
         nearby = self._nearby(pressed)
         active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of])
         if not active.size:
-            return self._nothing(flat, weights)
+            return self._nothing(motion, weights)
         caused = self._caused(self._by_force, active)
-        information, evidence = self._evidence(caused, GRANTED, flat, weights)
+        information, evidence = self._evidence(caused, GRANTED, motion, weights)
         evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
         found = least_squares(information, evidence, FRICTION, STEPS)
         forces[:, active] = found.reshape(3, -1)
-        left = flat - forces[:, active].reshape(-1) @ caused
-        return Field(forces, active, inverse_root(information), *self._fit(flat, left, weights))
+        left = motion - forces[:, active].reshape(-1) @ caused
+        return Field(forces, active, inverse_root(information), *self._fit(motion, left, weights))
 
     def _by_loops(
         self, around: Float[np.ndarray, ' bins'], motion: Float[np.ndarray, ' rows'], weights: Weights
@@ -205,6 +217,10 @@ class FieldSolver:
         """Forces on bins as even ones on their patches."""
         shared: np.ndarray = on_bins[self.patches.bin_of] / PER_BIN**2
         return shared
+
+    def _summed(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' bins']:
+        """Forces on patches as those on their bins."""
+        return np.bincount(self.patches.bin_of, pressed, self.patches.bins.count)
 
     @staticmethod
     def _evidence(
