@@ -136,7 +136,8 @@ BENCHMARK = Benchmark(
     quick=True,
     more_than_json=True,
     files=(
-        'accuracy.json', 'accuracy.md', *(f'accuracy_{of}.png' for of in ('paper', 'fast', 'accurate', 'presses'))
+        'accuracy.json', 'accuracy.md',
+        *(f'accuracy_{of}.png' for of in ('paper', 'fast', 'portable', 'field', 'presses')),
     ),
     arguments=(
         argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)'),
