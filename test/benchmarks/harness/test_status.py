@@ -16,6 +16,7 @@ import pytest
 from benchmarks.catalogue import BENCHMARKS
 from benchmarks.harness import status
 from benchmarks.harness.declaration import Benchmark
+from benchmarks.harness.history import describe
 from tactile_nodes.paths import share_directory
 
 
@@ -179,3 +180,13 @@ def test_a_file_of_no_benchmark_is_told(repository: Repository) -> None:
 
 def test_nothing_is_wrong_with_the_results_of_this_repository() -> None:
     assert list(status.check(share_directory(), list(BENCHMARKS.values()))) == []
+
+
+@pytest.mark.parametrize(
+    ('file', 'dirty'), [('docs/results/counting.json', False), ('package/counting/deep/source.py', True)]
+)
+def test_a_commit_is_dirty_by_changed_sources_and_not_by_what_was_measured(
+    repository: Repository, file: str, dirty: bool
+) -> None:
+    repository.write(file, '2')
+    assert describe(repository.root) == repository.git('rev-parse', 'HEAD')[:12] + '-dirty' * dirty
