@@ -18,7 +18,7 @@ def git(root: Path, *words: str) -> str | None:
 
 
 def describe(root: Path) -> str | None:
-    """'79b3fa3e3c5d', or '79b3fa3e3c5d-dirty' with changes that are in no commit, but for results that were measured."""
+    """'79b3fa3e3c5d', or '79b3fa3e3c5d-dirty' with changes that are in no commit, those of results left out."""
     commit = git(root, 'describe', '--always', '--abbrev=12', '--exclude', '*')
     changed = git(root, 'status', '--porcelain', '--untracked-files=no', '--', ':/', ':!docs/results')
     return f'{commit}-dirty' if commit and changed else commit
