@@ -15,7 +15,7 @@ from tactile_nodes.drivers.camera.file import natural_key
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.errors import DeviceTimeoutError, ImageError
 
-SHARED = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mini_videos'
+SHARED = Path(__file__).parents[3].parent / 'shared' / 'data' / 'gelsight_mini_videos'
 
 
 def read_all(camera: Camera) -> list[Frame]:
