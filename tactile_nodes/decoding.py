@@ -10,12 +10,14 @@ import errno
 import re
 import struct
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from tactile_nodes import opencv
+from tactile_nodes.files import PICTURE_BYTES, read_plain
 
 LARGEST_SIDE = 8192
 LARGEST = f'{LARGEST_SIDE}x{LARGEST_SIDE} pixels (64 megapixels)'
@@ -51,6 +53,18 @@ def decode(data: bytes, *, grey: bool) -> Picture | None:
     except cv2.error:  # so it ends for some that are damaged
         return None
     return None if image is None else np.asarray(image, np.uint8)
+
+
+def read_picture(path: str | Path, *, grey: bool) -> Picture:
+    """The picture in a file, as of `decode`.
+
+    Raises:
+        OSError: it cannot be read, is too large, or no picture; `strerror` says which.
+    """
+    picture = decode(read_plain(path, PICTURE_BYTES), grey=grey)
+    if picture is None:
+        raise OSError(errno.EINVAL, 'it is no picture that can be read')
+    return picture
 
 
 def check_pixels(width: int, height: int) -> None:

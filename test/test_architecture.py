@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_nodes'
 BENCHMARKS = ROOT / 'benchmarks'
 SOURCES = sorted([*PACKAGE.rglob('*.py'), *BENCHMARKS.rglob('*.py')])
+TESTS = sorted((ROOT / 'test').rglob('*.py'))
 NODES = sorted(file for file in (PACKAGE / 'nodes').glob('*.py') if file.stem not in {'__init__', 'composed'})
 MOST_FILES = 20
 
@@ -43,7 +44,7 @@ def test_files_have_one_subject_and_a_docstring() -> None:
 
 
 def test_no_folder_has_more_files_than_a_stranger_reads_through() -> None:
-    files = Counter(_name(file.parent) for file in SOURCES if file.stem != '__init__')
+    files = Counter(_name(file.parent) for file in [*SOURCES, *TESTS] if file.stem != '__init__')
     assert {folder: count for folder, count in files.items() if count > MOST_FILES} == {}
 
 

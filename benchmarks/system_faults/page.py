@@ -30,9 +30,9 @@ order and random bytes behind it on {topics} topics, from a forged participant: 
 traceback, and {forces_after} forces came in the 4 s after."""
 BROKER = """\
 There is none to kill: each process keeps a locked file and its record in the run folder, and each publisher a socket. A
-bridge between machines that is killed, and comes again, is in `test/bus/test_bridge.py`; a subscriber that is stopped
-(SIGSTOP) in `test/bus/test_between_processes.py`: neither the publisher nor healthy subscribers are slower for it, and
-memory stays bounded."""
+bridge between machines that is killed, and comes again, is in `test/bus/bridge/test_bridge.py`; a subscriber that is
+stopped (SIGSTOP) in `test/bus/zeromq/test_between_processes.py`: neither the publisher nor healthy subscribers are
+slower for it, and memory stays bounded."""
 CROWD = """\
 {nodes} processes of one node each: {started_s:.0f} s until the last had started, {known_s:.2f} s more until another one
 knew them all; at rest all together take {cores:.2f} of a processor, and each has {own_mb:.0f} MiB of its own (load

@@ -50,7 +50,8 @@ class Participant:
                 f'cannot join DDS domain {domain_id} ({"; ".join([str(error), *self._log.lines()])}). '
                 'Do 33 participants run on this machine, or another in this process?'
             ) from error
-        self.confined = confine(before) if discovery.is_local else 0
+        if discovery.is_local:
+            confine(before)
         self._topics: dict[tuple[str, str], Topic[Any]] = {}
         self._told: Mapping[str, NodeEnds] | None = None
         self._discovery = CdrWriter(self._written(DISCOVERY, _ENTITIES, writer_qos(_ENTITIES, _DISCOVERY_QOS)))

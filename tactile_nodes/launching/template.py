@@ -128,11 +128,6 @@ def unescape(text: str) -> str:
     return re.sub(r'\\(.)', r'\1', text)
 
 
-def escape(text: str) -> str:
-    """The way to write a text so that it stays as it is, quoted or not."""
-    return re.sub(r"""([\\$"'()])""", r'\\\1', text)
-
-
 def _quoted(argument: Template) -> str:
     text = str(argument)
     return f"'{text}'" if not text or re.search(r'[\s\'"]', text) else text

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from tactile_nodes.decoding import decode
+from tactile_nodes.decoding import read_picture
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.files import PICTURE_BYTES, read_plain
 from tactile_nodes.params import parameter
 
 MOST_POLYGONS = 100
@@ -81,12 +80,9 @@ def read_mask(path: Path) -> UInt8[np.ndarray, 'h w']:
         ConfigurationError: no such file, or no picture.
     """
     try:
-        picture = decode(read_plain(path, PICTURE_BYTES), grey=True)
+        return read_picture(path, grey=True)
     except OSError as error:
-        raise ConfigurationError(f'cannot read the mask {path}: {error.strerror}') from error
-    if picture is None:
-        raise ConfigurationError(f'the mask {path} is no picture that can be read; save it as PNG')
-    return picture
+        raise ConfigurationError(f'cannot read the mask {path}: {error.strerror}; name a PNG file') from error
 
 
 def mask_of(path: Path, width: int, height: int) -> MaskSettings:

@@ -1,5 +1,6 @@
 """The grammar of substitutions."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 
 from tactile_nodes.errors import LaunchFileError
 from tactile_nodes.launching.substitutions import FUNCTIONS
-from tactile_nodes.launching.template import ARITY, Call, Place, Template, escape, parse_template
+from tactile_nodes.launching.template import ARITY, Call, Place, Template, parse_template
 
 PLACE = Place(Path('x.launch.yaml'), 7)
 
@@ -97,6 +98,10 @@ def test_deep_nesting_is_an_error():
 
 def test_every_substitution_of_the_grammar_has_a_value():
     assert set(FUNCTIONS) == set(ARITY)
+
+
+def escape(text):
+    return re.sub(r"""([\\$"'()])""", r'\\\1', text)
 
 
 @given(st.text())

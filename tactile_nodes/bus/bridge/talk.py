@@ -69,8 +69,8 @@ class ClockOffset:
 
     >>> clock = ClockOffset()
     >>> clock.hear([1_000_500, 100, 300], 600)  # our 100 was answered after 300, and came back at 600: 200 under way
-    >>> clock.ahead_ns, clock.round_trip_ns  # at our 500 it was 1000500 there
-    (1000000, 200)
+    >>> clock.ahead_ns  # at our 500 it was 1000500 there
+    1000000
     """
 
     def __init__(self) -> None:
@@ -88,11 +88,6 @@ class ClockOffset:
         if ours_ns:
             round_trip_ns = now_ns - ours_ns - kept_ns
             self._exchanges.append((round_trip_ns, self._theirs_ns - (now_ns - round_trip_ns // 2)))
-
-    @property
-    def round_trip_ns(self) -> int | None:
-        """Of the quickest exchange; None before the first."""
-        return min(self._exchanges)[0] if self._exchanges else None
 
     @property
     def ahead_ns(self) -> int | None:

@@ -13,7 +13,8 @@ from tactile_nodes.cli.reference.pages import Make, pages, renewed
 from tactile_nodes.paths import share_directory
 
 DESCRIPTION = """\
-Renew those parts of the documentation that are made from the code: topics, parameters, launch arguments, commands.
+Renew those parts of the documentation that are made from the code: topics, parameters, launch arguments, commands,
+folders and their order.
 In a page each stands between two comments: one that begins it, as the pages have it, and "end of NAME".
 """
 EPILOG = """\
@@ -33,6 +34,7 @@ PARTS: dict[str, Make] = {
     'verbs': reference_commands.verbs,
     'flags': reference_commands.flags,
     'rooms': rooms.rooms,
+    'imports': rooms.imports,
 }
 
 

@@ -48,7 +48,6 @@ class Surface:
     z_mm: float
     slope_x: float = 0.0
     slope_y: float = 0.0
-    error_mm: float = 0.0
     softest: Loading | None = None
 
     def height_mm(self, x_mm: float, y_mm: float) -> float:
@@ -118,7 +117,7 @@ def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSett
         raise DeviceFaultError(f'the surface is not flat: a corner lies {error:.3f} mm off; clean tip and gel')
     if math.hypot(slope_x, slope_y) > limits.tilt:
         raise DeviceFaultError(f'the surface is tilted by {math.hypot(slope_x, slope_y):.3f} mm/mm; level the gel')
-    return Surface(float(z), float(slope_x), float(slope_y), error)
+    return Surface(float(z), float(slope_x), float(slope_y))
 
 
 def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[list[Loading]]:

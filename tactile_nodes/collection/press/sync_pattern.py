@@ -36,11 +36,6 @@ def sync_pattern(plan_id: str, number: int, settings: CollectionSettings, safe_z
         yield Switch(edge % 2 == 0)
 
 
-def pattern_s(settings: CollectionSettings) -> float:
-    """How long a pattern takes on average."""
-    return 2 * settings.sync.pulses * (SHORTEST_S + LONGEST_S) / 2
-
-
 def _share(plan_id: str, number: int, edge: int) -> float:
     digest = hashlib.sha256(f'{plan_id} {number} {edge}'.encode()).digest()
     return int.from_bytes(digest[:4], 'big') / 2**32

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -26,7 +27,6 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.run import telling
-from tactile_nodes.collection.run.backlog import Backlog
 from tactile_nodes.collection.run.counts import Batch, counts_message
 from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
@@ -35,6 +35,9 @@ TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, RIG_STATE, SYNC_EDG
 LINE = 'press'
 MOST_TRAFFIC = 20_000  # pieces that wait for a listener: some minutes
 BETWEEN = 0  # what the rig's state calls the press while there is none
+
+Piece = tuple[str, int, bytes]
+"""Bytes as they passed, see `drivers.cnc.contract.Traffic`."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,40 @@ class Names:
     indenter: str
     source: str
     port: str = ''
+
+
+class Backlog:
+    """What waits for a listener: the newest pieces, and how many bytes of older ones gave way to them.
+
+    Any thread may put and take; nobody waits for more than that.
+
+    Args:
+        most: pieces that are kept.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._lock = threading.Lock()
+        self._pieces: deque[Piece] = deque()
+        self._dropped = 0
+
+    def put(self, piece: Piece) -> None:
+        """Keep a piece; where there are too many, the oldest goes."""
+        with self._lock:
+            self._pieces.append(piece)
+            if len(self._pieces) > self._most:
+                self._dropped += len(self._pieces.popleft()[2])
+
+    def take(self) -> Piece | None:
+        """The oldest; None: nothing waits."""
+        with self._lock:
+            return self._pieces.popleft() if self._pieces else None
+
+    def take_dropped(self) -> int:
+        """How many bytes were dropped since this was asked last."""
+        with self._lock:
+            dropped, self._dropped = self._dropped, 0
+            return dropped
 
 
 class Voice:

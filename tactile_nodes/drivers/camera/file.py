@@ -17,11 +17,11 @@ from typing import Any, Protocol
 
 from tactile_nodes import opencv
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.decoding import decode, open_video
+from tactile_nodes.decoding import open_video, read_picture
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
-from tactile_nodes.files import PICTURE_BYTES, open_plain, read_plain
+from tactile_nodes.files import open_plain
 
 IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
 FASTEST_CLAIM = 1000.0  # broken headers claim 90000 frames a second and more
@@ -252,12 +252,9 @@ def read_image(path: Path) -> Picture:
         ImageError: it cannot be read, holds no image, or one that is too large.
     """
     try:
-        image = decode(read_plain(path, PICTURE_BYTES), grey=False)
+        return read_picture(path, grey=False)
     except OSError as error:
         raise ImageError(f'cannot read the image {path} ({error.strerror}); remove it or save it again') from error
-    if image is None:
-        raise ImageError(f'{path} holds no image that can be read; remove it or save it again as PNG')
-    return image
 
 
 def _check_readable(path: Path) -> None:

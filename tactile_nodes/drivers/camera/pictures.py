@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from tactile_nodes.decoding import decode
+from tactile_nodes.decoding import read_picture
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.files import PICTURE_BYTES, read_plain
 
 Picture = npt.NDArray[np.uint8]
 
@@ -24,14 +23,11 @@ def read_grey(file: str | Path) -> Picture:
     if not str(file):
         raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
     try:
-        picture = decode(read_plain(file, PICTURE_BYTES), grey=True)
+        return read_picture(file, grey=True)
     except OSError as error:
         raise ConfigurationError(
             f'cannot read the picture {file} ({error.strerror}); check the path and the picture'
         ) from error
-    if picture is None:
-        raise ConfigurationError(f'cannot read the picture {file}; it is no PNG or the like')
-    return picture
 
 
 def write_png(file: Path, picture: Picture) -> Path:

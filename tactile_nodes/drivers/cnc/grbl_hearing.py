@@ -60,7 +60,6 @@ class GrblHearing:
         self.window = 0  # bytes that may be unanswered; 0: one line
         self.banner = ''
         self.restarts = 0
-        self.garbled = 0
         self.homing = False
         self.polling = False
         self.alarm: int | None = None
@@ -137,11 +136,8 @@ class GrblHearing:
             self._echoed(line[6:-1])
         elif line[0] not in '[$>' and BANNER.search(line):  # noise of a supply that failed may stand before it
             self._restarted(line)
-        elif line[0] in '[$':
-            if self._unanswered:
-                self._unanswered[0].lines.append(line)
-        elif line[0] != '>':
-            self.garbled += 1
+        elif line[0] in '[$' and self._unanswered:
+            self._unanswered[0].lines.append(line)
 
     def _answered(self, line: str, stamp_ns: int) -> None:
         if not self._unanswered:
@@ -161,7 +157,6 @@ class GrblHearing:
 
     def _reported(self, line: str, stamp_ns: int) -> None:
         if not self.reports.take(line, stamp_ns):
-            self.garbled += 1
             return
         place, report = self.reports.position, self.reports.last
         if self.braking and report is not None and is_moving(report):

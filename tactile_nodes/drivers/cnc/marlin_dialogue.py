@@ -85,7 +85,6 @@ class MarlinDialogue:
         self.fault = ''
         self.refusal = ''  # until it is stopped
         self.place_lost = False
-        self.garbled = 0
         self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
         self.link.start()
 
@@ -217,16 +216,13 @@ class MarlinDialogue:
             self._halted(line)
         elif self._unanswered:
             self._unanswered[0].lines.append(line)
-        elif not line.startswith(('echo:', '//', 'Marlin')):
-            self.garbled += 1
 
     def _answered(self, extra: str, stamp_ns: int) -> None:
         if not self._unanswered:
             return
         request = self._unanswered[0]
         if request.text == PLACE and not (extra or request.lines or request.resend):
-            self.garbled += 1  # an ok too many, as a late one after a resend: the place comes before its own
-            return
+            return  # an ok too many, as a late one after a resend: the place comes before its own
         request.lines.append(extra)  # some firmware puts the answer to M114 there
         if request.resend and request.error is None:
             self._repeat(request)

@@ -51,11 +51,6 @@ class Tare:
     start_ns: int
     end_ns: int
 
-    def applied(self, sample: Sample) -> Sample:
-        """The sample with the tare taken off its wrench; `raw` stays as it came."""
-        a, b, c, d, e, f = (value - zero for value, zero in zip(sample.wrench, self.wrench, strict=True))
-        return sample._replace(wrench=(a, b, c, d, e, f))
-
     def record(self) -> dict[str, object]:
         """As plain values, for the record."""
         return asdict(self)

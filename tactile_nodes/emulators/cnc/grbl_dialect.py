@@ -27,7 +27,6 @@ class Dialect:
     receive_bytes: int
     pairs_line_ends: bool  # CR LF is one line end
     answers_in_critical_alarm: bool
-    extra_status: bool  # Bf in every report
 
 
 GRBL = Dialect(
@@ -37,7 +36,6 @@ GRBL = Dialect(
     receive_bytes=128,
     pairs_line_ends=False,
     answers_in_critical_alarm=False,
-    extra_status=False,
 )
 GRBLHAL = Dialect(
     banner="GrblHAL 1.1f ['$' or '$HELP' for help]",
@@ -53,7 +51,6 @@ GRBLHAL = Dialect(
     receive_bytes=1024,
     pairs_line_ends=True,
     answers_in_critical_alarm=True,
-    extra_status=True,
 )
 DIALECTS = {'grbl': GRBL, 'grblhal': GRBLHAL}
 

@@ -132,17 +132,6 @@ class Subspace:
         axes = _axes(places[used][touched[used]], config)
         return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes, config.power)
 
-    @classmethod
-    def seen_by(cls, readout: ResponseReadout, dataset: Dataset) -> Subspace:
-        """Samples along the directions that a readout has."""
-        response, directions = readout.response, readout.likeness.directions
-        touched = dataset.presses[:, 2] > 0
-        scores = scores_of(dataset, readout.scaling, directions)
-        return cls(
-            readout.scaling, directions, scores, _places(dataset, response.power), touched, response.axes,
-            response.power,
-        )  # fmt: skip
-
     def normal(self, chosen: np.ndarray) -> _Normal:
         """The regression of some samples, before it is smoothed."""
         chosen = chosen[self.touched[chosen]]

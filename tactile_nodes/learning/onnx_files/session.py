@@ -30,11 +30,6 @@ class OnnxSession:
         options.intra_op_num_threads = options.inter_op_num_threads = threads
         self._session: Any = onnxruntime.InferenceSession(content, options, providers=['CPUExecutionProvider'])
 
-    @property
-    def properties(self) -> dict[str, str]:
-        """What the file says of itself."""
-        return dict(self._session.get_modelmeta().custom_metadata_map)
-
     def answer(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> dict[str, np.ndarray]:

@@ -97,21 +97,6 @@ class PartialTransfer:
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
-def as_weights(dataset: Dataset, force_n: float) -> Dataset:
-    """Every press as a known weight at a place that nobody knows.
-
-    Raises:
-        DatasetError: the weight is none.
-    """
-    if not (math.isfinite(force_n) and force_n > 0):
-        raise DatasetError(f'a weight that presses with {force_n:g} N is none; give it in grams, above 0')
-    presses = dataset.presses.copy()
-    touched = presses[:, 2] > 0
-    presses[touched, :2] = np.nan
-    presses[touched, 3] = force_n
-    return replace_presses(dataset, presses)
-
-
 def as_pens(dataset: Dataset) -> Dataset:
     """Every press as at its known place, with a force that nobody knows."""
     unknown_n = np.where(dataset.presses[:, 2] > 0, np.float32(np.nan), dataset.presses[:, 3])

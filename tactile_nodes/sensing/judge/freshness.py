@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-NS_PER_S = 1_000_000_000
 EARLY_S = 0.05
 """How far a stamp may lie in the future before it is none."""
 

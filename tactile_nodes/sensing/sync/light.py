@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64, UInt8
+from jaxtyping import Bool, Float64, Int64
 
 NS_PER_S = 1_000_000_000
 HISTORY, KEPT, AFTER = 600, 8, 3
@@ -21,13 +21,6 @@ class LightEdges:
     stamp_ns: Int64[np.ndarray, ' k']
     level: Bool[np.ndarray, ' k']
     uncertainty_s: Float64[np.ndarray, ' k']
-
-
-def region_brightness(image: UInt8[np.ndarray, 'h w'], region: tuple[int, int, int, int]) -> float:
-    """Mean grey level of the region (x, y, width, height) in pixels, cut off at the image's edge; 0 if outside."""
-    x, y, width, height = region
-    part = image[max(0, y) : max(0, y + height), max(0, x) : max(0, x + width)]
-    return float(part.mean()) if part.size else 0.0
 
 
 def light_edges(

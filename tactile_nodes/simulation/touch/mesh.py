@@ -45,23 +45,6 @@ def body_of_mesh(
     return Body.of_heights(name, _lower_side(mesh, half_mm))
 
 
-def body_of_picture(name: str, height_mm: Float[np.ndarray, 'h w'], width_mm: float) -> Body:
-    """A body from a map of heights, of which the lowest touches first; NaN where there is none.
-
-    Raises:
-        ConfigurationError: it is wider than a body may be, or has no point.
-    """
-    from scipy.ndimage import map_coordinates
-
-    if not 0 < width_mm <= LARGEST_MM:
-        raise ConfigurationError(f'the map {name!r} must be up to {LARGEST_MM:.0f} mm wide, got {width_mm:g}')
-    pixel_mm = width_mm / height_mm.shape[1]
-    x, y = grid(max(height_mm.shape) * pixel_mm / 2)
-    place = np.stack([y, x]) / pixel_mm + (np.array(height_mm.shape)[:, None, None] - 1) / 2
-    heights = map_coordinates(height_mm.astype(float), place, order=1, cval=np.nan)
-    return Body.of_heights(name, heights)
-
-
 def _lower_side(mesh: object, half_mm: float) -> Float[np.ndarray, 'n n']:
     x, y = grid(half_mm + SPACING_MM)
     # A ray along a side of triangles may slip between two of them.

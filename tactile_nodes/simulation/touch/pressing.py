@@ -7,13 +7,13 @@ layer at rest, so they take the more the more the layer is strained; where that 
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.simulation.touch.anderson import Anderson
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body
 from tactile_nodes.simulation.touch.bricks import Bricks, State
 from tactile_nodes.simulation.touch.friction import Gap, Surface
@@ -34,6 +34,7 @@ FAR_MM = 0.3
 """Gaps are told no larger: further away nothing is felt."""
 FINEST = 1 / 16
 """Share of a way below which it is cut no finer."""
+_REMEMBERED = 5
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class Pressing:
     def _equilibrium(self, pose: Pose, wanted: float, by_depth: bool = False) -> Standing | None:
         """The layer under the body at a pose, with a normal force or a depth, beginning from where it stands."""
         now = self.standing
-        at, remembered = self._vector(now.state, now.force, wanted if by_depth else now.depth_mm), Anderson()
+        at, remembered = self._vector(now.state, now.force, wanted if by_depth else now.depth_mm), _Anderson()
         for _ in range(MOST_STEPS):
             state, force, depth_mm = self._parts(at)
             inner, lacking, least = self._bricks.forces(state)
@@ -227,3 +228,32 @@ def _turned(vectors: np.ndarray, angle_rad: float) -> np.ndarray:
 
 def _size(values: np.ndarray) -> float:
     return float(np.sqrt(np.square(values, dtype=np.float64).sum()))
+
+
+class _Anderson:
+    """Remembers a few places and steps; `next` says where to go from a place whose plain step is known.
+
+    The next place is that combination of the last steps whose own step would be the least (D. G. Anderson, J. ACM 12,
+    1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011).
+    """
+
+    def __init__(self) -> None:
+        self._places: deque[np.ndarray] = deque(maxlen=_REMEMBERED)
+        self._steps: deque[np.ndarray] = deque(maxlen=_REMEMBERED)
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def next(self, at: Float[np.ndarray, ' n'], step: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+        """The next place; the first time it is `at + step`."""
+        if self._last is not None:
+            self._places.append(at - self._last[0])
+            self._steps.append(step - self._last[1])
+        self._last = at, step
+        ahead: np.ndarray = at + step
+        if not self._steps:
+            return ahead
+        normal = np.array([[np.vdot(one, other) for other in self._steps] for one in self._steps], float)
+        right = np.array([np.vdot(each, step) for each in self._steps], float)
+        normal[np.diag_indices(len(normal))] *= 1 + 1e-8
+        for share, place, change in zip(np.linalg.lstsq(normal, right)[0], self._places, self._steps, strict=True):
+            ahead = ahead - share.astype(ahead.dtype) * (place + change)
+        return ahead

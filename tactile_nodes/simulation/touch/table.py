@@ -131,12 +131,6 @@ class TouchTable:
         blended: np.ndarray = (1 - part) * values[low] + part * values[low + 1]
         return blended
 
-    def stage_of(self, force: float) -> float:
-        """The stage on the way down at which the normal force is so large."""
-        rising = np.maximum.accumulate(self.force[:, 2])
-        top = int(np.argmax(rising >= rising[-1] - 1e-9))
-        return float(np.interp(force, rising[: top + 1], np.arange(top + 1)))
-
 
 class Placed:
     """A table at a place: how much of each coefficient each marker takes, found once for as long as the body stays."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.sync.light import light_edges, region_brightness
+from tactile_nodes.sensing.sync.light import light_edges
 
 MS = 1_000_000
 
@@ -77,12 +77,3 @@ def test_a_flash_within_one_frame_gives_no_edge() -> None:
 @pytest.mark.parametrize('count', [0, 1])
 def test_next_to_no_frames_give_no_edges(count: int) -> None:
     assert len(light_edges(frames(count), np.zeros(count), 0.010).stamp_ns) == 0
-
-
-def test_the_brightness_of_a_region_is_its_mean_and_ends_at_the_image() -> None:
-    image = np.zeros((10, 20), np.uint8)
-    image[2:4, 5:9] = 100
-    assert region_brightness(image, (5, 2, 4, 2)) == 100
-    assert region_brightness(image, (3, 2, 4, 2)) == 50
-    assert region_brightness(image, (-5, -5, 8, 8)) == 0
-    assert region_brightness(image, (30, 30, 4, 4)) == 0

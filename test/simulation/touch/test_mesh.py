@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.simulation.touch.mesh import body_of_mesh, body_of_picture
+from tactile_nodes.simulation.touch.mesh import body_of_mesh
 
 trimesh = pytest.importorskip('trimesh')
 
@@ -29,15 +29,3 @@ def test_an_open_mesh_and_one_too_large_are_refused():
         body_of_mesh('open', box.vertices, box.faces[:-1])
     with pytest.raises(ConfigurationError, match='is 150 mm wide, more than 40; cut it, or scale it'):
         body_of_mesh('large', box.vertices * 25, box.faces)
-
-
-def test_a_map_of_heights_is_a_body():
-    heights = np.full((40, 40), np.nan)
-    heights[10:30, 10:30] = 5.0
-    heights[20, 20] = 4.5
-    body = body_of_picture('map', heights, 8.0)
-    place = 0.5 * 0.2  # the middle of pixel 20 of 40
-    assert body.under(np.array([place]), np.array([place]))[0][0] == pytest.approx(0.0, abs=0.1)
-    assert body.under(np.array([-1.0]), np.array([1.0]))[0][0] == pytest.approx(0.5, abs=0.1)
-    with pytest.raises(ConfigurationError, match='must be up to 40 mm wide'):
-        body_of_picture('map', heights, 80.0)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsing import SETTINGS, Run, changed
+from rehearsing import Run, changed
 
-from tactile_nodes.collection.press.sync_pattern import pattern_gaps, pattern_s
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.sensing.sync.clocks import ClockFit, Reason, Refusal, fit_clocks
 
 NS_PER_S = 1_000_000_000
@@ -45,10 +45,6 @@ def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:
     run = Run(tmp_path, changed(sync={'pulses': 0}))
     run.campaign.run()
     assert len(run.world.line_edges()) == 24
-
-
-def test_a_pattern_takes_one_and_a_half_seconds_an_edge() -> None:
-    assert pattern_s(SETTINGS) == pytest.approx(12 * 1.45)
 
 
 def alike_presses(presses: int, with_pattern: bool) -> np.ndarray:

@@ -28,7 +28,7 @@ ONCE = dict.fromkeys(range(1, 13), 1)
 def collect(folder: Path, *runs: str) -> list[int]:
     """How each run ended."""
     command = [sys.executable, str(PROGRAM), str(folder), *runs]
-    environment = {**os.environ, 'PYTHONPATH': str(PROGRAM.parents[2])}
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(str(PROGRAM.parents[up]) for up in (1, 3))}
     ended = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
     return [int(line) for line in ended.stdout.split()]
 

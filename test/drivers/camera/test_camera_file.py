@@ -15,7 +15,7 @@ from tactile_nodes.drivers.camera.file import natural_key
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.errors import DeviceTimeoutError, ImageError
 
-SHARED = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mini_videos'
+SHARED = Path(__file__).parents[3].parent / 'shared' / 'data' / 'gelsight_mini_videos'
 
 
 def read_all(camera: Camera) -> list[Frame]:
@@ -130,7 +130,7 @@ def test_images_of_two_sizes_are_refused_with_both_sizes(folder: Path, jumping: 
 def test_a_damaged_image_is_named(folder: Path, jumping: SteppedClock, content: bytes) -> None:
     (folder / '3.png').write_bytes(content)
     camera = opened(folder, jumping)
-    with pytest.raises(ImageError, match=r'3.png holds no image that can be read'):
+    with pytest.raises(ImageError, match=r'3.png .it is no picture that can be read'):
         read_all(camera)
 
 

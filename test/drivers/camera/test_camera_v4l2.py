@@ -312,7 +312,7 @@ def test_the_real_camera_takes_its_controls() -> None:
 
 
 def test_the_settings_of_the_shipped_camera_are_settings_of_a_camera() -> None:
-    (block,) = load_parameter_file(Path(__file__).parents[2] / 'config' / 'camera_elp.yaml')
+    (block,) = load_parameter_file(Path(__file__).parents[3] / 'config' / 'camera_elp.yaml')
     settings = from_mapping(CameraSettings, block.values)
     assert (settings.width, settings.height, settings.fps, settings.fourcc) == (640, 480, 60.0, 'MJPG')
     assert not settings.keep_auto

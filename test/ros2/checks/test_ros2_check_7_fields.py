@@ -14,16 +14,17 @@ from pathlib import Path
 import pytest
 from ros2_here import needs_ros, run
 
+TESTS = Path(__file__).parents[1]
 CHECKED = ['test_ros2_bus.py', 'test_ros2_nodes.py']
 
 
 def _inner(name: str, environment: Mapping[str, str], *more: str) -> str:
-    """What a pytest of its own says of a file of this folder, whatever the outer one was told."""
+    """What a pytest of its own says of a file of the folder above, whatever the outer one was told."""
     said_to_the_outer = ('PYTEST_ADDOPTS', 'PYTEST_PLUGINS', 'PYTEST_XDIST_')
     env = {key: value for key, value in environment.items() if not key.startswith(said_to_the_outer)}
     env |= {'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1', 'ROS_PYTHON_CHECK_FIELDS': '1'}
-    words = [sys.executable, '-m', 'pytest', '-p', 'pytest_timeout', '-q', *more, str(Path(__file__).with_name(name))]
-    return run(words, env, timeout_s=500.0, cwd=Path(__file__).parent)
+    words = [sys.executable, '-m', 'pytest', '-p', 'pytest_timeout', '-q', *more, str(TESTS / name)]
+    return run(words, env, timeout_s=500.0, cwd=TESTS)
 
 
 @needs_ros

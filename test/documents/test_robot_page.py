@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tactile_nodes.collection.press.guarded import GuardSettings
 
-PAGE = (Path(__file__).parents[1] / 'docs/robots.md').read_text(encoding='utf-8')
+PAGE = (Path(__file__).parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
 
 
 def test_the_loop_is_told_with_the_numbers_that_it_has() -> None:

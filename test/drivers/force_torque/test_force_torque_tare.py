@@ -33,15 +33,6 @@ def test_the_tare_is_the_mean_with_its_deviation() -> None:
     assert (zero.samples, zero.start_ns, zero.end_ns) == (50, 0, 490_000_000)
 
 
-def test_it_is_taken_off_the_wrench_and_the_raw_numbers_stay() -> None:
-    zero = tare(samples(50))
-    tared = zero.applied(samples(1, fz=3.4)[0])
-    assert tared.wrench[2] == pytest.approx(1.5)
-    assert tared.wrench[0] == pytest.approx(0.0)
-    assert math.isnan(tared.wrench[1])
-    assert tared.raw == (5, 1000)
-
-
 def test_it_can_be_recorded() -> None:
     record = tare(samples(50)).record()
     assert json.loads(json.dumps(record))['samples'] == 50

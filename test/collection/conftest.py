@@ -1,0 +1,1 @@
+"""Beside this file lies what the tests of the folders below import: `rehearsing`."""
