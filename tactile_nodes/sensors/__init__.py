@@ -11,6 +11,7 @@ from tactile_nodes.sensors.description import (
 )
 from tactile_nodes.sensors.loading import load_sensor, mounting_of
 from tactile_nodes.sensors.mounting import Mounting
+from tactile_nodes.sensors.outline import Outline
 
 __all__ = [
     'BinSettings',
@@ -19,6 +20,7 @@ __all__ = [
     'ImageSettings',
     'MaskSettings',
     'Mounting',
+    'Outline',
     'PatternDescription',
     'Sensor',
     'load_sensor',

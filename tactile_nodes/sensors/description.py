@@ -15,6 +15,7 @@ from jaxtyping import Bool
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.mounting import Mounting
+from tactile_nodes.sensors.outline import Outline
 
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
@@ -131,6 +132,7 @@ class GelDescription:
     moduli_off: float = parameter(
         0.6, 'share by which the moduli may be off, as a standard deviation: 0.6 if nobody measured them', minimum=0.0
     )
+    outline_mm: str = parameter('', "what of the rectangle is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
@@ -143,11 +145,17 @@ class GelDescription:
             raise ValueError('gel.poisson_ratios must lie between 0 and 0.5')
         if len(self.markers_mm) != 2 or not 0 <= self.markers_mm[0] < self.markers_mm[1] <= self.depth_mm + 1e-9:
             raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
+        _ = self.outline
 
     @property
     def depth_mm(self) -> float:
         """Thickness of all layers."""
         return float(sum(self.layers_mm))
+
+    @property
+    def outline(self) -> Outline:
+        """The rim of the surface."""
+        return Outline(self.width_mm, self.height_mm, self.outline_mm)
 
 
 @dataclass(frozen=True)

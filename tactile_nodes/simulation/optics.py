@@ -308,8 +308,10 @@ def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[n
     if gel.pattern == 'dots':
         return _printed(gel, (lowest - gel.skin_mm) / 2)
     low, high = (-right, -down, lowest), (right, down, -gel.skin_mm)
-    places = random.uniform(low, high, (gel.marker_count, 3)).astype(np.float32)
-    return places, random.uniform(*gel.marker_diameter_mm, gel.marker_count).astype(np.float32)
+    places = random.uniform(low, high, (gel.marker_count, 3))
+    diameter_mm = random.uniform(*gel.marker_diameter_mm, gel.marker_count)
+    on_gel = gel.rim.holds(places[:, :2])
+    return places[on_gel].astype(np.float32), diameter_mm[on_gel].astype(np.float32)
 
 
 def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
@@ -319,7 +321,7 @@ def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], F
     steps = (np.arange(ACROSS_A_DOT) + 0.5) / ACROSS_A_DOT - 0.5
     within = diameter_mm * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     within = within[np.hypot(*within.T) < diameter_mm / 2]
-    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
-    flat = (centres + within).reshape(-1, 2)
+    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+    flat = (centres[gel.rim.holds(centres)][:, None] + within).reshape(-1, 2)
     places = np.column_stack([flat, np.full(len(flat), z_mm)]).astype(np.float32)
     return places, np.full(len(flat), diameter_mm / math.sqrt(len(within)), np.float32)

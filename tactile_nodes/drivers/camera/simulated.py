@@ -164,7 +164,7 @@ def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
 
 def _schedule(settings: SceneSettings, start_ns: int, scene: Scene) -> TouchSchedule:
     """Tips press as near to the rim as the paper's do, 13.5 of 16 mm from the middle, bodies half of the way there."""
-    to_rim_mm = min(scene.gel.sides_mm) / 2
+    to_rim_mm = scene.gel.rim.inner_mm
     return TouchSchedule(
         seed=settings.seed,
         start_ns=start_ns,

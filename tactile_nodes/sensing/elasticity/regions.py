@@ -135,9 +135,7 @@ class Regions:
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
         """Which regions see nothing but the gel, at every depth where something is visible."""
-        side = np.array([self.sensor.gel.width_mm, self.sensor.gel.height_mm])
-        inside: np.ndarray = (np.abs(self._seen[0]) <= side / 2).all(axis=(0, 2, 3))
-        return inside
+        return np.asarray(self.sensor.gel.outline.holds(self._seen[0]).all(axis=(0, 2)))
 
     @property
     def covered(self) -> Bool[np.ndarray, ' regions']:
@@ -224,7 +222,8 @@ class Regions:
     def terms_of_patches(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms unknowns']:
         """Motion (px) of some regions by term under 1 N on each patch.
 
-        Unknowns are all normal forces, then those along x, then those along y.
+        Unknowns are all normal forces, then those along x, then those along y. Where a patch's middle is beside the gel
+        nothing moves.
         """
         patches = self.patches
         fields = self._fields(self.layer.rectangle(*patches.size_mm))
@@ -237,6 +236,7 @@ class Regions:
                 block = _between(combs, node[depth, region, ray], part[depth, region, ray], (rows, cols))
                 terms[region, depth] += jacobian[depth, region, ray] @ block.reshape(3, -1)
         split = terms.reshape(len(known), DEPTHS, 2, 3, 3, patches.count)  # …, loads, sets, patches
+        split[..., ~self.sensor.gel.outline.holds(patches.centres_mm)] = 0
         ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(known), 2, TERMS, 3 * patches.count)
         return ordered
 

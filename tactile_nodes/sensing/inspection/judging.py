@@ -203,7 +203,8 @@ class Inspection:
             for count in (int(side // pattern.pitch_mm) for side in (gel.width_mm, gel.height_mm))
         ]
         x, y = np.meshgrid(*lines)
-        places = self.regions.middle_seen_at(np.column_stack([x.ravel(), y.ravel()]))
+        printed = np.column_stack([x.ravel(), y.ravel()])
+        places = self.regions.middle_seen_at(printed[gel.outline.holds(printed)])
         radius = self.regions.px_per_mm * sum(pattern.diameter_mm) / 4
         size = np.array(self.sensor.image.crop_px)
         inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
@@ -295,12 +296,10 @@ class Inspection:
         return counted.ravel().astype(float)
 
 
-def outline_px(regions: Regions, steps: int = 16) -> Float[np.ndarray, 'corners 2']:
+def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
     """The rim of the gel as the picture has it, where its pattern begins."""
-    gel, way = regions.sensor.gel, np.linspace(-1, 1, steps, endpoint=False)
-    one = np.ones(steps)
-    sides = (way, -one), (one, way), (-way, one), (-one, -way)
-    places = np.concatenate([np.column_stack(each) for each in sides]) * np.array([gel.width_mm, gel.height_mm]) / 2
+    gel = regions.sensor.gel
+    places = gel.outline.rim_mm()
     return regions.seen_at(np.column_stack([places, np.full(len(places), -gel.markers_mm[0])]))
 
 
