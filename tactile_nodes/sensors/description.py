@@ -179,6 +179,22 @@ class BinSettings:
 
     rows: int = parameter(9, 'along y', minimum=1, maximum=64)
     cols: int = parameter(9, 'along x', minimum=1, maximum=64)
+    width_mm: float = parameter(0.0, 'of all of them, along x; 0: of the gel', minimum=0.0)
+    height_mm: float = parameter(0.0, 'of all of them, along y; 0: of the gel', minimum=0.0)
+    centre_mm: tuple[float, ...] = parameter((0.0, 0.0), 'where their middle is on the surface')
+
+    def require_within(self, gel: GelDescription) -> None:
+        """Refuse bins beside the gel. Raises ValueError."""
+        if len(self.centre_mm) != 2:
+            raise ValueError(f'bins.centre_mm must hold 2 numbers, got {len(self.centre_mm)}')
+        for at, own, side in zip(
+            self.centre_mm, (self.width_mm, self.height_mm), (gel.width_mm, gel.height_mm), strict=True
+        ):
+            if not abs(at) + (own or side) / 2 <= side / 2 + 1e-6:
+                raise ValueError(
+                    f'bins lie up to {abs(at) + (own or side) / 2:g} mm from the middle, and the gel ends at '
+                    f'{side / 2:g} mm; change bins.width_mm, bins.height_mm or bins.centre_mm'
+                )
 
 
 @dataclass(frozen=True)
@@ -202,6 +218,7 @@ class Sensor:
         return self.mask.covers(image.width, image.height)[y : y + height, x : x + width]
 
     def __post_init__(self) -> None:
+        self.bins.require_within(self.gel)
         lowest = -self.gel.markers_mm[1]
         if self.camera.position_mm[2] > lowest - LEAST_CLEARANCE_MM:
             raise ValueError(

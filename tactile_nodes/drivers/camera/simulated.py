@@ -139,7 +139,8 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
     """
     described = load_sensor(sensor) if sensor else Sensor()
     gel = _gel(settings, described)
-    bins = BinGrid(described.bins.rows, described.bins.cols, *gel.sides_mm)
+    rows, cols = described.bins.rows, described.bins.cols
+    bins = BinGrid(rows, cols, *gel.sides_mm) if settings.gel else BinGrid.of_sensor(described)
     scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, told))
     scene.schedule = _schedule(settings, settings.start_ns, scene)
     return scene

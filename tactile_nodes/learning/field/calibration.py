@@ -191,7 +191,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
     source = loaded.card
     dots = sensor.pattern.kind == 'dots'
-    if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor) and not dots:
+    if loaded.image_size == sensor.image.crop_px and model.bins == BinGrid.of_sensor(sensor) and not dots:
         scaling = uncovered(sensor, replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean)))
         layout = model.layout
     else:
@@ -226,18 +226,13 @@ def _measured_by(
     }
 
 
-def bins_of(sensor: Sensor) -> BinGrid:
-    """The bins that a sensor tells forces on."""
-    return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
-
-
 def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     """Refuse a description that tells forces on other bins.
 
     Raises:
         ConfigurationError: says both.
     """
-    if (own := bins_of(sensor)) != bins:
+    if (own := BinGrid.of_sensor(sensor)) != bins:
         raise ConfigurationError(
             f'the sensor {sensor.name} has {own}, and forces are reported on {bins}; change one of them'
         )

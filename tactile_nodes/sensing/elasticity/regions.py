@@ -60,8 +60,7 @@ class Regions:
     @property
     def bins(self) -> BinGrid:
         """The bins that the sensor tells forces on."""
-        sensor = self.sensor
-        return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
+        return BinGrid.of_sensor(self.sensor)
 
     @property
     def patches(self) -> PatchGrid:
