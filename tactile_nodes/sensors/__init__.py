@@ -9,6 +9,7 @@ from tactile_nodes.sensors.description import (
     PatternDescription,
     Sensor,
 )
+from tactile_nodes.sensors.dome import Dome
 from tactile_nodes.sensors.loading import load_sensor, mounting_of
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
@@ -16,6 +17,7 @@ from tactile_nodes.sensors.outline import Outline
 __all__ = [
     'BinSettings',
     'CameraDescription',
+    'Dome',
     'GelDescription',
     'ImageSettings',
     'MaskSettings',

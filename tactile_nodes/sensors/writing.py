@@ -20,7 +20,7 @@ HEAD = """\
 
 
 MOUNTING = 'frame.'
-UNLESS_TOLD = 'gel.outline_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm'
+UNLESS_TOLD = 'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm'
 """Entries that stand nowhere while they say nothing: descriptions did not have them at first."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensors import Outline
+from tactile_nodes.sensors import Dome, Outline
 
 CHOICES = {
     'mechanics': ('linear', 'finite_strain'),
@@ -19,7 +19,7 @@ CHOICES = {
 
 LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
-    'markers_thickness_mm', 'outline',
+    'markers_thickness_mm', 'outline', 'dome_radius_mm',
 )  # fmt: skip
 """Properties that gels did not have at first: one that has them as they were then keeps its id."""
 
@@ -44,8 +44,12 @@ class Gel:
     along v over that along u; `centre_shift_px` is where the optical axis is beside the
     middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
     many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns. A
-    `marker_grey` below 0 makes them darker than the background. With an `outline`, as a description has it, only what
-    lies within has markers and is pressed; the gel yields there as if it went on.
+    `marker_grey` below 0 makes them darker than the background.
+
+    With an `outline`, as a description has it, only what lies within has markers and is pressed; the gel yields there
+    as if it went on. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press
+    along the surface's normal; the gel yields as if it were as thick as in the middle, and what moves leans with the
+    surface.
     """
 
     seed: int = 1
@@ -87,6 +91,7 @@ class Gel:
     pitch_mm: float = 2.0
     markers_thickness_mm: float = 0.0
     outline: str = ''
+    dome_radius_mm: float = 0.0
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
@@ -99,6 +104,11 @@ class Gel:
     def rim(self) -> Outline:
         """Of its surface."""
         return Outline(*self.sides_mm, self.outline)
+
+    @property
+    def dome(self) -> Dome:
+        """How high its surface is."""
+        return Dome(self.dome_radius_mm)
 
     @property
     def sides_mm(self) -> tuple[float, float]:

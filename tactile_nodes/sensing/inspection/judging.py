@@ -299,8 +299,7 @@ class Inspection:
 def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
     """The rim of the gel as the picture has it, where its pattern begins."""
     gel = regions.sensor.gel
-    places = gel.outline.rim_mm()
-    return regions.seen_at(np.column_stack([places, np.full(len(places), -gel.markers_mm[0])]))
+    return regions.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])
 
 
 def _percent(share: float) -> str:
