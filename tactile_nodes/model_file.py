@@ -154,7 +154,7 @@ def _description(model: ForceModel, readout: dict[str, Any]) -> dict[str, Any]:
     return {
         'format_version': _version(readout),
         'layout': asdict(model.layout),
-        'bins': asdict(model.bins),
+        'bins': model.bins.card,
         'readout': readout,
         'parameters': model.readout.parameter_count,
         'contact_threshold_n': model.contact_threshold_n,
@@ -205,7 +205,7 @@ def _verified(path: Path, data: bytes, entry: Mapping[str, Any]) -> str:
 
 def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> LoadedModel:
     try:
-        bins = BinGrid(**card['bins'])
+        bins = BinGrid.of_card(card['bins'])
         arrays = safetensors.numpy.load(data)
         _check_finite(arrays)
         model = ForceModel(

@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.sensors import load_sensor
 
     sensor, unit = load_sensor(arguments.sensor), UNITS[arguments.unit]
-    sides_mm = sensor.gel.width_mm, sensor.gel.height_mm
-    folder = PressFolder(arguments.folder, unit, arguments.indenter, (sides_mm[0] / 2, sides_mm[1] / 2))
-    wish = Wish(arguments.presses, tuple(each * NEWTONS[unit] for each in arguments.forces), sides_mm)
+    gel = sensor.gel
+    folder = PressFolder(arguments.folder, unit, arguments.indenter, (gel.width_mm / 2, gel.height_mm / 2))
+    wish = Wish(arguments.presses, tuple(each * NEWTONS[unit] for each in arguments.forces), gel.outline)
     simulated = arguments.source == SIMULATED
     person: Person = TerminalPerson(arguments.folder, sensor, arguments.unit, NEWTONS[unit])
     scene = SceneSettings()

@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
 from tactile_nodes.params import parameter
@@ -222,7 +224,7 @@ class World:
 
     def _beside(self, *place_mm: float) -> bool:
         """Whether a place lies beside the gel."""
-        return any(abs(at) > side / 2 for at, side in zip(place_mm, self.gel.sides_mm, strict=True))
+        return not self.gel.rim.holds(np.array(place_mm))
 
     def _touch_at(self, time_ns: int) -> Press:
         """The press; beside the gel it is above nothing."""

@@ -6,12 +6,15 @@ the image, z out of the gel, away from the camera; so its axes are parallel to t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from tactile_nodes.errors import ImageError
+from tactile_nodes.sensors import Sensor
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,29 @@ class BinGrid:
     cols: int = 9
     width_mm: float = 32.0
     height_mm: float = 32.0
+    centre_mm: tuple[float, float] = (0.0, 0.0)
+    """Of all of them, in the surface frame."""
+
+    @classmethod
+    def of_sensor(cls, sensor: Sensor) -> BinGrid:
+        """Those that a description says: over the rectangle of the gel, or over one of their own."""
+        told, gel = sensor.bins, sensor.gel
+        x, y = told.centre_mm
+        return cls(told.rows, told.cols, told.width_mm or gel.width_mm, told.height_mm or gel.height_mm, (x, y))
+
+    @classmethod
+    def of_card(cls, card: Mapping[str, Any]) -> BinGrid:
+        """As `card` writes them. Raises KeyError, TypeError, ValueError: something is missing, or is none."""
+        x, y = card.get('centre_mm', (0.0, 0.0))
+        return cls(card['rows'], card['cols'], card['width_mm'], card['height_mm'], (float(x), float(y)))
+
+    @property
+    def card(self) -> dict[str, Any]:
+        """As model files and data sets write them: no word of a centre at the origin."""
+        told = asdict(self)
+        if self.centre_mm == (0.0, 0.0):
+            del told['centre_mm']
+        return told
 
     @property
     def count(self) -> int:
@@ -39,7 +65,8 @@ class BinGrid:
     @property
     def origin_mm(self) -> tuple[float, float]:
         """The outer corner (x, y) of bin 0 in the surface frame: (-16, -16) for the paper's grid."""
-        return -self.width_mm / 2, -self.height_mm / 2
+        x, y = self.centre_mm
+        return x - self.width_mm / 2, y - self.height_mm / 2
 
     @property
     def centres_mm(self) -> Float[np.ndarray, 'rows cols 2']:

@@ -9,15 +9,22 @@ from tactile_nodes.sensors.description import (
     PatternDescription,
     Sensor,
 )
-from tactile_nodes.sensors.loading import load_sensor
+from tactile_nodes.sensors.dome import Dome
+from tactile_nodes.sensors.loading import load_sensor, mounting_of
+from tactile_nodes.sensors.mounting import Mounting
+from tactile_nodes.sensors.outline import Outline
 
 __all__ = [
     'BinSettings',
     'CameraDescription',
+    'Dome',
     'GelDescription',
     'ImageSettings',
     'MaskSettings',
+    'Mounting',
+    'Outline',
     'PatternDescription',
     'Sensor',
     'load_sensor',
+    'mounting_of',
 ]

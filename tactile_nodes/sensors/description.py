@@ -14,6 +14,9 @@ from jaxtyping import Bool
 
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
+from tactile_nodes.sensors.dome import STEEPEST, Dome
+from tactile_nodes.sensors.mounting import Mounting
+from tactile_nodes.sensors.outline import Outline
 
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
@@ -24,6 +27,9 @@ LENGTHS = {'centre_px': 2, 'position_mm': 3, 'tilt_deg': 2, 'focal_px': 2, 'dist
 FISHEYE_LENS = 4
 """Numbers of a fisheye's distortion that may differ from 0."""
 
+
+LEAST_BELOW_MM = 0.2
+"""Of gel below the lowest markers, and of the lowest layer, at the rim of a dome."""
 
 STEPS = 100
 """Places at which a lens is looked at, from the axis to the corner of the picture."""
@@ -130,6 +136,8 @@ class GelDescription:
     moduli_off: float = parameter(
         0.6, 'share by which the moduli may be off, as a standard deviation: 0.6 if nobody measured them', minimum=0.0
     )
+    outline_mm: str = parameter('', "what of the rectangle is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
+    dome_radius_mm: float = parameter(0.0, 'of the sphere that the surface is a part of; 0: it is flat', minimum=0.0)
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
@@ -142,11 +150,41 @@ class GelDescription:
             raise ValueError('gel.poisson_ratios must lie between 0 and 0.5')
         if len(self.markers_mm) != 2 or not 0 <= self.markers_mm[0] < self.markers_mm[1] <= self.depth_mm + 1e-9:
             raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
+        self._require_shallow()
+
+    def _require_shallow(self) -> None:
+        """Refuse a dome that is steep, or thin at its rim. Raises ValueError."""
+        far_mm, radius_mm = float(np.hypot(*self.outline.corners_mm.T).max()), self.dome_radius_mm
+        if radius_mm and far_mm > STEEPEST * radius_mm:
+            raise ValueError(
+                f'gel.dome_radius_mm is {radius_mm:g}, and the rim is {far_mm:g} mm from the middle: a shallow dome '
+                f'has a radius of {far_mm / STEEPEST:.3g} mm or more'
+            )
+        if self.sag_mm > min(self.layers_mm[-1], self.depth_mm - self.markers_mm[1]) - LEAST_BELOW_MM and radius_mm:
+            raise ValueError(
+                f'gel.dome_radius_mm has the surface {self.sag_mm:.2f} mm lower at its rim than in the middle, where '
+                f'gel.markers_mm and the lowest of gel.layers_mm leave less than that and {LEAST_BELOW_MM} mm'
+            )
 
     @property
     def depth_mm(self) -> float:
         """Thickness of all layers."""
         return float(sum(self.layers_mm))
+
+    @property
+    def dome(self) -> Dome:
+        """How high the surface is."""
+        return Dome(self.dome_radius_mm)
+
+    @property
+    def sag_mm(self) -> float:
+        """By how much the surface is lower where its rim is farthest from the middle; 0 of a flat one."""
+        return -float(self.dome.height_mm(self.outline.corners_mm).min())
+
+    @property
+    def outline(self) -> Outline:
+        """The rim of the surface."""
+        return Outline(self.width_mm, self.height_mm, self.outline_mm)
 
 
 @dataclass(frozen=True)
@@ -170,6 +208,22 @@ class BinSettings:
 
     rows: int = parameter(9, 'along y', minimum=1, maximum=64)
     cols: int = parameter(9, 'along x', minimum=1, maximum=64)
+    width_mm: float = parameter(0.0, 'of all of them, along x; 0: of the gel', minimum=0.0)
+    height_mm: float = parameter(0.0, 'of all of them, along y; 0: of the gel', minimum=0.0)
+    centre_mm: tuple[float, ...] = parameter((0.0, 0.0), 'where their middle is on the surface')
+
+    def require_within(self, gel: GelDescription) -> None:
+        """Refuse bins beside the gel. Raises ValueError."""
+        if len(self.centre_mm) != 2:
+            raise ValueError(f'bins.centre_mm must hold 2 numbers, got {len(self.centre_mm)}')
+        for at, own, side in zip(
+            self.centre_mm, (self.width_mm, self.height_mm), (gel.width_mm, gel.height_mm), strict=True
+        ):
+            if not abs(at) + (own or side) / 2 <= side / 2 + 1e-6:
+                raise ValueError(
+                    f'bins lie up to {abs(at) + (own or side) / 2:g} mm from the middle, and the gel ends at '
+                    f'{side / 2:g} mm; change bins.width_mm, bins.height_mm or bins.centre_mm'
+                )
 
 
 @dataclass(frozen=True)
@@ -183,6 +237,7 @@ class Sensor:
     pattern: PatternDescription = field(default_factory=PatternDescription)
     bins: BinSettings = field(default_factory=BinSettings)
     mask: MaskSettings = field(default_factory=MaskSettings)
+    frame: Mounting = field(default_factory=Mounting)
 
     @property
     def covered(self) -> Bool[np.ndarray, 'h w']:
@@ -192,6 +247,7 @@ class Sensor:
         return self.mask.covers(image.width, image.height)[y : y + height, x : x + width]
 
     def __post_init__(self) -> None:
+        self.bins.require_within(self.gel)
         lowest = -self.gel.markers_mm[1]
         if self.camera.position_mm[2] > lowest - LEAST_CLEARANCE_MM:
             raise ValueError(

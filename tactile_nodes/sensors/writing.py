@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from tactile_nodes.params import to_values
+from tactile_nodes.params import Value, to_values
 from tactile_nodes.sensors.description import Sensor
 
 OF_OTHERS = {
@@ -19,11 +19,27 @@ HEAD = """\
 """
 
 
+MOUNTING = 'frame.'
+UNLESS_TOLD = 'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm'
+"""Entries that stand nowhere while they say nothing: descriptions did not have them at first."""
+
+
+def values_of(sensor: Sensor) -> dict[str, Value]:
+    """The dotted names and values of what a model is made of: all but where the sensor is mounted."""
+    return {name: value for name, value in _told(sensor).items() if not name.startswith(MOUNTING)}
+
+
+def _told(sensor: Sensor) -> dict[str, Value]:
+    usual = to_values(Sensor())
+    told = to_values(sensor)
+    return {name: value for name, value in told.items() if name not in UNLESS_TOLD or value != usual[name]}
+
+
 def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
     """A description; `sources` says of dotted names where their values come from."""
     lines, block = [HEAD.rstrip()], ''
     unused = OF_OTHERS[sensor.camera.model] + OF_OTHERS[sensor.pattern.kind]
-    for name, value in to_values(sensor).items():
+    for name, value in _told(sensor).items():
         head, _, key = name.rpartition('.')
         if name in unused or value == []:
             continue

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensors import Dome, Outline
 
 CHOICES = {
     'mechanics': ('linear', 'finite_strain'),
@@ -18,7 +19,7 @@ CHOICES = {
 
 LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
-    'markers_thickness_mm',
+    'markers_thickness_mm', 'outline', 'dome_radius_mm',
 )  # fmt: skip
 """Properties that gels did not have at first: one that has them as they were then keeps its id."""
 
@@ -44,6 +45,11 @@ class Gel:
     middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
     many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns. A
     `marker_grey` below 0 makes them darker than the background.
+
+    With an `outline`, as a description has it, only what lies within has markers and is pressed; the gel yields there
+    as if it went on. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press
+    along the surface's normal; the gel yields as if it were as thick as in the middle, and what moves leans with the
+    surface.
     """
 
     seed: int = 1
@@ -84,6 +90,8 @@ class Gel:
     pattern: str = 'spheres'
     pitch_mm: float = 2.0
     markers_thickness_mm: float = 0.0
+    outline: str = ''
+    dome_radius_mm: float = 0.0
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
@@ -91,6 +99,16 @@ class Gel:
                 raise ConfigurationError(
                     f'a gel has {name!r} {getattr(self, name)!r}, but it must be one of: {", ".join(choices)}'
                 )
+
+    @property
+    def rim(self) -> Outline:
+        """Of its surface."""
+        return Outline(*self.sides_mm, self.outline)
+
+    @property
+    def dome(self) -> Dome:
+        """How high its surface is."""
+        return Dome(self.dome_radius_mm)
 
     @property
     def sides_mm(self) -> tuple[float, float]:

@@ -9,7 +9,6 @@ What moves during the exposure is drawn at two moments of it, which gives a smea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +18,7 @@ from jaxtyping import Float32, UInt8
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.camera import camera_of, camera_turn, pupil, shade, through_jpeg
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.markers import domed, place_markers
 from tactile_nodes.simulation.mechanics import ContactTable, Layer
 from tactile_nodes.simulation.shear import ShearTable, solve_shear
 from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable
@@ -58,9 +58,6 @@ PLACES_KEPT = 4
 LARGEST_VARIANCE_PX2 = 1.0
 """Of a marker's own disc: what is wider does not fit into the pixels that receive its light."""
 
-ACROSS_A_DOT = 9
-"""Small discs that fill a printed dot, along its diameter."""
-
 
 class Optics:
     """Renders one gel. The same presses and noise seed give the same pixels, in any process, in any order."""
@@ -80,7 +77,8 @@ class Optics:
         self._shear: dict[str, ShearTable] = {}
         self.camera = camera_of(gel)
         self._turn = camera_turn(gel)
-        self.markers_mm, diameter_mm = place_markers(gel)
+        self._flat_mm, diameter_mm = place_markers(gel)
+        self.markers_mm, self._leaning = domed(gel, self._flat_mm)
         distance = np.linalg.norm(self.markers_mm - pupil(gel), axis=1)
         radius_px = gel.focal_px_per_rad * diameter_mm / 2 / distance
         # The variance of a disc is a quarter of its squared radius along each axis, that of a pixel 1/12.
@@ -89,7 +87,7 @@ class Optics:
         self._light = (gel.marker_grey * np.pi * radius_px**2).astype(np.float32)
         self._shade = shade(gel)
         self._noise = NoiseBank(gel)
-        self._lookups = {name: TableLookup(each, self.markers_mm[:, 2]) for name, each in self._tables.items()}
+        self._lookups = {name: TableLookup(each, self._flat_mm[:, 2]) for name, each in self._tables.items()}
         self._rest = self._draw(self.project(()))
         self._last: tuple[tuple[Shaping, ...], np.ndarray] = (), self._rest
 
@@ -99,7 +97,7 @@ class Optics:
         for press in presses:
             if press.touching:
                 moved += self._touched(press) if isinstance(press, Touch) else self._field(press)
-        return moved
+        return moved if self._leaning is None else np.einsum('mab,mb->ma', self._leaning, moved)
 
     def _touched(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
         """What a body does."""
@@ -114,7 +112,7 @@ class Optics:
         if place not in self._placed:
             while len(self._placed) >= PLACES_KEPT:
                 del self._placed[next(iter(self._placed))]
-            self._placed[place] = Placed(self._bodies[touch.body], self.markers_mm, place)
+            self._placed[place] = Placed(self._bodies[touch.body], self._flat_mm, place)
         return self._placed[place]
 
     def _come_near(self, presses: tuple[Shaping, ...]) -> None:
@@ -131,7 +129,7 @@ class Optics:
             raise ConfigurationError(
                 f'no contact table was given for the indenter {press.indenter!r}; there are: {known}'
             )
-        field: np.ndarray = self._lookups[press.indenter](self.markers_mm, press)
+        field: np.ndarray = self._lookups[press.indenter](self._flat_mm, press)
         return field + self._drag(press) if any(press.shift_mm) else field
 
     def _drag(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
@@ -141,7 +139,7 @@ class Optics:
             layer = Layer(self._gel.layer_mm, self._gel.shear_modulus_mpa, self._gel.poisson_ratio)
             self._shear[press.indenter] = solve_shear(layer, table)
         contact = float(np.interp(press.depth_mm, table.depth_mm, table.contact_mm))
-        offset = self.markers_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
+        offset = self._flat_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
         return self._shear[press.indenter].displacement_mm(contact, offset, press.shift_mm)
 
     def project(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 2']:
@@ -298,28 +296,3 @@ def mix(value: int) -> int:
     value = ((value ^ (value >> 30)) * 0xBF58_476D_1CE4_E5B9) & mask
     value = ((value ^ (value >> 27)) * 0x94D0_49BB_1331_11EB) & mask
     return value ^ (value >> 31)
-
-
-def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Places of the markers in the surface frame, at random through the soft gel or printed, and their diameters."""
-    random = np.random.default_rng(gel.seed)
-    right, down = (side / 2 for side in gel.sides_mm)
-    lowest = -gel.skin_mm - (gel.markers_thickness_mm or gel.soft_mm)
-    if gel.pattern == 'dots':
-        return _printed(gel, (lowest - gel.skin_mm) / 2)
-    low, high = (-right, -down, lowest), (right, down, -gel.skin_mm)
-    places = random.uniform(low, high, (gel.marker_count, 3)).astype(np.float32)
-    return places, random.uniform(*gel.marker_diameter_mm, gel.marker_count).astype(np.float32)
-
-
-def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Dots in rows and columns about the middle, each filled with small discs that have its area together."""
-    diameter_mm = sum(gel.marker_diameter_mm) / 2
-    x, y = (gel.pitch_mm * (np.arange(n := int(side // gel.pitch_mm)) - (n - 1) / 2) for side in gel.sides_mm)
-    steps = (np.arange(ACROSS_A_DOT) + 0.5) / ACROSS_A_DOT - 0.5
-    within = diameter_mm * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    within = within[np.hypot(*within.T) < diameter_mm / 2]
-    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
-    flat = (centres + within).reshape(-1, 2)
-    places = np.column_stack([flat, np.full(len(flat), z_mm)]).astype(np.float32)
-    return places, np.full(len(flat), diameter_mm / math.sqrt(len(within)), np.float32)

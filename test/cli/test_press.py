@@ -24,7 +24,7 @@ from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
 from tactile_nodes.learning.guided.targets import Done, Target, Wish
 from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
 from tactile_nodes.learning.tables.presses import read_table
-from tactile_nodes.sensors import Sensor, load_sensor
+from tactile_nodes.sensors import Outline, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
@@ -102,7 +102,7 @@ def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(t
     person = Unsteady(said)
     settings = CameraSettings(scene=SceneSettings(world='unsteady'))
     camera = open_camera(settings, StandingClock())
-    guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), SIDES), Sensor())
+    guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), Outline(*SIDES)), Sensor())
     with pytest.raises(KeyboardInterrupt):
         guide.run()
     assert any('the press moved while you read the scale' in line for line in said)
@@ -135,7 +135,7 @@ def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
     said: list[str] = []
     person = Aside(said)
     camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), StandingClock())
-    Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), SIDES), Sensor()).run()
+    Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Outline(*SIDES)), Sensor()).run()
     assert any('mm away: tell the place' in line for line in said)
     assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
 
@@ -147,7 +147,7 @@ def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
     folder.add_rest(Optics(other, contact_table(other)).render((), 1))
     camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), StandingClock())
     with pytest.raises(DatasetError, match=r'the camera sees another gel beside the pictures .* begin another folder'):
-        Guide(camera, person, folder, Wish(2, (0.3,), SIDES), Sensor()).run()
+        Guide(camera, person, folder, Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
     assert len(folder_of(tmp_path).rows) == 1
 
 
@@ -169,7 +169,7 @@ def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
     camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), StandingClock())
     person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
     with pytest.raises(DeviceError, match='the recording has come to its end'):
-        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), SIDES), Sensor()).run()
+        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
 
 
 def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None:
-    wish = Wish(5, (0.2, 0.5), (20.0, 10.0))
+    wish = Wish(5, (0.2, 0.5), Outline(20.0, 10.0))
     assert wish.next([]) == Target(0.0, 0.0, 0.2)
     # 0.8 of 10 and 5 mm may be pressed: the corners are farthest from the middle.
     second = wish.next([Done(0.0, 0.0, 0.21)])

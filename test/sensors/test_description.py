@@ -63,6 +63,8 @@ def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
         ('camera: {model: orthographic}', "'fisheye', 'pinhole'"),
         ('pattern: {diameter_mm: [0.2, 0.1]}', 'the least one first'),
         ('image: {with: 320}', "unknown parameter 'image.with'"),
+        ('bins: {width_mm: 30.0, centre_mm: [2.0, 0.0]}', 'up to 17 mm from the middle, and the gel ends at 16 mm'),
+        ('bins: {centre_mm: [0.0]}', 'bins.centre_mm must hold 2 numbers'),
     ],
 )
 def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: str, said: str) -> None:

@@ -74,7 +74,7 @@ def _of_model(arguments: argparse.Namespace) -> Measuring:
 def _chosen(arguments: argparse.Namespace) -> Measuring:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.datasets.labels import parse_bins
-    from tactile_nodes.learning.field.calibration import bins_of
+    from tactile_nodes.sensing.geometry import BinGrid
     from tactile_nodes.sensors import load_sensor
 
     flow, encoding = _choices(arguments)
@@ -84,7 +84,7 @@ def _chosen(arguments: argparse.Namespace) -> Measuring:
     if given := [name for name in ('bins', 'surface', 'crop') if getattr(arguments, name)]:
         raise ConfigurationError(f'--{given[0]} does not go with --sensor, whose description says it')
     sensor = load_sensor(arguments.sensor)
-    return flow, encoding, bins_of(sensor), sensor.image.crop_px
+    return flow, encoding, BinGrid.of_sensor(sensor), sensor.image.crop_px
 
 
 def _choices(arguments: argparse.Namespace) -> tuple[Choice, Choice]:

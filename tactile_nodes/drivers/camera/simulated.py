@@ -139,7 +139,8 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
     """
     described = load_sensor(sensor) if sensor else Sensor()
     gel = _gel(settings, described)
-    bins = BinGrid(described.bins.rows, described.bins.cols, *gel.sides_mm)
+    rows, cols = described.bins.rows, described.bins.cols
+    bins = BinGrid(rows, cols, *gel.sides_mm) if settings.gel else BinGrid.of_sensor(described)
     scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, told))
     scene.schedule = _schedule(settings, settings.start_ns, scene)
     return scene
@@ -164,7 +165,7 @@ def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
 
 def _schedule(settings: SceneSettings, start_ns: int, scene: Scene) -> TouchSchedule:
     """Tips press as near to the rim as the paper's do, 13.5 of 16 mm from the middle, bodies half of the way there."""
-    to_rim_mm = min(scene.gel.sides_mm) / 2
+    to_rim_mm = scene.gel.rim.inner_mm
     return TouchSchedule(
         seed=settings.seed,
         start_ns=start_ns,

@@ -147,7 +147,8 @@ def calibrate_by_hand(
     begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
     require_source(loaded, str(told['id']))
     bins = loaded.model.bins
-    presses = HandPresses.read(table, (bins.width_mm / 2, bins.height_mm / 2))
+    left, top = (abs(each) for each in bins.centre_mm)
+    presses = HandPresses.read(table, (left + bins.width_mm / 2, top + bins.height_mm / 2))
     progress.say(presses.told)
     pressed = pressed or Pressed()
     made, rest = _fitted(loaded, presses, pressed, progress, forced=forced)

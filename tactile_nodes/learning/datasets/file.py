@@ -153,7 +153,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
             return False
     try:
         labels = card['labels']
-        bins = BinGrid(labels['rows'], labels['cols'], labels['width_mm'], labels['height_mm'])
+        bins = BinGrid.of_card(labels)
         known = {name: len(card[f'{name}s']) for name in ('bag', 'plan', 'indenter')}
         told = [
             card['flow']['options'],

@@ -45,8 +45,8 @@ def force_labels(
 
 def outside(x_mm: float, y_mm: float, bins: BinGrid) -> bool:
     """Whether a place lies off the labelled surface; its rim belongs to it."""
-    slack = 1e-6
-    return abs(x_mm) > bins.width_mm / 2 + slack or abs(y_mm) > bins.height_mm / 2 + slack
+    slack, (x, y) = 1e-6, bins.centre_mm
+    return abs(x_mm - x) > bins.width_mm / 2 + slack or abs(y_mm - y) > bins.height_mm / 2 + slack
 
 
 def describe(bins: BinGrid) -> str:
@@ -54,8 +54,13 @@ def describe(bins: BinGrid) -> str:
     width, height = bins.bin_size_mm
     return (
         f'{bins.rows}x{bins.cols} bins of {width:.4g}x{height:.4g} mm over {bins.width_mm:g}x{bins.height_mm:g} mm, '
-        f'origin in the middle; {RULE}'
+        f'{_middle(bins)}; {RULE}'
     )
+
+
+def _middle(bins: BinGrid) -> str:
+    x, y = bins.centre_mm
+    return f'middle at ({x:g}, {y:g}) mm' if x or y else 'origin in the middle'
 
 
 def parse_bins(counts: str, surface: str) -> BinGrid:

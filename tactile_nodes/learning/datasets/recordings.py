@@ -76,8 +76,7 @@ class RecordedPresses:
 
     @property
     def bins(self) -> BinGrid:
-        labels = self.card['labels']
-        return BinGrid(labels['rows'], labels['cols'], labels['width_mm'], labels['height_mm'])
+        return BinGrid.of_card(self.card['labels'])
 
     @cached_property
     def fingerprint(self) -> str:

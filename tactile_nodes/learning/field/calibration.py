@@ -19,13 +19,14 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.model_file import LoadedModel, crop_of_size, find_model, load_model, save_model
-from tactile_nodes.params import from_mapping, to_values
+from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
+from tactile_nodes.sensors.writing import values_of
 
 SENSOR = 'sensor'
 """What a card says of the sensor."""
@@ -70,7 +71,7 @@ class Pressed:
 
     def told(self, card: Mapping[str, Any]) -> dict[str, Any]:
         """A source's card with that."""
-        told = {**card, **({SENSOR: to_values(self.sensor)} if self.sensor else {})}
+        told = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
         if self.body:
             told.pop(BALL_MM, None)
             told[BODY] = self.body.card_name
@@ -190,7 +191,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
     source = loaded.card
     dots = sensor.pattern.kind == 'dots'
-    if loaded.image_size == sensor.image.crop_px and model.bins == bins_of(sensor) and not dots:
+    if loaded.image_size == sensor.image.crop_px and model.bins == BinGrid.of_sensor(sensor) and not dots:
         scaling = uncovered(sensor, replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean)))
         layout = model.layout
     else:
@@ -225,18 +226,13 @@ def _measured_by(
     }
 
 
-def bins_of(sensor: Sensor) -> BinGrid:
-    """The bins that a sensor tells forces on."""
-    return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
-
-
 def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     """Refuse a description that tells forces on other bins.
 
     Raises:
         ConfigurationError: says both.
     """
-    if (own := bins_of(sensor)) != bins:
+    if (own := BinGrid.of_sensor(sensor)) != bins:
         raise ConfigurationError(
             f'the sensor {sensor.name} has {own}, and forces are reported on {bins}; change one of them'
         )

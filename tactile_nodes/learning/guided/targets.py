@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from tactile_nodes.sensors import Outline
+
 INNER = 0.8
 """Share of the gel's half sides that is pressed: at its rim a gel answers otherwise."""
 STEP_MM = 0.5
@@ -34,11 +36,11 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Wish:
-    """So many presses of some forces (N), all over a gel of these sides (mm)."""
+    """So many presses of some forces (N), all over a gel of this outline."""
 
     presses: int
     forces_n: tuple[float, ...]
-    sides_mm: tuple[float, float]
+    outline: Outline
 
     def next(self, done: Sequence[Done]) -> Target | None:
         """The place farthest from all before, the force that was made least often; None when it is enough."""
@@ -52,9 +54,10 @@ class Wish:
     @property
     def places(self) -> Float[np.ndarray, 'places 2']:
         """Where may be pressed, the middle first."""
-        x, y = (_line(INNER * side / 2) for side in self.sides_mm)
+        x, y = (_line(INNER * side / 2) for side in (self.outline.width_mm, self.outline.height_mm))
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        return places[np.argsort(np.hypot(*places.T), kind='stable')]
+        places = places[self.outline.holds(places / (INNER + 1e-9))]
+        return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 
     def counts(self, done: Sequence[Done]) -> list[int]:
         """How many presses each force has."""

@@ -251,7 +251,7 @@ def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Pa
         'crop_px': crop_of_size(measurer.size),
         'frames': options.frames,
         'without_contact': {'share': options.without_contact, 'presses_with_such_images': builder.untouched_found},
-        'labels': {**asdict(options.bins), 'reading': describe(options.bins)},
+        'labels': {**options.bins.card, 'reading': describe(options.bins)},
         'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
         'gel': json.loads(json.dumps(options.gel)),
         'bags': list(told),

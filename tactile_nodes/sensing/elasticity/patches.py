@@ -41,8 +41,8 @@ class PatchGrid:
     @cached_property
     def lines_mm(self) -> tuple[Float[np.ndarray, ' cols'], Float[np.ndarray, ' rows']]:
         """Middles along x and along y."""
-        (rows, cols), (width, height) = self.shape, self.size_mm
-        return (np.arange(cols) - (cols - 1) / 2) * width, (np.arange(rows) - (rows - 1) / 2) * height
+        (rows, cols), (width, height), (x, y) = self.shape, self.size_mm, self.bins.centre_mm
+        return x + (np.arange(cols) - (cols - 1) / 2) * width, y + (np.arange(rows) - (rows - 1) / 2) * height
 
     @cached_property
     def centres_mm(self) -> Float[np.ndarray, 'patches 2']:

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Inexact, Int
 
+from tactile_nodes.sensing.elasticity.fields import FINER, between, combed, fields_of, sampled_at
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.stack import Elastic
@@ -32,9 +33,6 @@ RAYS = 3
 WINDOW = 1.2
 """Sides of a region that the window has from which its motion is measured."""
 
-FINER = 8
-"""Steps of the layer's grid along a patch."""
-
 NEAR = 2
 """Patches to either side of one that its shear takes along."""
 
@@ -43,6 +41,15 @@ BRIGHTNESS = -2.0
 Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 
 DISPLACEMENT_MM = 1e-3
+
+THICKNESSES = 4
+"""Of a dome: the layer is solved so thick as it is in the middle, at its rim, and between."""
+
+MEETING = 12
+"""Steps in which a ray is found to meet a dome."""
+
+LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
+"""Into the gel, along x, along y: a column each."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +67,7 @@ class Regions:
     @property
     def bins(self) -> BinGrid:
         """The bins that the sensor tells forces on."""
-        sensor = self.sensor
-        return BinGrid(sensor.bins.rows, sensor.bins.cols, sensor.gel.width_mm, sensor.gel.height_mm)
+        return BinGrid.of_sensor(self.sensor)
 
     @property
     def patches(self) -> PatchGrid:
@@ -92,9 +98,24 @@ class Regions:
         cols, rows = (cells // 2 + FINER * np.arange(-NEAR, NEAR + 1) for cells in self.surface.cells)
         return np.stack([kernels[1, 0, 0], kernels[2, 0, 1]])[:, rows[:, None], cols]
 
-    def _layer_at(self, depths_mm: Float[np.ndarray, ' depths']) -> ElasticLayer:
+    @cached_property
+    def _layers(self) -> tuple[tuple[float, ElasticLayer], ...]:
+        """The gel where it is so much thinner (mm) than in the middle: of a flat one the layer alone."""
+        if not self.sensor.gel.dome_radius_mm:
+            return ((0.0, self.layer),)
+        thinner = np.linspace(0, self.sensor.gel.sag_mm, THICKNESSES).tolist()
+        return tuple((each, self._layer_at(self.depths_mm, each)) for each in thinner)
+
+    def _as_thick(self, places_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'layers n']:
+        """How much each of these layers counts at places of the surface."""
+        thinner = [each for each, _ in self._layers]
+        sag = -self.sensor.gel.dome.height_mm(places_mm)
+        return np.array([np.interp(sag, thinner, one) for one in np.eye(len(thinner))])
+
+    def _layer_at(self, depths_mm: Float[np.ndarray, ' depths'], thinner_mm: float = 0.0) -> ElasticLayer:
         gel = self.sensor.gel
-        stack = [Elastic(*each) for each in zip(gel.layers_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
+        thick_mm = *gel.layers_mm[:-1], gel.layers_mm[-1] - thinner_mm
+        stack = [Elastic(*each) for each in zip(thick_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
         width, height = self.patches.size_mm
         repeated_mm = max(WIDTH_MM, 2 * gel.width_mm, 2 * gel.height_mm)
         return ElasticLayer(stack, depths_mm, (width / FINER, height / FINER), repeated_mm)
@@ -135,9 +156,7 @@ class Regions:
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
         """Which regions see nothing but the gel, at every depth where something is visible."""
-        side = np.array([self.sensor.gel.width_mm, self.sensor.gel.height_mm])
-        inside: np.ndarray = (np.abs(self._seen[0]) <= side / 2).all(axis=(0, 2, 3))
-        return inside
+        return np.asarray(self.sensor.gel.outline.holds(self._seen[0]).all(axis=(0, 2)))
 
     @property
     def covered(self) -> Bool[np.ndarray, ' regions']:
@@ -168,14 +187,20 @@ class Regions:
 
     def middle_seen_at(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
         """Where places are in what is cut from the camera's picture (px), in the middle of the markers' depths."""
-        return self.seen_at(np.column_stack([place_mm, np.full(len(place_mm), -self.depths_mm[DEPTHS // 2])]))
+        return self.below_seen_at(place_mm, float(self.depths_mm[DEPTHS // 2]))
+
+    def below_seen_at(self, place_mm: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 2']:
+        """The same, so deep below the surface."""
+        return self.seen_at(np.column_stack([place_mm, self.sensor.gel.dome.height_mm(place_mm) - depth_mm]))
 
     def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
         """Where the rays of all windows meet a depth, in the surface frame."""
         towards = self._camera.unproject(self._pixels) @ self._turn.T
         place = np.asarray(self.sensor.camera.position_mm, float)
-        reach = (-depth_mm - place[2]) / np.maximum(towards[:, 2], 1e-3)
-        points: np.ndarray = place + towards * reach[:, None]
+        forwards, height = np.maximum(towards[:, 2], 1e-3), np.zeros(len(towards))
+        for _ in range(MEETING if self.sensor.gel.dome_radius_mm else 1):
+            points: np.ndarray = place + towards * ((height - depth_mm - place[2]) / forwards)[:, None]
+            height = self.sensor.gel.dome.height_mm(points[:, :2])
         return points
 
     def seen_at(self, points_mm: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 2']:
@@ -224,21 +249,55 @@ class Regions:
     def terms_of_patches(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms unknowns']:
         """Motion (px) of some regions by term under 1 N on each patch.
 
-        Unknowns are all normal forces, then those along x, then those along y.
+        Unknowns are all normal forces, then those along x, then those along y. Where a patch's middle is beside the gel
+        nothing moves.
         """
         patches = self.patches
-        fields = self._fields(self.layer.rectangle(*patches.size_mm))
-        (rows, cols), jacobian = patches.shape, (self._seen[1][:, known] / RAYS**2).astype(np.float32)
+        if not self.sensor.gel.dome_radius_mm:
+            split = self._terms_in(self.layer, known)
+        else:
+            shares = self._as_thick(patches.centres_mm).astype(np.float32)
+            split = sum(
+                share * self._terms_in(layer, known) for share, (_, layer) in zip(shares, self._layers, strict=True)
+            )
+            split = np.einsum('rdplsc,clm->rdpmsc', split, self._loads_at(patches.centres_mm), optimize=True)
+        split[..., ~self.sensor.gel.outline.holds(patches.centres_mm)] = 0
+        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(known), 2, TERMS, 3 * patches.count)
+        return ordered
+
+    def _loads_at(self, places_mm: Float[np.ndarray, 'n 2']) -> Float32[np.ndarray, 'n 3 3']:
+        """What of forces into the gel, along x and along y is such a force on the surface as it leans at places."""
+        leaning = self.sensor.gel.dome.axes(places_mm) @ LOADS
+        return np.asarray(leaning.swapaxes(-1, -2) @ LOADS, np.float32)
+
+    @cached_property
+    def _moves(self) -> Float[np.ndarray, 'depths regions rays 2 3']:
+        """By how many pixels a millimetre along the surface above and out of it moves the picture.
+
+        What is deeper follows the base, which is flat, by so much more.
+        """
+        places, moves = self._seen
+        gel = self.sensor.gel
+        if not gel.dome_radius_mm:
+            return moves
+        share = 1 - self.depths_mm[:, None, None] / (gel.depth_mm + gel.dome.height_mm(places))
+        return np.asarray(moves @ gel.dome.axes(places, share))
+
+    def _terms_in(
+        self, layer: ElasticLayer, known: Int[np.ndarray, ' known']
+    ) -> Float32[np.ndarray, 'known depths 2 loads sets patches']:
+        """The same in a flat layer, as its surface has the forces."""
+        patches = self.patches
+        fields = fields_of(layer, layer.rectangle(*patches.size_mm))
+        (rows, cols), jacobian = patches.shape, (self._moves[:, known] / RAYS**2).astype(np.float32)
         node, part = (each[:, known] for each in self._last_patch(patches))
         terms = np.zeros((len(known), DEPTHS, 2, 9 * patches.count), np.float32)
         for depth in range(DEPTHS):
-            combs = _combs(fields[depth], (rows, cols))
+            combs = combed(fields[depth], (rows, cols))
             for region, ray in np.ndindex(len(known), RAYS * RAYS):
-                block = _between(combs, node[depth, region, ray], part[depth, region, ray], (rows, cols))
+                block = between(combs, node[depth, region, ray], part[depth, region, ray], (rows, cols))
                 terms[region, depth] += jacobian[depth, region, ray] @ block.reshape(3, -1)
-        split = terms.reshape(len(known), DEPTHS, 2, 3, 3, patches.count)  # …, loads, sets, patches
-        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(known), 2, TERMS, 3 * patches.count)
-        return ordered
+        return terms.reshape(len(known), DEPTHS, 2, 3, 3, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
         """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
@@ -248,14 +307,6 @@ class Regions:
         rest: np.ndarray = steps - node
         return node.astype(int), rest.astype(np.float32)
 
-    def _fields(
-        self, spectrum: np.ndarray, *, pressed_only: bool = False
-    ) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
-        """Displacement along each axis, and its slopes along x and y, at each depth under each load."""
-        kernels = self.layer.kernels(spectrum, pressed_only=pressed_only).transpose(1, 2, 0, 3, 4)
-        slope_y, slope_x = np.gradient(kernels, *self.layer.spacing_mm[::-1], axis=(3, 4))
-        return np.stack([kernels, slope_x, slope_y], axis=3).astype(np.float32)
-
     def terms_of_pressure(
         self,
         places_mm: Float[np.ndarray, 'presses 2'],
@@ -264,55 +315,19 @@ class Regions:
     ) -> Float32[np.ndarray, 'presses known 2 terms']:
         """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
         spectrum."""
-        fields = self._fields(spectrum, pressed_only=True)[:, :, 0]
-        seen, jacobian = (each[:, known] for each in self._seen)
+        domed = self.sensor.gel.dome_radius_mm > 0
+        in_layers = [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
+        shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
+        seen, jacobian = self._seen[0][:, known], self._moves[:, known]
         found = np.zeros((len(places_mm), len(known), 2, DEPTHS, 3), np.float32)
         for number, place in enumerate(places_mm):
+            fields = in_layers[0][:, :, 0]
+            if domed:
+                there = sum(share * each for share, each in zip(shares[:, number], in_layers, strict=True))
+                fields = np.einsum('dclsyx,l->dcsyx', there, loads[number])
             at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
-                sampled = _sampled(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
+                sampled = sampled_at(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
                 sampled = sampled.reshape(3, 3, len(known), -1)
                 found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / RAYS**2
         return found.reshape(len(places_mm), len(known), 2, TERMS)
-
-
-def _combs(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:
-    """The nodes of a field that lie a patch apart, side by side, as (y in a patch, x in a patch, fields, y, x).
-
-    As many as there are patches follow after the end: there the layer repeats.
-    """
-    height, width = field.shape[-2:]
-    split = field.reshape(-1, height // FINER, FINER, width // FINER, FINER).transpose(2, 4, 0, 1, 3)
-    around = [(0, 0)] * 3 + [(0, count + 1) for count in shape]
-    return np.pad(split, around, mode='wrap')
-
-
-def _between(
-    combs: np.ndarray, node: np.ndarray, part: np.ndarray, shape: tuple[int, int]
-) -> Float32[np.ndarray, 'fields rows columns']:
-    """Fields as a ray sees them from every patch: each between four nodes."""
-    (rows, cols), (column, row), (right, down) = shape, node.tolist(), part.tolist()
-    high, wide = combs.shape[3] - rows - 1, combs.shape[4] - cols - 1
-    block = np.zeros((combs.shape[2], rows, cols), np.float32)
-    for y, share_y in ((row, 1 - down), (row + 1, down)):
-        for x, share_x in ((column, 1 - right), (column + 1, right)):
-            top, left = y // FINER % high, x // FINER % wide
-            comb = combs[y % FINER, x % FINER, :, top : top + rows, left : left + cols]
-            block += np.float32(share_x * share_y) * comb
-    # A patch further right sees the ray further left: nodes run backwards.
-    return block[:, ::-1, ::-1]
-
-
-def _sampled(
-    fields: Float32[np.ndarray, 'fields y x'], at: Float[np.ndarray, 'known rays 2']
-) -> Float32[np.ndarray, 'fields known rays']:
-    """Fields at places between the nodes of their grid (x, y in steps)."""
-    low = np.floor(at).astype(int)
-    right, down = np.moveaxis((at - low).astype(np.float32), -1, 0)
-    height, width = fields.shape[-2:]
-    x, y = low[..., 0] % width, low[..., 1] % height
-    beside, below = (x + 1) % width, (y + 1) % height
-    upper = (1 - right) * fields[:, y, x] + right * fields[:, y, beside]
-    lower = (1 - right) * fields[:, below, x] + right * fields[:, below, beside]
-    sampled: np.ndarray = (1 - down) * upper + down * lower
-    return sampled

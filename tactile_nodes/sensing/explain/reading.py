@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32
 
+from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
 
 UNKNOWN = float('nan')
@@ -130,6 +131,15 @@ class Readout(Protocol):
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading: ...
+
+
+def require_central(bins: BinGrid) -> None:
+    """Refuse bins that a readout of tips cannot tell forces on. Raises ModelError."""
+    if bins.centre_mm != (0.0, 0.0):
+        raise ModelError(
+            f'what reads tips alone tells forces on bins about the middle of the surface, and these are about '
+            f'{bins.centre_mm} mm; set bins.centre_mm to 0, or use a model of any contact (field)'
+        )
 
 
 def spread_over_bins(contacts: tuple[Contact, ...], bins: BinGrid) -> Float32[np.ndarray, 'rows cols']:

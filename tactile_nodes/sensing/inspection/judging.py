@@ -124,8 +124,8 @@ class Inspection:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """All that was looked at, in the order in which it is to be mended."""
-        seen = self._size(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask(), self._rest()
-        return tuple(each for each in seen if each is not None)
+        told = self._size(), self._frame(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask()
+        return tuple(each for each in (*told, self._rest()) if each is not None)
 
     @property
     def usable(self) -> bool:
@@ -137,6 +137,9 @@ class Inspection:
         count = len(self.pictures)
         told = f'{count} picture{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
         return Finding('size', OK, told)
+
+    def _frame(self) -> Finding:
+        return Finding('frame', OK, f'{self.sensor.frame}')
 
     def _light(self) -> Finding:
         faults = [picture_faults(each) for each in self.pictures]
@@ -200,7 +203,8 @@ class Inspection:
             for count in (int(side // pattern.pitch_mm) for side in (gel.width_mm, gel.height_mm))
         ]
         x, y = np.meshgrid(*lines)
-        places = self.regions.middle_seen_at(np.column_stack([x.ravel(), y.ravel()]))
+        printed = np.column_stack([x.ravel(), y.ravel()])
+        places = self.regions.middle_seen_at(printed[gel.outline.holds(printed)])
         radius = self.regions.px_per_mm * sum(pattern.diameter_mm) / 4
         size = np.array(self.sensor.image.crop_px)
         inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
@@ -292,13 +296,10 @@ class Inspection:
         return counted.ravel().astype(float)
 
 
-def outline_px(regions: Regions, steps: int = 16) -> Float[np.ndarray, 'corners 2']:
+def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
     """The rim of the gel as the picture has it, where its pattern begins."""
-    gel, way = regions.sensor.gel, np.linspace(-1, 1, steps, endpoint=False)
-    one = np.ones(steps)
-    sides = (way, -one), (one, way), (-way, one), (-one, -way)
-    places = np.concatenate([np.column_stack(each) for each in sides]) * np.array([gel.width_mm, gel.height_mm]) / 2
-    return regions.seen_at(np.column_stack([places, np.full(len(places), -gel.markers_mm[0])]))
+    gel = regions.sensor.gel
+    return regions.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])
 
 
 def _percent(share: float) -> str:

@@ -210,6 +210,15 @@ def _chosen(values, limit, allowed, which):
     return count
 
 
+@compiled()
+def _moves(caused):
+    """Whether a force moves anything: as `FieldSolver._on_gel`."""
+    for each in caused:  # noqa: SIM110 - numba compiles no generator
+        if each != 0:
+            return True
+    return False
+
+
 @compiled(
     'Tuple((b1, f8[:, ::1], i8[::1], f4[:, ::1], f8, f8))(UniTuple(f4[:, ::1], 2), i8[::1], f8[::1], f8[::1], '
     'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
@@ -236,7 +245,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
     limit = max(limit, solver.LEAST_N)
     which, allowed = np.empty(patches, np.int64), np.empty(patches, np.bool_)
     for k in range(patches):
-        allowed[k] = around[bin_of[k]] > limit
+        allowed[k] = around[bin_of[k]] > limit and _moves(by_force[1][k])
     bins = which[: _chosen(around, limit, np.ones(around.shape[0], np.bool_), which)].copy()
     pressed, near, held = np.empty(patches), np.empty(patches), np.empty(patches)
     able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, told, pressed)

@@ -173,7 +173,7 @@ def over_bins(
     """
     shares = []
     for axis, count, length in ((0, bins.cols, bins.width_mm), (1, bins.rows, bins.height_mm)):
-        borders = np.linspace(-length / 2, length / 2, count + 1)[1:-1]
+        borders = bins.centre_mm[axis] + np.linspace(-length / 2, length / 2, count + 1)[1:-1]
         below = np.clip((borders - place_mm[:, axis, None]) / size_mm + 0.5, 0, 1)
         ends = np.zeros((len(place_mm), 1)), np.ones((len(place_mm), 1))
         shares.append(np.diff(np.concatenate([ends[0], below, ends[1]], axis=1), axis=1))

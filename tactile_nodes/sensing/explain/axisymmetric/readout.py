@@ -23,7 +23,14 @@ from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResp
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
-from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact, Reading, nothing_read, spread_over_bins
+from tactile_nodes.sensing.explain.reading import (
+    BEYOND_UNLIKENESS,
+    Contact,
+    Reading,
+    nothing_read,
+    require_central,
+    spread_over_bins,
+)
 from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -132,6 +139,7 @@ class AxisymmetricReadout:
         return self.response.parameter_count + correction + self.doubt.size + 2 * self.scaling.mean.size
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
+        require_central(bins)
         regions = int((self.scaling.trusted > 0).sum())
         if self.scaling.mean.size != features or bins != self.bins or regions != len(self.response.places):
             raise ModelError(

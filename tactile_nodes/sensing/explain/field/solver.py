@@ -16,7 +16,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PER_BIN, PatchGrid
@@ -126,7 +126,8 @@ class FieldSolver:
     @cached_property
     def _by_bin(self) -> Float32[np.ndarray, 'unknowns rows']:
         """What 1 N of each force moves, even over a bin."""
-        member = self.patches.member / PER_BIN**2
+        member = self.patches.member * self._on_gel[:, None]
+        member /= np.maximum(member.sum(axis=0), 1)
         by_bin = [member.T @ part for part in np.split(self.response.T.astype(float), 3)]
         return np.concatenate(by_bin).astype(np.float32)
 
@@ -172,7 +173,7 @@ class FieldSolver:
             return self._by_loops(around, motion, weights)
         pressed = self._on_bins(np.flatnonzero(on), around, motion, weights)
         nearby = self._nearby(pressed)
-        active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of])
+        active = np.flatnonzero((nearby > ACTIVE * nearby.max()) & on[self.patches.bin_of] & self._on_gel)
         if not active.size:
             return self._nothing(motion, weights)
         caused = self._caused(self._by_force, active)
@@ -241,8 +242,13 @@ class FieldSolver:
     def _shown(self) -> Float[np.ndarray, ' patches']:
         """How much a newton on each patch moves the regions, beside what is usual."""
         moved = np.linalg.norm(self._by_force[: self.patches.count].astype(float), axis=1)
-        share: np.ndarray = moved / np.median(moved)
+        share: np.ndarray = moved / np.median(moved[self._on_gel])
         return share
+
+    @cached_property
+    def _on_gel(self) -> Bool[np.ndarray, ' patches']:
+        """On which patches force can act: a response of nothing at all says that a patch is beside the gel."""
+        return np.asarray(self._by_force[: self.patches.count].any(axis=1))
 
     @cached_property
     def _by_force(self) -> Float32[np.ndarray, 'unknowns rows']:
@@ -273,7 +279,7 @@ class FieldSolver:
 
         Of a few dozen printed dots all of it would hold down half of what presses.
         """
-        return min(1.0, len(self.response) / 2 / self.patches.count) ** 2
+        return min(1.0, len(self.response) / 2 / max(int(self._on_gel.sum()), 1)) ** 2
 
     def _nothing(self, motion: np.ndarray, weights: Weights) -> Field:
         none = np.zeros((3, self.patches.count))

@@ -34,6 +34,7 @@ from tactile_nodes.sensing.explain.reading import (
     Contact,
     Reading,
     nothing_read,
+    require_central,
     spread_over_bins,
 )
 from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
@@ -100,6 +101,7 @@ class ResponseReadout:
         return sum(each.size for each in numbers)
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
+        require_central(bins)
         if self.likeness.directions.shape[1] != features or bins != self.bins:
             raise ModelError(
                 f'a response to {self.likeness.directions.shape[1]} features on {self.bins} does not fit {features} '

@@ -1,0 +1,91 @@
+"""The rim of a gel's surface: a rectangle, an ellipse, or a polygon within the rectangle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from tactile_nodes.sensors.covering import corners_of
+
+ELLIPSE = 'ellipse'
+ROUND_CORNERS = 180
+"""An ellipse is drawn with so many: a circle's rim is then off by a seven-thousandth of its radius."""
+
+_SQUARE = (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What of a rectangle of `width_mm` by `height_mm` about the origin is gel.
+
+    `told` is empty where all of it is, 'ellipse' where the ellipse in it is (a circle where the sides are alike), or
+    corners 'x,y x,y x,y' in mm in the surface frame.
+
+    Raises:
+        ValueError: it is none of these, goes beyond the rectangle, or does not hold the origin.
+    """
+
+    width_mm: float
+    height_mm: float
+    told: str = ''
+
+    def __post_init__(self) -> None:
+        if self.told in ('', ELLIPSE):
+            return
+        try:
+            corners = corners_of(self.told)
+        except ValueError as error:
+            raise ValueError(
+                f'gel.outline_mm is {self.told[:60]!r}, and must be empty (a rectangle), {ELLIPSE}, or three corners '
+                "or more, as '-9,-6 9,-6 9,6 -9,6'"
+            ) from error
+        if (np.abs(corners) > self._half_mm + 1e-6).any():
+            raise ValueError(
+                f'gel.outline_mm goes beyond gel.width_mm by gel.height_mm, {self.width_mm:g}x{self.height_mm:g} mm '
+                'about (0, 0); move its corners, or make these larger'
+            )
+        if not self.holds(np.zeros(2)):
+            raise ValueError('gel.outline_mm does not hold (0, 0), the middle of the surface; move its corners')
+
+    @property
+    def _half_mm(self) -> Float[np.ndarray, ' 2']:
+        return np.array([self.width_mm, self.height_mm]) / 2
+
+    @cached_property
+    def corners_mm(self) -> Float[np.ndarray, 'corners 2']:
+        """Corners of the rim, one after another."""
+        if self.told == ELLIPSE:
+            turn = np.arange(ROUND_CORNERS) * math.tau / ROUND_CORNERS
+            return np.asarray(np.column_stack([np.cos(turn), np.sin(turn)]) * self._half_mm)
+        return corners_of(self.told) if self.told else np.asarray(np.array(_SQUARE) * self._half_mm)
+
+    def rim_mm(self, steps: int = 16) -> Float[np.ndarray, 'places 2']:
+        """Places along the rim, so many from each corner to the next."""
+        first, share = self.corners_mm[:, None], np.linspace(0, 1, steps, endpoint=False)[:, None]
+        rim: np.ndarray = first + share * (np.roll(self.corners_mm, -1, axis=0)[:, None] - first)
+        return rim.reshape(-1, 2)
+
+    @property
+    def inner_mm(self) -> float:
+        """Half the side of the largest square about the origin that is all gel: 16 of the paper's gel."""
+        if not self.told:
+            return float(self._half_mm.min())
+        return float(np.abs(self.rim_mm()).max(axis=1).min())
+
+    def holds(self, places_mm: Float[np.ndarray, '*shape 2']) -> Bool[np.ndarray, '*shape']:
+        """Which places (x, y) are on the gel."""
+        if not self.told:
+            return np.asarray((np.abs(places_mm) <= self._half_mm).all(axis=-1))
+        if self.told == ELLIPSE:
+            return np.asarray(np.square(places_mm / self._half_mm).sum(axis=-1) <= 1)
+        inside = np.zeros(places_mm.shape[:-1], bool)
+        x, y = places_mm[..., 0], places_mm[..., 1]
+        for (left, high), (right, low) in zip(self.corners_mm, np.roll(self.corners_mm, -1, axis=0), strict=True):
+            if high != low:
+                # Of a line from the place to the right: it leaves or enters at each edge that it crosses.
+                inside ^= ((high > y) != (low > y)) & (x < left + (y - high) * (right - left) / (low - high))
+        return inside

@@ -1,0 +1,111 @@
+"""Bins over a part of the gel: what they say in models, messages and truth."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.errors import ModelError
+from tactile_nodes.learning.datasets.labels import outside
+from tactile_nodes.learning.field.calibration import described_model
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.messages import types
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.explain.model import ForceEstimator
+from tactile_nodes.sensing.explain.reading import require_central
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensors import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    PatternDescription,
+    Sensor,
+)
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Optics, Press
+from tactile_nodes.simulation.touch.table import over_bins
+from tactile_nodes.viewing.force_shapes import force_points
+
+ASIDE = Sensor(
+    'aside', ImageSettings(320, 240, 320, 240),
+    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (3.0, -1.0, -20.0)),
+    GelDescription(30.0, 20.0, (4.0,), (0.1,), (0.49,), (0.5, 2.0), 0.0),
+    PatternDescription('spheres', 9000, (0.1, 0.15)), BinSettings(4, 6, 15.0, 10.0, (3.0, -1.0)),
+)  # fmt: skip
+"""16x12 mm are seen of 30x20, about (3, -1) mm; bins of 2.5 mm over most of that."""
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
+    file = tmp_path_factory.mktemp('described') / 'aside.safetensors'
+    described_model(load_model(find_model('field')), ASIDE, '', file, Progress())
+    return load_model(file)
+
+
+def test_bins_of_a_model_lie_where_the_description_has_them(made: LoadedModel) -> None:
+    """From 3 - 7.5 and -1 - 5 on, 2.5 mm each."""
+    assert made.model.bins == BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0))
+    assert made.model.bins.origin_mm == (-4.5, -6.0)
+    assert made.model.bins.centres_mm[0, 0].tolist() == [-3.25, -4.75]
+    assert made.model.bins.bin_of(3.1, -0.9) == 2 * 6 + 3
+
+
+@pytest.mark.parametrize('place_mm', [(3.0, -1.0), (6.4, 1.1), (-1.5, -3.0)])
+def test_presses_are_told_where_they_are_on_the_gel(made: LoadedModel, place_mm: tuple[float, float]) -> None:
+    gel = dataclasses.replace(gel_of(ASIDE), mechanics='linear')
+    table, flow = solve(gel), make_flow(*made.flow)
+    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
+    flow.set_reference(np.mean([optics.render((), number) for number in range(8)], axis=0).round().astype(np.uint8))
+    told = force.predict(encoding.encode(flow.displacement(optics.render((Press(*place_mm, 0.7),), 9))))
+    assert told.total_n == pytest.approx(table.force_at(0.7), rel=0.2)
+    assert np.hypot(told.contacts[0].x_mm - place_mm[0], told.contacts[0].y_mm - place_mm[1]) < 0.5
+    strongest = divmod(int(told.normal_force_n.argmax()), 6)
+    near = made.model.bins.centres_mm[strongest]
+    assert np.abs(near - place_mm).max() < 1.5
+
+
+def test_messages_and_views_say_where_bins_begin(made: LoadedModel) -> None:
+    forces = np.zeros((4, 6), np.float32)
+    forces[0, 5] = 2.0
+    message = types.ForceDistribution(**conversions.force_fields(forces, made.model.bins))
+    assert (message.origin.x, message.origin.y) == pytest.approx((-0.0045, -0.006))
+    # 2 N into the gel at (9.25, -4.75) mm: torque (-y f, x f, 0).
+    assert (message.wrench.torque.x, message.wrench.torque.y) == pytest.approx((0.0095, 0.0185))
+    points = np.asarray(force_points(message).data).view('<f4').reshape(4, 6, 4)
+    assert points[0, 5].tolist() == pytest.approx([0.00925, -0.00475, 0.0, 2.0])
+
+
+def test_a_force_at_a_border_is_shared_by_the_bins_beside_it() -> None:
+    """x = 3 mm is the border between columns 2 and 3, y = -2.25 mm the middle of row 1."""
+    bins, place_mm, force = BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0)), np.array([[3.0, -2.25]]), np.eye(3)[2:]
+    found = over_bins(place_mm, force, 1.0, bins)
+    assert found[1, 2, 2] == found[1, 3, 2] == pytest.approx(0.5)
+
+
+def test_what_lies_off_the_bins_is_outside() -> None:
+    bins = BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0))
+    assert not outside(10.4, 3.9, bins)
+    assert all(outside(x, y, bins) for x, y in ((10.6, 0.0), (-4.6, 0.0), (0.0, 4.1)))
+
+
+def test_a_card_has_a_centre_only_where_it_is_not_the_origin() -> None:
+    assert BinGrid().card == {'rows': 9, 'cols': 9, 'width_mm': 32.0, 'height_mm': 32.0}
+    aside = BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0))
+    assert BinGrid.of_card(aside.card) == aside
+
+
+def test_a_readout_of_tips_refuses_bins_aside() -> None:
+    with pytest.raises(ModelError, match=r'about \(3.0, -1.0\) mm; set bins.centre_mm to 0'):
+        require_central(BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0)))
+
+
+def test_the_model_is_kept_with_its_bins(made: LoadedModel, tmp_path: Path) -> None:
+    assert made.card['bins']['centre_mm'] == [3.0, -1.0]

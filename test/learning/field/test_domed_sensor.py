@@ -1,0 +1,90 @@
+"""A sensor with a domed gel: from its description to the force, without any press.
+
+The simulator and the response know the dome by different means: one leans what a flat gel does, as thick as in the
+middle, the other solves thinner layers towards the rim (`test/sensing/elasticity/test_domed_regions.py` has both beside
+finite elements).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_nodes.learning.field.calibration import described_model
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.explain.model import ForceEstimator
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensors import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    PatternDescription,
+    Sensor,
+)
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Optics, Press
+
+DOMED = Sensor(
+    'domed', ImageSettings(640, 480, 480, 480),
+    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (319.5, 239.5), (0.0, 0.0, -20.0)),
+    GelDescription(22.0, 22.0, (4.5,), (0.1,), (0.49,), (0.5, 2.5), 0.0, 'ellipse', 40.0),
+    PatternDescription('spheres', 8000, (0.1, 0.15)), BinSettings(7, 7),
+)  # fmt: skip
+"""A disc of 22 mm whose rim is 1.54 mm lower than its middle, and leans by 16 degrees there."""
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
+    file = tmp_path_factory.mktemp('described') / 'domed.safetensors'
+    described_model(load_model(find_model('field')), DOMED, '', file, Progress())
+    return load_model(file)
+
+
+def test_presses_on_a_dome_are_told_where_they_are_and_how_hard(made: LoadedModel) -> None:
+    gel = dataclasses.replace(gel_of(DOMED), mechanics='linear')
+    table, flow = solve(gel), make_flow(*made.flow)
+    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
+    frames = iter(range(100))
+
+    def seen(*presses: Press) -> np.ndarray:
+        return np.ascontiguousarray(optics.render(presses, next(frames))[:, 80:560])
+
+    flow.set_reference(np.mean([seen() for _ in range(8)], axis=0).round().astype(np.uint8))
+    for x_mm, y_mm in ((0.0, 0.0), (4.0, -3.0), (-5.5, 5.0)):
+        told = force.predict(encoding.encode(flow.displacement(seen(Press(x_mm, y_mm, 0.8)))))
+        assert told.total_n == pytest.approx(table.force_at(0.8), rel=0.25)
+        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.6
+    assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+
+
+def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_regions_expect_them() -> None:
+    gel = gel_of(DOMED)
+    optics = Optics(gel, solve(dataclasses.replace(gel, mechanics='linear')))
+    flat = gel_of(dataclasses.replace(DOMED, gel=dataclasses.replace(DOMED.gel, dome_radius_mm=0.0)))
+    before = Optics(flat, solve(dataclasses.replace(flat, mechanics='linear'))).markers_mm
+    away = np.hypot(*before[:, :2].T)
+    assert optics.markers_mm[:, 2] - before[:, 2] == pytest.approx(np.sqrt(40.0**2 - away**2) - 40.0, abs=1e-5)
+    places, depth_mm = optics.markers_mm[:50, :2].astype(float), -before[:50, 2]
+    regions = Regions(DOMED, 8, 8)
+    expected = [
+        regions.below_seen_at(place[None], float(depth))[0] for place, depth in zip(places, depth_mm, strict=True)
+    ]
+    assert optics.project(())[:50] - [80, 0] == pytest.approx(np.array(expected), abs=0.01)
+
+
+def test_a_pressure_on_a_patch_is_the_response_to_that_patch() -> None:
+    """What presses fit by, and what forces are read by."""
+    regions = Regions(DOMED, 8, 8)
+    known, patches = np.flatnonzero(regions.usable), regions.patches
+    chosen = 5 * patches.shape[1] + 9
+    one = regions.terms_of_patches(known)[..., chosen]
+    spectrum = regions.layer.rectangle(*patches.size_mm)
+    other = regions.terms_of_pressure(patches.centres_mm[chosen][None], spectrum, known)[0]
+    assert other == pytest.approx(one, abs=2e-4 * float(np.abs(one).max()))

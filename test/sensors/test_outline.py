@@ -1,0 +1,70 @@
+"""Rims of gels: what they hold, and what is no rim."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensors import Outline, load_sensor
+from tactile_nodes.sensors.writing import text_of, values_of
+
+HEXAGON = '-6,-10 6,-10 12,0 6,10 -6,10 -12,0'
+
+
+def test_an_ellipse_holds_what_its_equation_holds() -> None:
+    """(6, 4) in half axes of 10 and 5: 0.36 + 0.64 = 1, the rim; a little further out it is beside."""
+    rim = Outline(20.0, 10.0, 'ellipse')
+    assert rim.holds(np.array([[5.99, 3.99], [6.01, 4.01], [9.9, 0.0], [9.9, 4.9]])).tolist() == [
+        True,
+        False,
+        True,
+        False,
+    ]
+
+
+def test_a_polygon_holds_what_lies_within_its_edges() -> None:
+    """On the height y = 5 the hexagon's right edge from (12, 0) to (6, 10) is at x = 9."""
+    rim = Outline(24.0, 20.0, HEXAGON)
+    assert rim.holds(np.array([[8.99, 5.0], [9.01, 5.0], [-8.99, -5.0], [-9.01, -5.0]])).tolist() == [True, False] * 2
+
+
+def test_a_polygon_with_a_bay_does_not_hold_the_bay() -> None:
+    rim = Outline(20.0, 20.0, '-10,-10 10,-10 10,10 3,10 3,2 -3,2 -3,10 -10,10')
+    assert rim.holds(np.array([[0.0, 5.0], [0.0, 1.0], [5.0, 5.0]])).tolist() == [False, True, True]
+
+
+def test_the_share_of_a_rectangle_that_is_its_ellipse_is_a_quarter_of_pi() -> None:
+    places = np.random.default_rng(1).uniform((-10.0, -5.0), (10.0, 5.0), (100_000, 2))
+    assert Outline(20.0, 10.0, 'ellipse').holds(places).mean() == pytest.approx(math.pi / 4, abs=0.005)
+    assert Outline(20.0, 10.0).holds(places).all()
+
+
+def test_the_largest_square_in_a_circle_has_its_corners_on_the_rim() -> None:
+    assert Outline(20.0, 20.0, 'ellipse').inner_mm == pytest.approx(10 / math.sqrt(2), rel=1e-3)
+    assert Outline(24.0, 20.0).inner_mm == 10.0
+
+
+@pytest.mark.parametrize(
+    ('outline', 'said'),
+    [
+        ("'0,0 5,5'", 'must be empty .a rectangle., ellipse, or three corners'),
+        ('round', 'must be empty'),
+        ("'-20,-5 5,-5 5,5'", 'goes beyond gel.width_mm by gel.height_mm, 32x32 mm'),
+        ("'1,1 5,1 5,5'", 'does not hold .0, 0.'),
+    ],
+)
+def test_what_is_no_rim_is_refused(tmp_path: Path, outline: str, said: str) -> None:
+    (tmp_path / 'mine.yaml').write_text(f'gel: {{outline_mm: {outline}}}\n')
+    with pytest.raises(ConfigurationError, match=said):
+        load_sensor(tmp_path / 'mine.yaml')
+
+
+def test_an_outline_is_read_as_it_was_written_and_the_card_of_a_rectangle_says_nothing_of_it(tmp_path: Path) -> None:
+    (tmp_path / 'mine.yaml').write_text(f"gel: {{outline_mm: '{HEXAGON}'}}\n")
+    sensor = load_sensor(tmp_path / 'mine.yaml')
+    (tmp_path / 'again.yaml').write_text(text_of(sensor, {}))
+    assert load_sensor(tmp_path / 'again.yaml') == sensor
+    assert values_of(sensor)['gel.outline_mm'] == HEXAGON
+    assert 'gel.outline_mm' not in values_of(load_sensor('simulated'))
