@@ -7,8 +7,10 @@ import signal
 import socket
 import sys
 import tempfile
-from collections.abc import Generator, Iterator
+import threading
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import jaxtyping
@@ -16,6 +18,9 @@ import pytest
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 from pauses import Pauses
+
+if TYPE_CHECKING:
+    from tactile_nodes.bus.node.node import Node
 
 PAUSES = Pauses()
 
@@ -110,6 +115,24 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip('the recordings of other people are not beside this checkout')
     return folder
+
+
+@pytest.fixture
+def spinning() -> Iterator[Callable[[Node], Node]]:
+    """Have nodes spin, each in a thread of its own. Ask for it after their bus, so that they end first."""
+    running: list[tuple[Node, threading.Thread]] = []
+
+    def start(node: Node) -> Node:
+        thread = threading.Thread(target=node.spin)
+        thread.start()
+        running.append((node, thread))
+        return node
+
+    yield start
+    for node, thread in running:
+        node.stop()
+        thread.join(5.0)
+        node.close()
 
 
 @pytest.fixture(scope='session')

@@ -27,7 +27,7 @@ from tactile_nodes.messages import services, types
 NUMBER = 'std_msgs/msg/Int64'
 IMAGE = 'sensor_msgs/msg/Image'
 QUEUE = Qos('queue', 1000)
-DEADLINE_S = 8.0
+DEADLINE_S = 30.0  # of hangs only: a busy machine may take long
 
 _CONTEXT = multiprocessing.get_context('forkserver')
 _CONTEXT.set_forkserver_preload(['agents', 'tactile_nodes.bus.zeromq.host_bus'])

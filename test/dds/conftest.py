@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -13,6 +12,7 @@ from older_side import LIBRARY
 
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.nodes.dds_bridge import DdsBridgeNode
 
 
@@ -78,20 +78,11 @@ def bus() -> Iterator[InProcessBus]:
 
 
 @pytest.fixture
-def bridge(cyclone: None, domain: int, bus: InProcessBus) -> Iterator[Callable[..., DdsBridgeNode]]:
+def bridge(cyclone: None, domain: int, bus: InProcessBus, spinning: Callable[[Node], Node]) -> Callable[..., Node]:
     """Start a bridge in a thread: ``bridge('take:=[/wrench]')``."""
-    running: list[tuple[DdsBridgeNode, threading.Thread]] = []
 
-    def start(*parameters: str) -> DdsBridgeNode:
+    def start(*parameters: str) -> Node:
         words = [word for each in parameters for word in ('-p', each)]
-        node = DdsBridgeNode(bus, parse_arguments(['--ros-args', *words]))
-        thread = threading.Thread(target=node.spin)
-        thread.start()
-        running.append((node, thread))
-        return node
+        return spinning(DdsBridgeNode(bus, parse_arguments(['--ros-args', *words])))
 
-    yield start
-    for node, thread in running:
-        node.stop()
-        thread.join()
-        node.close()
+    return start

@@ -9,7 +9,6 @@ import socket
 import struct
 import subprocess
 import sys
-import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -23,6 +22,7 @@ from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.errors import AddressInUseError, BusError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode
@@ -40,23 +40,16 @@ def bus() -> Iterator[InProcessBus]:
 
 
 @pytest.fixture
-def bridge(bus: InProcessBus) -> Iterator[Start]:
+def bridge(bus: InProcessBus, spinning: Callable[[Node], Node]) -> Start:
     """Start a bridge in a thread."""
-    running: list[tuple[FoxgloveBridgeNode, threading.Thread]] = []
 
     def start(*parameters: str) -> FoxgloveBridgeNode:
         words = [word for each in ('port:=0', *parameters) for word in ('-p', each)]
         node = FoxgloveBridgeNode(bus, parse_arguments(['--ros-args', *words]))
-        thread = threading.Thread(target=node.spin)
-        thread.start()
-        running.append((node, thread))
+        spinning(node)
         return node
 
-    yield start
-    for node, thread in running:
-        node.stop()
-        thread.join()
-        node.close()
+    return start
 
 
 class Viewer:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,24 +33,6 @@ class Sensor(Node):
         self.wrench = self.create_publisher(topics.WRENCH)
         self.create_trigger('~/tare', lambda: 'tared')
         self.create_timer(0.02, lambda: self.wrench.publish(types.WrenchStamped(header=types.Header(frame_id='gel'))))
-
-
-@pytest.fixture
-def spinning() -> Iterator[Callable[[Node], Node]]:
-    """Have a node spin in a thread of its own."""
-    running: list[tuple[Node, threading.Thread]] = []
-
-    def start(node: Node) -> Node:
-        thread = threading.Thread(target=node.spin)
-        thread.start()
-        running.append((node, thread))
-        return node
-
-    yield start
-    for node, thread in running:
-        node.stop()
-        thread.join(5.0)
-        node.close()
 
 
 @pytest.fixture

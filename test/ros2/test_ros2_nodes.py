@@ -5,8 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,22 +54,13 @@ class Sensor(Node):
 
 
 @pytest.fixture
-def start(join: Join) -> Iterator[Start]:
+def start(join: Join, spinning: Callable[[Node], Node]) -> Start:
     """Start a node in a participant and a thread of its own: ``start('-r', '__ns:=/skin')``."""
-    running: list[tuple[Node, threading.Thread]] = []
 
     def make(*arguments: str) -> Node:
-        node = Sensor(join(), parse_arguments(['--ros-args', *arguments]))
-        thread = threading.Thread(target=node.spin)
-        thread.start()
-        running.append((node, thread))
-        return node
+        return spinning(Sensor(join(), parse_arguments(['--ros-args', *arguments])))
 
-    yield make
-    for node, thread in running:
-        node.stop()
-        thread.join(5.0)
-        node.close()
+    return make
 
 
 def _client(bus: Any, node: str, until: Until) -> ParameterClient:

@@ -99,29 +99,20 @@ def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
     assert any('N/s' in record.reason for record in run.told)
 
 
-def test_silent_sensor_stops_the_tip_and_the_run_goes_on_when_it_speaks_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('fault', 'reason'),
+    [('silent_sensor', 'has been silent'), ('silent_camera', 'the camera has sent no image')],
+)
+def test_silence_stops_the_tip_and_the_run_goes_on_when_it_is_over(tmp_path: Path, fault: str, reason: str) -> None:
     run = Run(tmp_path)
 
     def fall_silent() -> None:
-        run.rig.silent_sensor = True
-        run.after(5.0, lambda: setattr(run.rig, 'silent_sensor', False))
+        setattr(run.rig, fault, True)
+        run.after(5.0, lambda: setattr(run.rig, fault, False))
 
     run.at(3, run.in_the_gel(fall_silent))
     run.campaign.run()
-    assert 'has been silent' in run.told[3].reason
-    assert sorted(run.recorded) == ALL
-
-
-def test_silent_camera_stops_the_tip_and_the_run_goes_on_when_it_sees_again(tmp_path: Path) -> None:
-    run = Run(tmp_path)
-
-    def go_blind() -> None:
-        run.rig.silent_camera = True
-        run.after(5.0, lambda: setattr(run.rig, 'silent_camera', False))
-
-    run.at(3, run.in_the_gel(go_blind))
-    run.campaign.run()
-    assert 'the camera has sent no image' in run.told[3].reason
+    assert reason in run.told[3].reason
     assert sorted(run.recorded) == ALL
 
 

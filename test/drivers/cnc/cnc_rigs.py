@@ -41,6 +41,35 @@ def coarse_table() -> ContactTable:
     return solve(Gel(), steps=4)
 
 
+Script = list[tuple[bytes, bytes]]
+"""What must be sent, and what is answered."""
+
+
+class Scripted:
+    """A port that expects every byte of a transcript, and answers with the other side's."""
+
+    name = 'the port'
+
+    def __init__(self, clock: JumpingClock, script: Script, first: bytes) -> None:
+        self._clock = clock
+        self.left = list(script)
+        self._answer = first
+
+    def write(self, data: bytes) -> None:
+        expected, answer = self.left.pop(0)
+        assert data == expected
+        self._answer += answer
+
+    def read(self, timeout_s: float) -> bytes:
+        answer, self._answer = self._answer, b''
+        if not answer:
+            self._clock.sleep_until(self._clock.now_ns() + round(timeout_s * 1e9))
+        return answer
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
 @dataclass
 class Rig:
     """A machine, not connected, and all that can be known about it from outside."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cnc_rigs import START_NS, JumpingClock, Rig, direct_rig, pty_rig, settings_of
+from cnc_rigs import START_NS, JumpingClock, Rig, Script, Scripted, direct_rig, pty_rig, settings_of
 
 from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
@@ -40,33 +40,6 @@ CONNECT = [
     (b'$$\n', SETTINGS),
 ]
 HOME = [(b'$H\n', b'ok\r\n'), PREAMBLE, (b'?', IDLE)]
-
-Script = list[tuple[bytes, bytes]]
-
-
-class Scripted:
-    """A port that expects every byte of a transcript, and answers with the other side's."""
-
-    name = 'the port'
-
-    def __init__(self, clock: JumpingClock, script: Script, first: bytes = BANNER + UNLOCK) -> None:
-        self._clock = clock
-        self.left = list(script)
-        self._answer = first
-
-    def write(self, data: bytes) -> None:
-        expected, answer = self.left.pop(0)
-        assert data == expected
-        self._answer += answer
-
-    def read(self, timeout_s: float) -> bytes:
-        answer, self._answer = self._answer, b''
-        if not answer:
-            self._clock.sleep_until(self._clock.now_ns() + round(timeout_s * 1e9))
-        return answer
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 def play(script: Script, act: Callable[[GrblCnc], object], first: bytes = BANNER + UNLOCK, **settings: Any) -> GrblCnc:

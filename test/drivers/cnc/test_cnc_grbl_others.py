@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from test_cnc_grbl import BANNER, CONNECT, HOME, IDENTITY, IDLE, PREAMBLE, SETTINGS, UNLOCK, Script, nothing, play
+from cnc_rigs import Script
+from test_cnc_grbl import BANNER, CONNECT, HOME, IDENTITY, IDLE, PREAMBLE, SETTINGS, UNLOCK, nothing, play
 
 from tactile_nodes.drivers.cnc.contract import CncState
 from tactile_nodes.drivers.cnc.grbl import GrblCnc

@@ -6,7 +6,7 @@ import contextlib
 from typing import Any
 
 import pytest
-from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, direct_rig, settings_of
+from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, Script, Scripted, direct_rig, settings_of
 
 from tactile_nodes.drivers.cnc.contract import CncState
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
@@ -23,34 +23,9 @@ CONNECT = [
 ]
 
 
-class Scripted:
-    """A port that expects every byte of a transcript, and answers with the other side's."""
-
-    name = 'the port'
-
-    def __init__(self, clock: JumpingClock, script: list[tuple[bytes, bytes]]) -> None:
-        self._clock = clock
-        self.left = list(script)
-        self._answer = BOOT
-
-    def write(self, data: bytes) -> None:
-        expected, answer = self.left.pop(0)
-        assert data == expected
-        self._answer += answer
-
-    def read(self, timeout_s: float) -> bytes:
-        answer, self._answer = self._answer, b''
-        if not answer:
-            self._clock.sleep_until(self._clock.now_ns() + round(timeout_s * 1e9))
-        return answer
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
-def scripted(script: list[tuple[bytes, bytes]]) -> tuple[MarlinCnc, Scripted]:
+def scripted(script: Script) -> tuple[MarlinCnc, Scripted]:
     clock = JumpingClock(START_NS)
-    port = Scripted(clock, script)
+    port = Scripted(clock, script, BOOT)
     cnc = MarlinCnc(settings_of('marlin', report_hz=1.0), clock, lambda: port, threaded=False)
     cnc.connect()
     return cnc, port

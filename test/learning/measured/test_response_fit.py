@@ -161,18 +161,12 @@ def test_a_unit_of_a_feature_is_its_noise_at_rest() -> None:
     np.testing.assert_allclose(scaling.mean, 0.0, atol=NOISE_PX * 5 / np.sqrt(1000))
 
 
-def test_too_few_untouched_frames_are_refused() -> None:
+@pytest.mark.parametrize('still', [0.1, 0.95])
+def test_too_few_untouched_frames_or_presses_are_refused(still: float) -> None:
     with pytest.raises(
         DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'
     ):
-        learned(presses(100, seed=1, still=0.1))
-
-
-def test_too_few_presses_are_refused() -> None:
-    with pytest.raises(
-        DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'
-    ):
-        learned(presses(100, seed=1, still=0.95))
+        learned(presses(100, seed=1, still=still))
 
 
 def test_presses_at_one_place_are_refused() -> None:
