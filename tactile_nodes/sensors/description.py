@@ -14,7 +14,7 @@ from jaxtyping import Bool
 
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
-from tactile_nodes.sensors.dome import STEEPEST, Dome
+from tactile_nodes.sensors.dome import Dome
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
@@ -153,14 +153,10 @@ class GelDescription:
         self._require_shallow()
 
     def _require_shallow(self) -> None:
-        """Refuse a dome that is steep, or thin at its rim. Raises ValueError."""
-        far_mm, radius_mm = float(np.hypot(*self.outline.corners_mm.T).max()), self.dome_radius_mm
-        if radius_mm and far_mm > STEEPEST * radius_mm:
-            raise ValueError(
-                f'gel.dome_radius_mm is {radius_mm:g}, and the rim is {far_mm:g} mm from the middle: a shallow dome '
-                f'has a radius of {far_mm / STEEPEST:.3g} mm or more'
-            )
-        if self.sag_mm > min(self.layers_mm[-1], self.depth_mm - self.markers_mm[1]) - LEAST_BELOW_MM and radius_mm:
+        """Refuse a dome that is steep, or that is thin at its rim. Raises ValueError."""
+        self.dome.require_shallow(self.outline.farthest_mm)
+        left_mm = min(self.layers_mm[-1], self.depth_mm - self.markers_mm[1])
+        if self.dome_radius_mm and self.sag_mm > left_mm - LEAST_BELOW_MM:
             raise ValueError(
                 f'gel.dome_radius_mm has the surface {self.sag_mm:.2f} mm lower at its rim than in the middle, where '
                 f'gel.markers_mm and the lowest of gel.layers_mm leave less than that and {LEAST_BELOW_MM} mm'

@@ -17,6 +17,14 @@ class Dome:
 
     radius_mm: float
 
+    def require_shallow(self, far_mm: float) -> None:
+        """Refuse a dome that is steep at its rim, which is so far from the middle. Raises ValueError."""
+        if self.radius_mm and not far_mm <= STEEPEST * self.radius_mm:
+            raise ValueError(
+                f'gel.dome_radius_mm is {self.radius_mm:g}, and the rim is {far_mm:g} mm from the middle: a shallow '
+                f'dome has a radius of {far_mm / STEEPEST:.3g} mm or more; 0 is flat'
+            )
+
     def height_mm(self, places_mm: Float[np.ndarray, '*shape 2']) -> Float[np.ndarray, '*shape']:
         """z of the surface at places (x, y): 0 in the middle, -0.404 mm 4.9 mm beside that on a radius of 30 mm."""
         squared = np.square(places_mm).sum(axis=-1)

@@ -15,6 +15,8 @@ ELLIPSE = 'ellipse'
 ROUND_CORNERS = 180
 """An ellipse is drawn with so many: a circle's rim is then off by a seven-thousandth of its radius."""
 
+MOST_CORNERS = 500
+
 _SQUARE = (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)
 
 
@@ -43,6 +45,8 @@ class Outline:
                 f'gel.outline_mm is {self.told[:60]!r}, and must be empty (a rectangle), {ELLIPSE}, or three corners '
                 "or more, as '-9,-6 9,-6 9,6 -9,6'"
             ) from error
+        if len(corners) > MOST_CORNERS:
+            raise ValueError(f'gel.outline_mm has {len(corners)} corners, and {MOST_CORNERS} are read at most')
         if (np.abs(corners) > self._half_mm + 1e-6).any():
             raise ValueError(
                 f'gel.outline_mm goes beyond gel.width_mm by gel.height_mm, {self.width_mm:g}x{self.height_mm:g} mm '
@@ -68,6 +72,11 @@ class Outline:
         first, share = self.corners_mm[:, None], np.linspace(0, 1, steps, endpoint=False)[:, None]
         rim: np.ndarray = first + share * (np.roll(self.corners_mm, -1, axis=0)[:, None] - first)
         return rim.reshape(-1, 2)
+
+    @property
+    def farthest_mm(self) -> float:
+        """How far the rim is from the middle, at most."""
+        return float(np.hypot(*self.corners_mm.T).max())
 
     @property
     def inner_mm(self) -> float:

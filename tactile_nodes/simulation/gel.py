@@ -22,6 +22,8 @@ LATER = (
     'markers_thickness_mm', 'outline', 'dome_radius_mm',
 )  # fmt: skip
 """Properties that gels did not have at first: one that has them as they were then keeps its id."""
+UNSAID = 'outline', 'dome_radius_mm'
+"""Those that cards do not name of a flat rectangle, so that they are as they were before."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,10 @@ class Gel:
                 raise ConfigurationError(
                     f'a gel has {name!r} {getattr(self, name)!r}, but it must be one of: {", ".join(choices)}'
                 )
+        try:
+            self.dome.require_shallow(self.rim.farthest_mm)
+        except ValueError as error:
+            raise ConfigurationError(f'a gel cannot be simulated: {error}') from error
 
     @property
     def rim(self) -> Outline:
@@ -128,10 +134,18 @@ class Gel:
     @property
     def gel_id(self) -> str:
         """Twelve hexadecimal digits that change with any property of the gel."""
-        first = {each.name: each.default for each in fields(self) if each.name in LATER}
-        told = {name: value for name, value in asdict(self).items() if name not in first or value != first[name]}
-        text = json.dumps(told, sort_keys=True)
+        text = json.dumps(self._told(LATER), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def card(self) -> dict[str, object]:
+        """What data sets and models say of it."""
+        return {'id': self.gel_id, **self._told(UNSAID)}
+
+    def _told(self, unless_set: tuple[str, ...]) -> dict[str, object]:
+        """All properties, but for those that are as they are by default."""
+        first = {each.name: each.default for each in fields(self) if each.name in unless_set}
+        return {name: value for name, value in asdict(self).items() if name not in first or value != first[name]}
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, object], source: str = 'gel') -> Gel:

@@ -224,3 +224,11 @@ def test_a_place_that_nobody_knows_is_not_a_number() -> None:
     answer = read_answer('50 ?', (3.0, -2.0))
     assert isinstance(answer, tuple)
     assert answer[0] == 50.0 and all(map(math.isnan, answer[1]))
+
+
+def test_presses_stay_within_the_rim_of_a_round_gel() -> None:
+    """Within 0.8 of its radius of 10 mm, and up to half a millimetre of that."""
+    places = Wish(5, (0.2,), Outline(20.0, 20.0, 'ellipse')).places
+    away = np.hypot(*places.T)
+    assert 7.5 < away.max() <= 8.0 + 1e-6
+    assert places[0].tolist() == [0.0, 0.0]

@@ -36,3 +36,22 @@ def test_properties_that_came_later_leave_the_id_of_older_gels_alone():
 def test_a_choice_that_does_not_exist_is_refused(mapping: dict[str, object]):
     with pytest.raises(ConfigurationError, match=next(iter(mapping))):
         Gel.from_mapping(mapping)
+
+
+def test_cards_of_a_flat_rectangle_name_no_rim_and_no_dome() -> None:
+    assert not {'outline', 'dome_radius_mm'} & Gel().card.keys()
+    assert Gel(outline='ellipse').card['outline'] == 'ellipse'
+    assert Gel(outline='ellipse').gel_id != Gel().gel_id != Gel(dome_radius_mm=70.0).gel_id
+
+
+@pytest.mark.parametrize(
+    ('properties', 'said'),
+    [
+        ({'outline': 'round'}, 'must be empty .a rectangle., ellipse, or three corners'),
+        ({'dome_radius_mm': 20.0}, 'a shallow dome has a radius of 64.6 mm or more'),
+        ({'dome_radius_mm': -20.0}, 'a shallow dome has a radius of 64.6 mm or more'),
+    ],
+)
+def test_a_gel_of_no_shape_is_refused(properties: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        Gel.from_mapping(properties)

@@ -129,19 +129,20 @@ def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
 
 
 def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
-    """A scaling that knows no region which the sensor's mask covers.
+    """A scaling that knows no region which the sensor's mask covers, or which looks beyond the rim of a shaped gel.
 
     Raises:
         ConfigurationError: hardly any is left.
     """
-    covered = regions_of(sensor, scaling).covered.reshape(scaling.trusted.shape)
+    regions, shaped = regions_of(sensor, scaling), sensor.gel.outline_mm or sensor.gel.dome_radius_mm
+    covered = (~regions.usable if shaped else regions.covered).reshape(scaling.trusted.shape)
     if not covered.any():
         return scaling
     trusted = np.where(covered, np.float32(0), scaling.trusted)
     if (trusted > 0).mean() < LEAST_SEEN:
         raise ConfigurationError(
-            f'the mask of {sensor.name} leaves {(trusted > 0).sum()} of {trusted.size} regions of its picture, too few '
-            'to read a force by; cover less'
+            f'mask and rim of {sensor.name} leave {(trusted > 0).sum()} of {trusted.size} regions of its picture, too '
+            'few to read a force by; cover less'
         )
     return replace(scaling, trusted=trusted)
 

@@ -221,7 +221,7 @@ def gel_told(text: str) -> dict[str, Any]:
         return {'id': text}
     written = {name.removeprefix('gel.'): located.value for name, located in load_mapping(text).items()}
     gel = Gel.from_mapping(written, text)
-    return {'id': gel.gel_id, **asdict(gel)}
+    return gel.card
 
 
 def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,7 @@ def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
         chosen = np.sort(np.concatenate([split.train, split.validation]))
         dataset, held_out = dataset.take(chosen), np.isin(chosen, split.validation)
         origin |= _split_entries(config, split)
-    return TrainingData(config, dataset, held_out, {'id': config.gel.gel_id, **asdict(config.gel)}, origin)
+    return TrainingData(config, dataset, held_out, config.gel.card, origin)
 
 
 def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Split:

@@ -26,6 +26,7 @@ from tactile_nodes.sensors import (
     ImageSettings,
     PatternDescription,
     Sensor,
+    load_sensor,
 )
 from tactile_nodes.sensors.writing import text_of
 from tactile_nodes.simulation.described import gel_of
@@ -39,6 +40,9 @@ ROUND = Sensor(
     PatternDescription('spheres', 8000, (0.1, 0.15)), BinSettings(7, 7),
 )  # fmt: skip
 """A disc of 22 mm, all of it in a picture of 480x480 px, 20 px a millimetre."""
+
+
+OCTAGON = '-6,-16 6,-16 16,-6 16,6 6,16 -6,16 -16,6 -16,-6'
 
 
 @pytest.fixture(scope='module')
@@ -106,3 +110,18 @@ def test_the_figure_of_a_check_draws_the_rim_where_the_picture_has_it() -> None:
     away = np.hypot(*(outline_px(usual_regions(ROUND)) - 239.5).T)
     assert away.max() == pytest.approx(225.64, abs=0.01)
     assert away.min() == pytest.approx(225.64, abs=0.05)
+
+
+def test_a_round_gel_under_the_papers_camera_is_seen_within_its_rim_alone(tmp_path: Path) -> None:
+    """Such a model takes the regions of the source as known: not those in the corners, whose rays miss an octagon."""
+    paper = load_sensor('simulated')
+    disc = dataclasses.replace(paper.gel, outline_mm=OCTAGON)
+    file = tmp_path / 'octagon.safetensors'
+    described_model(load_model(find_model('field')), dataclasses.replace(paper, gel=disc), '', file, Progress())
+    readout = load_model(file).model.readout
+    assert isinstance(readout, FieldReadout)
+    trusted = readout.scaling.trusted > 0
+    assert not trusted[3, 3]
+    assert not trusted[-4, 4]
+    assert trusted[10, 3]
+    assert trusted[3, 10]
