@@ -29,7 +29,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
 from tactile_nodes.sensing.picture.quality import require_picture
-from tactile_nodes.sensors import load_sensor
+from tactile_nodes.sensors import Mounting, load_sensor
 
 READ_TIMEOUT_S = 0.25
 HEALTH_PERIOD_S = 0.5
@@ -51,7 +51,9 @@ class CameraParams(CameraSettings, NodeParams):
         0.0, 'try so long to open a source that is not there yet or answers nothing', minimum=0.0, maximum=60.0
     )
     frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
-    surface_frame_id: str = parameter('gel_surface', 'frame of the true force of a simulated camera')
+    surface_frame_id: str = parameter(
+        '', 'frame of the true force of a simulated camera; empty: as `sensor` describes it, or gel_surface'
+    )
     light: LightSettings = field(default_factory=LightSettings)
 
 
@@ -136,7 +138,7 @@ class CameraNode(Node):
         self._info.publish(conversions.camera_info(head, width, height, crop, self._sensor))
         if self._truth is not None and isinstance(self._camera, KnowsTruth):
             fields = conversions.truth_fields(self._camera.truth(frame.stamp_ns), self._camera.bins)
-            surface = conversions.header(frame.stamp_ns, self.params.surface_frame_id)
+            surface = conversions.header(frame.stamp_ns, self._surface_frame())
             self._truth.publish(types.ForceDistribution(header=surface, **fields))
         if self._frames % 60 == 1:
             self._report_picture(picture, crop)
@@ -149,6 +151,10 @@ class CameraNode(Node):
             return Crop.centred(width, height, *self._sensor.image.crop_px)
         side = largest_side(width, height, self.params.crop)
         return Crop.centred(width, height, side, side)
+
+    def _surface_frame(self) -> str:
+        described = self._sensor.frame if self._sensor else Mounting()
+        return str(self.params.surface_frame_id or described.id)
 
     def _tell_edges(self, edge: Publisher, frame: Frame) -> None:
         first = self._light.edges + 1

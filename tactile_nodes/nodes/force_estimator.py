@@ -25,6 +25,7 @@ from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.estimating import Estimating, Ready
 from tactile_nodes.pipeline.force_status import calibration_reasons
 from tactile_nodes.pipeline.loop_choice import choose
+from tactile_nodes.sensors import mounting_of
 
 _PREVIOUS = ''
 
@@ -34,7 +35,8 @@ class ForceEstimatorParams(NodeParams):
     """Parameters of the force estimator node."""
 
     model: str = parameter('fast', 'name of a model that ships, or path of a model file')
-    frame_id: str = parameter('gel_surface', 'frame of the forces')
+    sensor: str = parameter('', 'description of the sensor: what `frame` it says the forces have', read_only=True)
+    frame_id: str = parameter('', 'frame of the forces; empty: as described, or gel_surface')
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
@@ -57,6 +59,7 @@ class ForceEstimatorNode(Node):
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
         self._estimating = Estimating(self.params.model, compiled=compiled)
         self._misfit = ''
+        self._described = mounting_of(self.params.sensor)
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)
         self._calibrated_on = self.create_publisher(topics.CALIBRATION_IMAGE)
         self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
@@ -85,7 +88,8 @@ class ForceEstimatorNode(Node):
     def _on_features(self, received: Received) -> None:
         age_s = max(0.0, self.age_s(received))
         asked = self.params
-        force = self._estimating.answer(received.message, asked.frame_id, asked.least_confidence, age_s)
+        frame_id = asked.frame_id or self._described.id
+        force = self._estimating.answer(received.message, frame_id, asked.least_confidence, age_s)
         self._force.publish(force)
         if (misfit := self._estimating.misfit()) != self._misfit:
             self._misfit = misfit

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -19,6 +20,7 @@ from tactile_nodes.bus.protocol import Bus, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
+from tactile_nodes.sensors import mounting_of
 from tactile_nodes.viewing import force_shapes
 
 REPORT_PERIOD_S = 1.0
@@ -29,7 +31,10 @@ LOOK_PERIOD_S = 0.5
 class ForceViewsParams(NodeParams):
     """Parameters of the force views node."""
 
-    frame_id: str = parameter('gel_surface', 'frame of the forces, as the force estimator has it', read_only=True)
+    sensor: str = parameter(
+        '', 'description of the sensor, whose `frame` holds where the next four are not given', read_only=True
+    )
+    frame_id: str = parameter('', 'frame of the forces; empty: as described, or gel_surface', read_only=True)
     parent_frame_id: str = parameter(
         'tactile_sensor', 'parent frame of the surface on /tf_static; empty: not published', read_only=True
     )
@@ -99,13 +104,16 @@ class ForceViewsNode(Node):
         self.report('views', Level.OK, f'somebody listens to {wanted} of {len(made)}', **self._made)
 
     def _tell_transform(self) -> None:
-        told = self.params
-        if told.parent_frame_id:
-            self._transforms.publish(
-                force_shapes.surface_transform(
-                    told.parent_frame_id, told.frame_id, told.xyz_m, told.rpy_rad, self.clock.now_ns()
-                )
-            )
+        described = mounting_of(self.params.sensor)
+        parent = self._given_or('parent_frame_id', described.parent)
+        if parent:
+            child = self.params.frame_id or described.id
+            xyz_m, rpy_rad = self._given_or('xyz_m', described.xyz_m), self._given_or('rpy_rad', described.rpy_rad)
+            told = force_shapes.surface_transform(parent, child, xyz_m, rpy_rad, self.clock.now_ns())
+            self._transforms.publish(told)
+
+    def _given_or(self, name: str, described: Any) -> Any:
+        return described if (given := self.given(name)) is None else given
 
 
 def main() -> int:

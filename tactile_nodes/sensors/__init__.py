@@ -9,7 +9,8 @@ from tactile_nodes.sensors.description import (
     PatternDescription,
     Sensor,
 )
-from tactile_nodes.sensors.loading import load_sensor
+from tactile_nodes.sensors.loading import load_sensor, mounting_of
+from tactile_nodes.sensors.mounting import Mounting
 
 __all__ = [
     'BinSettings',
@@ -17,7 +18,9 @@ __all__ = [
     'GelDescription',
     'ImageSettings',
     'MaskSettings',
+    'Mounting',
     'PatternDescription',
     'Sensor',
     'load_sensor',
+    'mounting_of',
 ]

@@ -14,6 +14,7 @@ from jaxtyping import Bool
 
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
+from tactile_nodes.sensors.mounting import Mounting
 
 LEAST_CLEARANCE_MM = 0.5
 """Between the camera's pupil and the lowest marker."""
@@ -183,6 +184,7 @@ class Sensor:
     pattern: PatternDescription = field(default_factory=PatternDescription)
     bins: BinSettings = field(default_factory=BinSettings)
     mask: MaskSettings = field(default_factory=MaskSettings)
+    frame: Mounting = field(default_factory=Mounting)
 
     @property
     def covered(self) -> Bool[np.ndarray, 'h w']:

@@ -12,6 +12,7 @@ from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors.camera_file import read_camera_file
 from tactile_nodes.sensors.covering import MaskSettings, mask_of
 from tactile_nodes.sensors.description import Sensor
+from tactile_nodes.sensors.mounting import Mounting
 
 CALIBRATION, MASK = 'camera.calibration', 'mask.file'
 """Name files; what these say stands in the description instead."""
@@ -37,6 +38,15 @@ def load_sensor(name: Path | str) -> Sensor:
     if sensor.mask.polygons_px:
         raise ConfigurationError(f'{file}: it has mask.file and mask.polygons_px; remove one')
     return masked(sensor, mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height), str(file))
+
+
+def mounting_of(name: Path | str) -> Mounting:
+    """Where the surface of a described sensor is; no name: as where nobody described one.
+
+    Raises:
+        ConfigurationError: as `load_sensor`.
+    """
+    return load_sensor(name).frame if name else Mounting()
 
 
 def masked(sensor: Sensor, mask: MaskSettings, source: str) -> Sensor:

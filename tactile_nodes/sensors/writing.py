@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
-from tactile_nodes.params import to_values
+from tactile_nodes.params import Value, to_values
 from tactile_nodes.sensors.description import Sensor
 
 OF_OTHERS = {
@@ -17,6 +17,14 @@ HEAD = """\
 # What is known of this sensor: docs/sensors.md says what each entry means. Change what you know better, and look at it
 # with: tactile sensor check
 """
+
+
+MOUNTING = 'frame.'
+
+
+def values_of(sensor: Sensor) -> dict[str, Value]:
+    """The dotted names and values of what a model is made of: all but where the sensor is mounted."""
+    return {name: value for name, value in to_values(sensor).items() if not name.startswith(MOUNTING)}
 
 
 def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:

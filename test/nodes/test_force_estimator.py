@@ -187,3 +187,18 @@ def test_missing_model_names_those_that_ship(bus: InProcessBus, clock: SteppedCl
 def test_a_typo_in_its_own_block_is_an_error(bus: InProcessBus, clock: SteppedClock) -> None:
     with pytest.raises(ConfigurationError, match="unknown parameter 'modell'"):
         ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', 'force_estimator:modell:=x']), clock)
+
+
+def test_forces_have_the_frame_of_the_described_sensor_unless_a_parameter_names_one(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path, tmp_path: Path
+) -> None:
+    (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger}\n')
+    forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
+    tested = node(bus, clock, small_model, f'sensor:={tmp_path}/mine.yaml')
+    for given, expected in (('', 'left_finger'), ('skin', 'skin')):
+        tested._parameters.change({'frame_id': given})
+        source.publish(features())
+        run(tested)
+        received = forces.take()
+        assert received is not None
+        assert received.message.header.frame_id == expected

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,3 +139,33 @@ def test_diagnostics_say_what_was_made_of_which_view(
         '/force_map': '0', '/force_points': '0', '/contact': '2', '/contact_markers': '0',
         '/pressure_map': '0',
     }  # fmt: skip
+
+
+def test_a_described_sensor_says_where_it_is_mounted(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, tmp_path: Path
+) -> None:
+    # Pitched by 90 degrees: half of the angle is 45, so the quaternion is (0, sin 45, 0, cos 45).
+    mounting = 'id: left_finger, parent: gripper_link, position_mm: [0.0, 0.0, 12.0], rpy_deg: [0.0, 90.0, 0.0]'
+    (tmp_path / 'mine.yaml').write_text(f'frame: {{{mounting}}}\n')
+    tested, heard = node(bus, clock, f'sensor:={tmp_path}/mine.yaml'), listen(topics.TF_STATIC)
+    run(tested)
+    received = heard.take()
+    assert received is not None
+    (told,) = received.message.transforms
+    assert (told.header.frame_id, told.child_frame_id) == ('gripper_link', 'left_finger')
+    moved, turned = told.transform.translation, told.transform.rotation
+    assert (moved.x, moved.y, moved.z) == pytest.approx((0.0, 0.0, 0.012))
+    assert (turned.x, turned.y, turned.z, turned.w) == pytest.approx((0.0, 0.5**0.5, 0.0, 0.5**0.5))
+
+
+def test_a_parameter_overrides_what_is_described(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, tmp_path: Path
+) -> None:
+    (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger, parent: gripper_link}\n')
+    tested = node(bus, clock, f'sensor:={tmp_path}/mine.yaml', 'parent_frame_id:=tactile_sensor', 'frame_id:=skin')
+    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    run(tested)
+    received = heard.take()
+    assert received is not None
+    (told,) = received.message.transforms
+    assert (told.header.frame_id, told.child_frame_id) == ('tactile_sensor', 'skin')

@@ -19,13 +19,14 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.model_file import LoadedModel, crop_of_size, find_model, load_model, save_model
-from tactile_nodes.params import from_mapping, to_values
+from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
+from tactile_nodes.sensors.writing import values_of
 
 SENSOR = 'sensor'
 """What a card says of the sensor."""
@@ -70,7 +71,7 @@ class Pressed:
 
     def told(self, card: Mapping[str, Any]) -> dict[str, Any]:
         """A source's card with that."""
-        told = {**card, **({SENSOR: to_values(self.sensor)} if self.sensor else {})}
+        told = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
         if self.body:
             told.pop(BALL_MM, None)
             told[BODY] = self.body.card_name

@@ -124,8 +124,8 @@ class Inspection:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """All that was looked at, in the order in which it is to be mended."""
-        seen = self._size(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask(), self._rest()
-        return tuple(each for each in seen if each is not None)
+        told = self._size(), self._frame(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask()
+        return tuple(each for each in (*told, self._rest()) if each is not None)
 
     @property
     def usable(self) -> bool:
@@ -137,6 +137,9 @@ class Inspection:
         count = len(self.pictures)
         told = f'{count} picture{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
         return Finding('size', OK, told)
+
+    def _frame(self) -> Finding:
+        return Finding('frame', OK, f'{self.sensor.frame}')
 
     def _light(self) -> Finding:
         faults = [picture_faults(each) for each in self.pictures]

@@ -1,0 +1,75 @@
+"""Where the gel's surface is on a robot, and what its frame is called in messages."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.params import parameter
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """The surface frame in its parent frame. Roll, pitch and yaw turn about the parent's fixed axes, as in URDF.
+
+    Raises:
+        ValueError: a name that is none in ROS, a frame that is its own parent, or no three finite numbers.
+    """
+
+    id: str = parameter('gel_surface', 'what the surface frame is called in messages')
+    parent: str = parameter(
+        'tactile_sensor', 'frame that it is fixed to; empty: the transform is told elsewhere, by a URDF say'
+    )
+    position_mm: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "the surface's origin in the parent frame")
+    rpy_deg: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "roll, pitch and yaw about the parent's fixed axes x, y, z")
+
+    def __post_init__(self) -> None:
+        for name in ('position_mm', 'rpy_deg'):
+            given = getattr(self, name)
+            if len(given) != 3 or not all(map(math.isfinite, given)):
+                raise ValueError(f'frame.{name} must hold 3 finite numbers, got {list(given)}')
+        for name, told in (('id', self.id), ('parent', self.parent)):
+            if told.startswith('/') or any(map(str.isspace, told)):
+                raise ValueError(f'frame.{name} is {told!r}; names of frames have no spaces and no slash before them')
+        if not self.id or self.id == self.parent:
+            raise ValueError(f'frame.id is {self.id!r}, and must be a name other than that of frame.parent')
+
+    @property
+    def xyz_m(self) -> tuple[float, ...]:
+        """The position in m."""
+        return tuple(each / 1000 for each in self.position_mm)
+
+    @property
+    def rpy_rad(self) -> tuple[float, ...]:
+        """The turns in radians."""
+        return tuple(map(math.radians, self.rpy_deg))
+
+    @property
+    def parent_from_surface(self) -> Float[np.ndarray, '4 4']:
+        """Takes points (x, y, z, 1) [m] of the surface to the parent frame: Rz(yaw) Ry(pitch) Rx(roll), then a shift.
+
+        Mounted at (0, 0, 12) mm and turned by (0, 90, 0) degrees the surface's z axis is the parent's x axis, and
+        (0, 0, 0.001, 1) is at (0.001, 0, 0.012, 1).
+        """
+        (cr, sr), (cp, sp), (cy, sy) = ((math.cos(each), math.sin(each)) for each in self.rpy_rad)
+        made = np.eye(4)
+        made[:3, :3] = (
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (-sp, cp * sr, cp * cr),
+        )
+        made[:3, 3] = self.xyz_m
+        return made
+
+    def __str__(self) -> str:
+        """In a sentence, for people."""
+        place, turn = (', '.join(f'{each:g}' for each in given) for given in (self.position_mm, self.rpy_deg))
+        at = (
+            f'at ({place}) mm in {self.parent}, turned by ({turn}) degrees'
+            if self.parent
+            else 'mounted as told elsewhere'
+        )
+        return f'{self.id}, {at}'

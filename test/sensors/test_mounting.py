@@ -1,0 +1,54 @@
+"""Where a sensor is mounted: transforms by hand, and what is no mounting."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensors import Mounting, load_sensor
+from tactile_nodes.sensors.writing import text_of, values_of
+
+
+def test_a_point_of_the_surface_is_where_the_mounting_takes_it() -> None:
+    # Rolled by 90 degrees, y becomes z and z becomes -y; yawed by 90 after that, x becomes y and y becomes -x. So
+    # (1, 2, 3) mm goes to (1, -3, 2), then to (3, 1, 2), and with the position to (13, -19, 32) mm.
+    mounted = Mounting(position_mm=(10.0, -20.0, 30.0), rpy_deg=(90.0, 0.0, 90.0))
+    found = mounted.parent_from_surface @ (0.001, 0.002, 0.003, 1.0)
+    assert found == pytest.approx((0.013, -0.019, 0.032, 1.0))
+
+
+def test_a_pitch_of_a_right_angle_turns_the_outward_axis_forwards() -> None:
+    mounted = Mounting(position_mm=(0.0, 0.0, 12.0), rpy_deg=(0.0, 90.0, 0.0))
+    assert mounted.parent_from_surface @ (0.0, 0.0, 0.001, 1.0) == pytest.approx((0.001, 0.0, 0.012, 1.0))
+
+
+def test_every_mounting_is_a_rigid_motion() -> None:
+    turned = Mounting(rpy_deg=(20.0, -35.0, 110.0)).parent_from_surface[:3, :3]
+    assert turned @ turned.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(turned) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ('frame', 'said'),
+    [
+        ('{position_mm: [1.0, 2.0]}', 'frame.position_mm must hold 3 finite numbers'),
+        ('{rpy_deg: [0.0, .inf, 0.0]}', 'frame.rpy_deg must hold 3 finite numbers'),
+        ('{id: left finger}', 'names of frames have no spaces'),
+        ('{parent: /hand}', 'no slash before them'),
+        ("{id: ''}", 'must be a name other than'),
+        ('{id: hand, parent: hand}', 'must be a name other than'),
+    ],
+)
+def test_what_is_no_mounting_is_refused(tmp_path: Path, frame: str, said: str) -> None:
+    (tmp_path / 'mine.yaml').write_text(f'frame: {frame}\n')
+    with pytest.raises(ConfigurationError, match=said):
+        load_sensor(tmp_path / 'mine.yaml')
+
+
+def test_a_mounting_is_read_as_it_was_written_and_is_no_part_of_a_model(tmp_path: Path) -> None:
+    (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger, parent: gripper_link, position_mm: [0, 0, 12]}\n')
+    sensor = load_sensor(tmp_path / 'mine.yaml')
+    (tmp_path / 'again.yaml').write_text(text_of(sensor, {}))
+    assert load_sensor(tmp_path / 'again.yaml').frame == Mounting('left_finger', 'gripper_link', (0.0, 0.0, 12.0))
+    assert not any(name.startswith('frame') for name in values_of(sensor))
