@@ -9,6 +9,7 @@ from tactile_nodes.sensors.description import (
     PatternDescription,
     Sensor,
 )
+from tactile_nodes.sensors.hand import Hand, HandSensor, load_hand
 from tactile_nodes.sensors.loading import load_sensor, mounting_of
 from tactile_nodes.sensors.mounting import Mounting
 
@@ -16,11 +17,14 @@ __all__ = [
     'BinSettings',
     'CameraDescription',
     'GelDescription',
+    'Hand',
+    'HandSensor',
     'ImageSettings',
     'MaskSettings',
     'Mounting',
     'PatternDescription',
     'Sensor',
+    'load_hand',
     'load_sensor',
     'mounting_of',
 ]
