@@ -11,25 +11,24 @@ from tactile_nodes.launching.processes.output import Line, Screen
 from tactile_nodes.launching.service import LaunchService
 
 FIRST_DELAY_S, LONGEST_DELAY_S = 1.0, 15.0
-
-Tell = Callable[[str], None]
-"""Hears why a launch ended, or nothing when it starts; called from the launch's thread."""
+SETTLED_S = 75.0
+"""A launch that lasts longer is taken to work: it may wait a minute for its camera."""
 
 
 class LaunchedAgain:
-    """One launch after the other, in a thread. The pause between two doubles, from 1 s to 15 s, until one lasts longer.
+    """One launch after the other, in a thread. The pause between two doubles, from 1 s to 15 s, until one settles.
 
     Args:
-        make: a new service, whose screen is the one it is handed.
-        tell: told of each start and end.
+        make: a new service, whose screen is the one it is handed; the number says how many were before it.
         screen: what the launches say.
     """
 
-    def __init__(self, make: Callable[[Screen], LaunchService], tell: Tell, screen: Screen) -> None:
+    def __init__(self, make: Callable[[Screen, int], LaunchService], screen: Screen) -> None:
         self._make = make
-        self._tell = tell
         self._screen = screen
-        self._complaint = ''
+        self._number = 0
+        self._began_s: float | None = None
+        self._cause = self._complaint = ''
         self._delay_s = FIRST_DELAY_S
         self._stopped = threading.Event()
         self._service: LaunchService | None = None
@@ -38,6 +37,13 @@ class LaunchedAgain:
 
     def start(self) -> None:
         self._thread.start()
+
+    @property
+    def trouble(self) -> str:
+        """Why it does not run, or why the launch before it ended; empty when it has settled, or is the first."""
+        if not self._cause or self._lasts_s > SETTLED_S:
+            return ''
+        return self._cause if self._began_s is None else f'started again, and not settled yet; before: {self._cause}'
 
     def stop(self) -> None:
         """End the launch, and start no other; from any thread, returns at once."""
@@ -50,27 +56,30 @@ class LaunchedAgain:
         """Wait until all has ended."""
         self._thread.join(within_s)
 
+    @property
+    def _lasts_s(self) -> float:
+        return 0.0 if self._began_s is None else monotonic_s() - self._began_s
+
     def _run(self) -> None:
         while not self._stopped.is_set():
-            began_s = monotonic_s()
+            self._began_s = monotonic_s()
             try:
                 self._launch()
             except TactileError as error:
                 self._complaint = str(error)
-            delay_s = FIRST_DELAY_S if monotonic_s() - began_s > LONGEST_DELAY_S else self._delay_s
+            delay_s = FIRST_DELAY_S if self._lasts_s > SETTLED_S else self._delay_s
+            self._cause, self._began_s = self._complaint or 'it ended', None
             self._delay_s = min(2 * delay_s, LONGEST_DELAY_S)
-            if not self._stopped.is_set():
-                self._tell(f'{self._complaint or "it ended"}; started again in {delay_s:.0f} s')
+            self._number += 1
             self._stopped.wait(delay_s)
 
     def _launch(self) -> None:
         self._complaint = ''
-        service = self._make(self._heard)
+        service = self._make(self._heard, self._number)
         with self._lock:
             if self._stopped.is_set():
                 return
             self._service = service
-        self._tell('')
         service.run()
 
     def _heard(self, line: Line) -> None:

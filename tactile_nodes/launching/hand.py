@@ -10,10 +10,11 @@ from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors import Hand, HandSensor
 
 
-def parameter_text(sensor: HandSensor, hand: Hand) -> str:
+def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
     """A parameter file (JSON is YAML) with what the sensor's own says, the rate, and the names of its frames.
 
-    The transform is told by who knows the whole hand, so the views of one sensor keep silent about it.
+    The camera is waited for `open_within_s`. The transform is told by who knows the whole hand, so the views of one
+    sensor keep silent about it.
 
     Raises:
         ConfigurationError: its own parameter file is none.
@@ -24,7 +25,12 @@ def parameter_text(sensor: HandSensor, hand: Hand) -> str:
         named.update({name: located.value for name, located in block.values.items()})
     frame = sensor.frame.id
     told: dict[str, dict[str, object]] = {
-        'camera': {'fps': hand.fps, 'surface_frame_id': frame, 'frame_id': f'{frame}_camera_optical_frame'},
+        'camera': {
+            'fps': hand.fps,
+            'open_within_s': open_within_s,
+            'surface_frame_id': frame,
+            'frame_id': f'{frame}_camera_optical_frame',
+        },
         'force_estimator': {'frame_id': frame},
         'force_views': {'frame_id': frame, 'parent_frame_id': ''},
     }
