@@ -24,6 +24,7 @@ from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing import force_shapes
 
 REPORT_PERIOD_S = 1.0
+WHY = 'no force of this time, an invalid one, or one of a model that knows no shear'
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class HandWrenchNode(Node):
             self.report('sum', Level.WARN, 'no force comes from any sensor', sums=self._sums)
             return
         missing = ', '.join(self._last.missing)
-        text = f'without {missing}' if missing else f'of all {len(self._hand.sensors)} sensors'
+        text = f'without {missing}: {WHY}' if missing else f'of all {len(self._hand.sensors)} sensors'
         self.report('sum', Level.WARN if missing else Level.OK, text, sums=self._sums)
 
 
