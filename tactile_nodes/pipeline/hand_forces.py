@@ -13,22 +13,23 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench
 from tactile_nodes.sensors import Hand, HandSensor
 
+PATIENCE = 3
+"""Sums in a row that a sensor may be missing from before it is awaited no longer: forces may be late by a frame."""
 _UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
 
 
 class HandForces:
-    """Gathers a force of each sensor. A sum is made as soon as all are there that were there the last time.
+    """Gathers a force of each sensor. A sum is made as soon as all are there that were there lately.
 
-    So a sensor that falls silent delays one sum, by a frame, and no other; one that comes back is in the sum again as
-    soon as it is.
+    So a sensor that falls silent delays a few sums, by a frame each, and then no more; one that comes back is in the
+    sum again at once.
     """
 
     def __init__(self, hand: Hand) -> None:
         self._hand = hand
-        self._sensors = {sensor.name: sensor for sensor in hand.sensors}
         self._frame_ns = round(NS_PER_S / hand.fps)
         self._gathered: dict[str, Any] = {}
-        self._awaited = frozenset(self._sensors)
+        self._missed = dict.fromkeys(hand.names, 0)
         self._newest_ns = 0
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
@@ -40,7 +41,7 @@ class HandForces:
         if self._gathered and (name in self._gathered or not self._belongs(captured_ns)):
             due.append(self._sum())
         self._gathered[name] = force
-        if self._awaited <= self._gathered.keys():
+        if all(each in self._gathered or missed >= PATIENCE for each, missed in self._missed.items()):
             due.append(self._sum())
         return due
 
@@ -50,7 +51,7 @@ class HandForces:
 
     def _sum(self) -> types.HandWrench:
         gathered, self._gathered = self._gathered, {}
-        self._awaited = frozenset(gathered)
+        self._missed = {each: 0 if each in gathered else missed + 1 for each, missed in self._missed.items()}
         self._newest_ns = max(stamp_ns(each.header.stamp) for each in gathered.values())
         return summed(self._hand, gathered, self._newest_ns)
 

@@ -88,15 +88,21 @@ def test_without_friction_the_larger_slip_share_goes_first() -> None:
     assert math.isnan(made.margins[0].margin)
 
 
-def test_a_sensor_that_falls_silent_delays_one_sum_and_no_other() -> None:
+def test_a_sensor_that_falls_silent_delays_three_sums_by_a_frame_and_then_no_more() -> None:
     forces = HandForces(HAND)
     sums(forces, ('left', pressed(0, 1.0)), ('right', pressed(8, 1.0)))
-    assert sums(forces, ('left', pressed(16.7, 1.0))) == []
-    first, second = sums(forces, ('left', pressed(33.3, 1.0)))
-    assert (first.missing, second.missing) == (['right'], ['right'])
-    assert stamp_ns(second.header.stamp) == START + round(33.3 * MS)
-    (third,) = sums(forces, ('left', pressed(50.0, 1.0)))
-    assert third.sensors == ['left']
+    made = [sums(forces, ('left', pressed(16.7 * frame, 1.0))) for frame in range(1, 7)]
+    stamps = [[round((stamp_ns(each.header.stamp) - START) / MS, 1) for each in due] for due in made]
+    assert stamps == [[], [16.7], [33.4], [50.1, 66.8], [83.5], [100.2]]
+    assert {tuple(each.missing) for due in made for each in due} == {('right',)}
+
+
+def test_a_force_that_is_late_once_costs_one_sum_and_not_those_after_it() -> None:
+    # The second of the right finger comes only after the third of the left one.
+    forces = HandForces(HAND)
+    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 25), ('right', 42), ('left', 51)]
+    made = sums(forces, *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
+    assert [each.missing for each in made] == [[], ['right'], [], []]
 
 
 def test_a_sensor_that_is_back_is_in_the_sum_again() -> None:
