@@ -28,6 +28,8 @@ NODES = [
     'live_view',
     'force_views',
     'guarded_approach',
+    'hand_sensors',
+    'hand_wrench',
     'dds_bridge',
     'foxglove_bridge',
     'composed',

@@ -22,7 +22,7 @@ from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.run.folder import read_run
 from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.model_file import load_model
-from tactile_nodes.params import load_parameter_file
+from tactile_nodes.params import load_listed, load_parameter_file
 from tactile_nodes.sensors.camera_file import read_camera_file
 from tactile_nodes.sensors.covering import read_mask
 
@@ -30,6 +30,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     'a.npz': load_dataset,
     'a.safetensors': load_model,
     'a.yaml': load_parameter_file,
+    'hand.yaml': lambda file: load_listed(file, 'sensors'),
     'camera.yaml': read_camera_file,
     'a.csv': read_points,
     'a.png': read_grey,

@@ -37,6 +37,7 @@ _SURFACE = 'gel_surface'
 _SENSOR = 'force_torque_sensor'
 _MACHINE = 'rig'
 _PARENT = 'tactile_sensor'
+_HAND = 'hand'
 _RECORDER = 'of the recorder'
 
 _LATEST = Qos('latest', 1)
@@ -112,6 +113,16 @@ WRENCH = Topic(
     frame=_SURFACE,
     holds='N and N·m, force on the sensor, so pressing is −z; torque about the origin of the frame; no status',
     lost=_REPLAYED,
+)
+HAND_WRENCH = Topic(
+    'hand_wrench',
+    'tactile_nodes/msg/HandWrench',
+    'what acts on all sensors of a hand together, in its frame, and how near each contact is to slipping [N, N m]',
+    _LATEST,
+    60.0,
+    frame=_HAND,
+    holds='N and N·m of sensors whose pictures were captured within a frame time, with covariance; margins to slip',
+    lost='the forces of its sensors give it again',
 )
 # What other tools draw; made by the node force_views, each only while somebody listens to it.
 FORCE_MAP = Topic(
@@ -292,7 +303,7 @@ TOPICS = {
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, FORCE_FIELD, WRENCH, TRUE_FORCE,
         MODEL_IN_USE, CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE,
         FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, PRESSURE_MAP,
-        FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC,
+        FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC, HAND_WRENCH,
     )
 }  # fmt: skip
 

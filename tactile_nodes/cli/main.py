@@ -28,6 +28,7 @@ VERBS = {
     'dataset': 'make a training set of bags, or of pictures and a table; say what one holds',
     'export': 'turn bags into parquet, zarr or a LeRobot data set for robot learning',
     'collect': 'look at a plan of presses before a rig does it',
+    'camera': 'list the cameras, and by which source each is found again',
     'sensor': 'describe a sensor from its pictures, and judge pictures beside its description',
     'press': 'press by hand with a ball and a scale, and be told where, how hard, and when it is enough',
     'train': 'make a force model from simulated or recorded presses',

@@ -964,6 +964,25 @@ class ForceTorqueCounts(Message):
     counts: NDArray[Any]
     def __init__(self, header: Header = ..., source: str = ..., measured: NDArray[Any] = ..., arrived: NDArray[Any] = ..., sequence: NDArray[Any] = ..., ticks: NDArray[Any] = ..., status: NDArray[Any] = ..., flags: NDArray[Any] = ..., channels: int = ..., counts: NDArray[Any] = ...) -> None: ...
 
+class GraspMargin(Message):
+    sensor: str
+    position: Point
+    normal: float
+    shear: float
+    margin: float
+    margin_sigma: float
+    slip_share: float
+    def __init__(self, sensor: str = ..., position: Point = ..., normal: float = ..., shear: float = ..., margin: float = ..., margin_sigma: float = ..., slip_share: float = ...) -> None: ...
+
+class HandWrench(Message):
+    header: Header
+    wrench: Wrench
+    wrench_covariance: NDArray[Any]
+    sensors: list[str]
+    missing: list[str]
+    margins: list[GraspMargin]
+    def __init__(self, header: Header = ..., wrench: Wrench = ..., wrench_covariance: NDArray[Any] = ..., sensors: list[str] = ..., missing: list[str] = ..., margins: list[GraspMargin] = ...) -> None: ...
+
 class Press(Message):
     STATUS_RECORDED: ClassVar[int]
     STATUS_REJECTED: ClassVar[int]

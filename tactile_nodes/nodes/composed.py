@@ -20,6 +20,8 @@ KNOWN = (
     'live_view',
     'force_views',
     'guarded_approach',
+    'hand_sensors',
+    'hand_wrench',
     'dds_bridge',
     'foxglove_bridge',
 )  # fmt: skip

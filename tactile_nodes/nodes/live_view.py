@@ -1,7 +1,8 @@
 """The live view in the browser: a page on this machine, with picture, motion, force, health and a few buttons.
 
 Subscribes ``/diagnostics``, ``/rosout``, ``calibration_state``, ``force_distribution`` and ``true_force_distribution``,
-and, while somebody watches, ``image_raw``, ``flow_features`` and ``force_field``.
+and, while somebody watches, ``image_raw``, ``flow_features`` and ``force_field``; of a hand those of each sensor, and
+``hand_wrench``.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
+from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing.feeds import Feeds
 from tactile_nodes.web import guard
 from tactile_nodes.web.controls import Controls, Outcome
@@ -46,7 +48,23 @@ class LiveViewParams(NodeParams):
         read_only=True,
     )
     rate_hz: float = parameter(30.0, 'looks a second', minimum=1.0, maximum=60.0, read_only=True)
+    hand: str = parameter(
+        '', 'show the sensors of this hand, by name or file; empty: that of the namespace', read_only=True
+    )
     viewers: int = parameter(16, 'pages at most that watch at once', minimum=1, maximum=100, read_only=True)
+
+
+@dataclass
+class _Shown:
+    """One sensor: what comes in of it, and what is shown."""
+
+    name: str
+    scene: Scene
+    controls: Controls
+    health: Feeds
+    forces: Feeds
+    pictures: Feeds
+    watched: bool = False
 
 
 class LiveViewNode(Node):
@@ -58,20 +76,13 @@ class LiveViewNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: LiveViewParams = self.params
-        self._scene = Scene(self.names.namespace, bus.clock.now_ns())
-        self._controls = Controls(bus, self.names.namespace)
-        self._health = Feeds(bus, self.full_name, self.names.resolve)
-        self._health.add(topics.DIAGNOSTICS, self._scene.add_diagnostics)
-        self._health.add(topics.ROSOUT, self._scene.add_log)
-        self._health.add(topics.CALIBRATION_STATE, self._scene.add_calibration)
-        self._forces = Feeds(bus, self.full_name, self.names.resolve)
-        self._forces.add(topics.TRUE_FORCE, self._scene.add_truth)
-        self._forces.add(topics.FORCE_DISTRIBUTION, self._scene.add_force)
-        self._pictures = Feeds(bus, self.full_name, self.names.resolve)
-        self._watched = False
+        sensors = load_hand(chosen.hand).names if chosen.hand else ('',)
+        self._sensors = {name: self._feed(name) for name in sensors}
+        if chosen.hand:
+            self.create_subscription(topics.HAND_WRENCH, self._on_hand)
         self.server = open_page(
             chosen.address, chosen.port, self._act, lambda: self.post(self._look), self.log.warn,
-            Guests(chosen.guests), chosen.host_names, chosen.viewers,
+            Guests(chosen.guests), chosen.host_names, chosen.viewers, sensors,
         )  # fmt: skip
         self._announce()
         self.create_timer(1.0 / chosen.rate_hz, self._show)
@@ -79,8 +90,24 @@ class LiveViewNode(Node):
 
     def on_close(self) -> None:
         self.server.close()
-        for feeds in (self._pictures, self._forces, self._health):
-            feeds.close()
+        for each in self._sensors.values():
+            for feeds in (each.pictures, each.forces, each.health):
+                feeds.close()
+
+    def _feed(self, name: str) -> _Shown:
+        namespace = f'{self.names.namespace.rstrip("/")}/{name}' if name else self.names.namespace
+        scene = Scene(namespace, self.bus.clock.now_ns())
+
+        def resolve(topic: str) -> str:
+            return self.names.resolve(f'{name}/{topic}' if name and not topic.startswith('/') else topic)
+
+        health, forces, pictures = (Feeds(self.bus, self.full_name, resolve) for _ in range(3))
+        health.add(topics.DIAGNOSTICS, scene.add_diagnostics)
+        health.add(topics.ROSOUT, scene.add_log)
+        health.add(topics.CALIBRATION_STATE, scene.add_calibration)
+        forces.add(topics.TRUE_FORCE, scene.add_truth)
+        forces.add(topics.FORCE_DISTRIBUTION, scene.add_force)
+        return _Shown(name, scene, Controls(self.bus, namespace), health, forces, pictures)
 
     def _announce(self) -> None:
         self.log.info(f'the live view is at {self.server.url}')
@@ -94,6 +121,10 @@ class LiveViewNode(Node):
                 f'{self.params.address} is open to other machines, but only guests come from there: set guests'
             )
 
+    def _on_hand(self, received: Received) -> None:
+        for each in self._sensors.values():
+            each.scene.hand = received.message
+
     def _look(self) -> None:
         """Who watches, and whom the buttons would reach."""
         server, watching = self.server, self.server.watching
@@ -101,32 +132,42 @@ class LiveViewNode(Node):
             'page', Level.OK, f'{server.url}, {watching or "nobody"} watching', viewers=watching,
             turned_away=server.door.refused, refused=server.complaints.refused,
         )  # fmt: skip
-        self._health.drain()
-        if watching:
-            self._scene.controls = self._controls.available()
-        if bool(watching) != self._watched:
-            self._watched = bool(watching)
-            self._open() if watching else self._pictures.close()
+        for each in self._sensors.values():
+            self._look_at(each)
 
-    def _open(self) -> None:
-        self._scene.look_again()
-        self._pictures.add(topics.IMAGE, self._scene.add_image, keep=IMAGES)
-        self._pictures.add(topics.FLOW_FEATURES, self._scene.add_motion, keep=IMAGES)
-        self._pictures.add(topics.FORCE_FIELD, self._scene.add_field, keep=IMAGES)
+    def _look_at(self, each: _Shown) -> None:
+        watching = self.server.watching_of(each.name) > 0
+        each.health.drain()
+        if watching:
+            each.scene.controls = each.controls.available()
+        if watching != each.watched:
+            each.watched = watching
+            self._open(each.scene, each.pictures) if watching else each.pictures.close()
+
+    def _open(self, scene: Scene, pictures: Feeds) -> None:
+        scene.look_again()
+        pictures.add(topics.IMAGE, scene.add_image, keep=IMAGES)
+        pictures.add(topics.FLOW_FEATURES, scene.add_motion, keep=IMAGES)
+        pictures.add(topics.FORCE_FIELD, scene.add_field, keep=IMAGES)
 
     def _show(self) -> None:
-        self._forces.drain()  # first: what belongs to a force is published before or right after it
-        self._pictures.drain()
-        self._scene.view.malformed = self._forces.malformed + self._pictures.malformed
-        now_ns = self.bus.clock.now_ns()
-        if self._watched and self.server.has_room and self._scene.is_due(now_ns):
-            self.server.show(self._scene.packet(now_ns, self.server.watching))
-        elif samples := self._scene.samples():
-            self.server.remember(samples)
+        for each in self._sensors.values():
+            self._show_of(each)
 
-    def _act(self, action: str, insist: bool) -> Outcome:
+    def _show_of(self, each: _Shown) -> None:
+        each.forces.drain()  # first: what belongs to a force is published before or right after it
+        each.pictures.drain()
+        each.scene.view.malformed = each.forces.malformed + each.pictures.malformed
+        now_ns = self.bus.clock.now_ns()
+        if each.watched and self.server.has_room_for(each.name) and each.scene.is_due(now_ns):
+            self.server.show(each.scene.packet(now_ns, self.server.watching_of(each.name)), each.name)
+        elif samples := each.scene.samples():
+            self.server.remember(samples, each.name)
+
+    def _act(self, action: str, insist: bool, sensor: str) -> Outcome:
         """In a thread of the server's."""
-        outcome = self._controls.act(action, self._scene.touching_n(self.bus.clock.now_ns()), insist=insist)
+        each = self._sensors[sensor]
+        outcome = each.controls.act(action, each.scene.touching_n(self.bus.clock.now_ns()), insist=insist)
         self.log.info(f'{action!r}, asked for on the page: {outcome.text}')
         return outcome
 

@@ -22,6 +22,7 @@ from tactile_nodes.params.files import (
     Value,
     compose,
     exact_names,
+    load_listed,
     load_mapping,
     load_parameter_file,
     matches,
@@ -33,6 +34,6 @@ from tactile_nodes.params.files import (
 
 __all__ = [
     'Located', 'NodeParameters', 'ParameterDescription', 'Scalar', 'Value', 'compose', 'describe', 'exact_names',
-    'from_mapping', 'load_mapping', 'load_parameter_file', 'matches', 'normal_pattern', 'parameter', 'parse_parameters',
-    'parse_scalar', 'resolve_parameters', 'to_values',
+    'from_mapping', 'load_listed', 'load_mapping', 'load_parameter_file', 'matches', 'normal_pattern', 'parameter',
+    'parse_parameters', 'parse_scalar', 'resolve_parameters', 'to_values',
 ]  # fmt: skip

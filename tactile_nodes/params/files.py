@@ -95,15 +95,44 @@ def load_mapping(path: str | Path) -> dict[str, Located]:
     Raises:
         ConfigurationError: no such file, no YAML, not a mapping.
     """
+    root = _mapping(path)
+    return dict(_flat(root, '', str(path))) if root else {}
+
+
+def load_listed(path: str | Path, key: str) -> tuple[dict[str, Located], list[dict[str, Located] | ConfigurationError]]:
+    """A file as of `load_mapping` that besides holds a list of mappings under `key`: the rest, and each of the list.
+
+    One of the list that is no mapping, or whose values are none, is the error that says so: others may be good.
+
+    Raises:
+        ConfigurationError: as `load_mapping`, or there is no such list.
+    """
+    root, source = _mapping(path), str(path)
+    pairs = root.value if root else []
+    listed = next((value for name, value in pairs if name.value == key), None)
+    if not isinstance(listed, yaml.SequenceNode) or not listed.value:
+        raise ConfigurationError(f'{source}: it must hold a list {key!r}')
+    rest = yaml.MappingNode('tag:yaml.org,2002:map', [pair for pair in pairs if pair[1] is not listed])
+    return dict(_flat(rest, '', source)), [_entry(each, key, source) for each in listed.value]
+
+
+def _entry(node: yaml.Node, key: str, source: str) -> dict[str, Located] | ConfigurationError:
+    try:
+        if not isinstance(node, yaml.MappingNode) or not node.value:
+            raise _refusal(source, node, f'each of {key!r} maps names to values')
+        return dict(_flat(node, '', source))
+    except ConfigurationError as error:
+        return error
+
+
+def _mapping(path: str | Path) -> yaml.MappingNode | None:
     try:
         root = compose(read_text(path), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read {path}: {error}') from error
-    if root is None:
-        return {}
-    if not isinstance(root, yaml.MappingNode):
+    if root is not None and not isinstance(root, yaml.MappingNode):
         raise _refusal(str(path), root, 'a mapping of names to values is expected here')
-    return dict(_flat(root, '', str(path)))
+    return root
 
 
 def compose(text: str, source: str) -> yaml.Node | None:

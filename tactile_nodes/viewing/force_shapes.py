@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensors import Hand
 
 POINT_BYTES = 16
 ARROW, LINE_STRIP, DELETE_ALL = 0, 4, 3
@@ -92,6 +93,13 @@ def surface_transform(
     transform = types.Transform(translation=types.Vector3(x=x, y=y, z=z), rotation=quaternion(*rpy_rad))
     head = types.Header(stamp=time_from_ns(stamp_ns), frame_id=parent)
     return types.TFMessage(transforms=[types.TransformStamped(header=head, child_frame_id=child, transform=transform)])
+
+
+def hand_transforms(hand: Hand, stamp_ns: int) -> types.TFMessage:
+    """Where each sensor of a hand is mounted, in one message: a latched topic keeps only the last."""
+    mounted = [each.frame for each in hand.sensors]
+    found = [surface_transform(each.parent, each.id, each.xyz_m, each.rpy_rad, stamp_ns) for each in mounted]
+    return types.TFMessage(transforms=[transform for each in found for transform in each.transforms])
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> types.Quaternion:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
 from tactile_nodes.errors import ConfigurationError
@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 def open_page(
     address: str,
     first_port: int,
-    act: Callable[[str, bool], Outcome],
+    act: Callable[[str, bool, str], Outcome],
     changed: Callable[[], None],
     complain: Callable[[str], None],
     guests: Guests = Guests.NONE,
     names: Collection[str] = (),
     viewers: int = 16,
+    sensors: Sequence[str] = ('',),
 ) -> PageServer:
     """A server that serves, at `first_port` or the next one that is free.
 
@@ -37,6 +38,6 @@ def open_page(
             f'the live view in the browser needs aiohttp ({error}); install it with: pip install aiohttp, '
             'or launch without the page: page:=false'
         ) from error
-    made = PageServer(port.listen(address, first_port), act, changed, complain, guests, names, viewers)
+    made = PageServer(port.listen(address, first_port), act, changed, complain, guests, names, viewers, sensors)
     made.start()
     return made

@@ -32,6 +32,8 @@ class Scene:
         self.view = ViewState(namespace, start_ns)
         self.recording = Recording(namespace)
         self.controls: dict[str, bool] = {}
+        self.hand: Any = None
+        """The last HandWrench, of a sensor that is one of a hand."""
         self._images: OrderedDict[int, Received] = OrderedDict()
         self._motions: OrderedDict[int, Any] = OrderedDict()
         self._truths: OrderedDict[int, Any] = OrderedDict()
@@ -124,6 +126,7 @@ class Scene:
             'image': {'stamp_s': at_ns / NS_PER_S} if at_ns else None,
             'motion': telling.motion(self._motions.get(at_ns)),
             'slow': self._slowly(now_ns) | {'viewers': viewers},
+            'hand': telling.hand(self.hand),
         }
         sections = {
             'bins': _bins(shot.force),

@@ -1,7 +1,9 @@
 """The page's server.
 
-``/`` and ``/static/…`` are the page, ``/live`` the WebSocket that it watches through, ``/control/<action>`` what its
-buttons post to. See `door` and `guard` for who may, `packet` for what travels, `viewers` for what happens to slow ones.
+``/`` and ``/static/…`` are the page, ``/live`` the WebSocket that it watches a sensor through, ``/control/<action>``
+what its buttons post to. Where there are several sensors, ``/`` shows them all, ``?sensor=NAME`` means one of them, and
+``/sensors`` lists their names. See `door` and `guard` for who may, `packet` for what travels, `viewers` for what
+happens to slow ones.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -39,15 +41,18 @@ _HEADERS = {
     'Cache-Control': 'no-cache',
 }
 
-Act = Callable[[str, bool], Outcome]
-"""Does an action by name, insisting or not; called in a thread that may wait."""
+Act = Callable[[str, bool, str], Outcome]
+"""Does an action by name, insisting or not, of a sensor; called in a thread that may wait."""
 
 Changed = Callable[[], None]
 """Told, in the server's thread, that somebody has come or gone."""
 
 
 class PageServer:
-    """Serves on `listening`, which it closes in the end; `names` are hosts to be known by besides addresses."""
+    """Serves on `listening`, which it closes in the end; `names` are hosts to be known by besides addresses.
+
+    Each of the `sensors` has an audience of its own, of at most `viewers`; one sensor alone needs no name.
+    """
 
     def __init__(
         self,
@@ -58,6 +63,7 @@ class PageServer:
         guests: Guests = Guests.NONE,
         names: Collection[str] = (),
         viewers: int = 16,
+        sensors: Sequence[str] = ('',),
     ) -> None:
         self.door = Door(guests=guests is not Guests.NONE)
         self.complaints = Complaints(complain, monotonic_s)
@@ -65,7 +71,7 @@ class PageServer:
         self._act = act
         self._changed = changed
         self._guests_act = guests is Guests.ACT
-        self._audience = Audience(viewers)
+        self._audiences = {sensor: Audience(viewers) for sensor in sensors}
         self._news: dict[Viewer, asyncio.Event] = {}
 
     # --- from other threads -------------------------------------------------------------------------------------
@@ -81,21 +87,24 @@ class PageServer:
 
     @property
     def watching(self) -> int:
-        """How many pages take what they are sent."""
-        return self._audience.watching(monotonic_s())
+        """How many take what they are sent; a page of all sensors counts once for each."""
+        return sum(map(self.watching_of, self._audiences))
 
-    @property
-    def has_room(self) -> bool:
-        """Whether anybody could be sent a packet now."""
-        return self._audience.has_room
+    def watching_of(self, sensor: str = '') -> int:
+        """How many of them watch a sensor."""
+        return self._audiences[sensor].watching(monotonic_s())
 
-    def show(self, packet: Packet) -> None:
+    def has_room_for(self, sensor: str = '') -> bool:
+        """Whether anybody could be sent a packet of a sensor now."""
+        return self._audiences[sensor].has_room
+
+    def show(self, packet: Packet, sensor: str = '') -> None:
         """Show it to all who watch; returns at once."""
-        self._serving.post(self._offer, packet)
+        self._serving.post(self._offer, packet, sensor)
 
-    def remember(self, samples: bytes) -> None:
+    def remember(self, samples: bytes, sensor: str = '') -> None:
         """Keep the course of the force for those who come, and for those who could not be sent a packet."""
-        self._serving.post(self._audience.remember, samples)
+        self._serving.post(self._audiences[sensor].remember, samples)
 
     def close(self) -> None:
         """Serve no more."""
@@ -105,7 +114,8 @@ class PageServer:
 
     def _add_routes(self, application: web.Application) -> None:
         application.on_response_prepare.append(_add_headers)
-        application.router.add_get('/', _index)
+        application.router.add_get('/', self._index)
+        application.router.add_get('/sensors', self._sensors)
         application.router.add_static('/static', STATIC)
         application.router.add_get('/live', self._live)
         application.router.add_post('/control/{action}', self._control)
@@ -119,21 +129,36 @@ class PageServer:
     def _may_act(self, request: web.Request) -> bool:
         return self._guests_act or self.door.is_owner(request.transport)
 
+    def _sensor_of(self, request: web.Request) -> str:
+        sensor = request.query.get('sensor', next(iter(self._audiences)))
+        if sensor not in self._audiences:
+            raise web.HTTPNotFound(text='There is no sensor of that name here.')
+        return sensor
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        self._sensor_of(request)
+        shows_all = len(self._audiences) > 1 and 'sensor' not in request.query
+        return web.FileResponse(STATIC / ('hand.html' if shows_all else 'index.html'))
+
+    async def _sensors(self, _: web.Request) -> web.StreamResponse:
+        return web.json_response(list(self._audiences))
+
     # --- watching -----------------------------------------------------------------------------------------------
 
-    def _offer(self, packet: Packet) -> None:
-        self._audience.offer(packet)
+    def _offer(self, packet: Packet, sensor: str) -> None:
+        self._audiences[sensor].offer(packet)
         for event in self._news.values():
             event.set()
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         self._check_page(request)
-        if self._audience.is_full:
+        audience = self._audiences[self._sensor_of(request)]
+        if audience.is_full:
             raise web.HTTPServiceUnavailable(text='Too many pages watch already; close one.')
         channel = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_WORD)
         may_act = self._may_act(request)
         await self._serving.open_channel(request, channel)
-        viewer = self._audience.join(monotonic_s())
+        viewer = audience.join(monotonic_s())
         self._news[viewer] = asyncio.Event()
         self._changed()
         sending = asyncio.create_task(self._send(channel, viewer, may_act))
@@ -141,7 +166,7 @@ class PageServer:
             await self._hear(channel, viewer)
         finally:
             sending.cancel()
-            self._audience.leave(viewer)
+            audience.leave(viewer)
             del self._news[viewer]
             self._serving.forget_channel(channel)
             self._changed()
@@ -172,12 +197,9 @@ class PageServer:
         if not self._may_act(request):
             raise web.HTTPForbidden(text='You may watch, but only the account that started this may act.')
         insist = request.query.get('insist') == 'yes'
-        outcome = await asyncio.to_thread(self._act, request.match_info['action'], insist)
+        sensor = self._sensor_of(request)
+        outcome = await asyncio.to_thread(self._act, request.match_info['action'], insist, sensor)
         return web.json_response(asdict(outcome), status=200 if outcome.done else 409)
-
-
-async def _index(_: web.Request) -> web.StreamResponse:
-    return web.FileResponse(STATIC / 'index.html')
 
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:

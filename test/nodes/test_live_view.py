@@ -42,9 +42,9 @@ def node(bus: InProcessBus, clock: SteppedClock) -> Iterator[LiveViewNode]:
 def shown(node: LiveViewNode, monkeypatch: pytest.MonkeyPatch) -> list[Packet]:
     """What the node shows; its server has one viewer who takes all."""
     made: list[Packet] = []
-    monkeypatch.setattr(type(node.server), 'watching', property(lambda _: 1))
-    monkeypatch.setattr(type(node.server), 'has_room', property(lambda _: True))
-    monkeypatch.setattr(node.server, 'show', made.append)
+    monkeypatch.setattr(type(node.server), 'watching_of', lambda *_: 1)
+    monkeypatch.setattr(type(node.server), 'has_room_for', lambda *_: True)
+    monkeypatch.setattr(node.server, 'show', lambda packet, sensor: made.append(packet))
     return made
 
 
@@ -69,7 +69,7 @@ def test_who_comes_later_is_told_the_force_of_the_time_before(
     clock: SteppedClock, node: LiveViewNode, publisher: Advertise, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     remembered: list[bytes] = []
-    monkeypatch.setattr(node.server, 'remember', remembered.append)
+    monkeypatch.setattr(node.server, 'remember', lambda samples, sensor: remembered.append(samples))
     for number in range(3):
         publisher(topics.FORCE_DISTRIBUTION).publish(force(1000.0 + 16 * number, (0.25 * number, 0.0, 0.0, 0.0)))
         pass_time(node, clock, 1 / 30)
@@ -80,7 +80,7 @@ def test_when_somebody_watches_it_receives_and_when_they_go_no_more(
     bus: InProcessBus, clock: SteppedClock, node: LiveViewNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for watching in (1, 0):
-        monkeypatch.setattr(type(node.server), 'watching', property(lambda _, count=watching: count))
+        monkeypatch.setattr(type(node.server), 'watching_of', lambda *_, count=watching: count)
         pass_time(node, clock, 1.0)
         assert subscribed(bus) - WORDS - FORCES == (PICTURES if watching else set())
 
@@ -102,7 +102,7 @@ def test_what_is_published_is_shown_at_the_next_look(
 def test_a_viewer_without_room_costs_no_packet(
     clock: SteppedClock, node: LiveViewNode, shown: list[Packet], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(type(node.server), 'has_room', property(lambda _: False))
+    monkeypatch.setattr(type(node.server), 'has_room_for', lambda *_: False)
     pass_time(node, clock, 1.0)
     pass_time(node, clock, 1.0)
     assert shown == []

@@ -466,7 +466,7 @@ def test_the_course_of_the_force_begins_before_the_page_was_opened(
 ) -> None:
     node = running.start(LiveViewNode, port=0)
     assert isinstance(node, LiveViewNode)
-    while len(node.server._audience._history) < 30:
+    while len(node.server._audiences['']._history) < 30:
         threading.Event().wait(0.05)
     own_sensor.total_n = 0.0
     with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:

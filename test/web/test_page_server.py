@@ -40,7 +40,7 @@ class Served:
         self.url = self.server.url.rstrip('/')
         self.socket_url = self.url.replace('http', 'ws') + '/live'
 
-    def _act(self, action: str, insist: bool) -> Outcome:
+    def _act(self, action: str, insist: bool, sensor: str) -> Outcome:
         self.asked.append((action, insist))
         if action == 'slow':
             self.slowly.acquire()
@@ -144,7 +144,7 @@ def test_a_viewer_gets_what_is_shown_and_no_more_than_it_draws(served: Served) -
             for number in range(IN_FLIGHT):
                 served.server.show(Packet(b'%d' % number))
                 got.append(await channel.receive_bytes())
-            assert not served.server.has_room
+            assert not served.server.has_room_for()
             for number in range(IN_FLIGHT, 20):
                 served.server.show(Packet(b'%d' % number))
             await channel.send_str('drawn')

@@ -23,7 +23,7 @@ from tactile_nodes.errors import ConfigurationError
 
 _FIRST = (
     'camera', 'flow_features', 'force_estimator', 'drift_monitor', 'force_views', 'live_view', 'recorder', 'player',
-    'rig', 'guarded_approach',
+    'hand_sensors', 'hand_wrench', 'rig', 'guarded_approach',
 )  # fmt: skip
 """The way of a frame, then what looks at it, then the rig; all others follow by name."""
 _PUBLISHES, _RECEIVES, _SERVES = (

@@ -155,11 +155,19 @@ class Watch:
         self._state.malformed = self._feeds.malformed
         if now_ns >= self._next_look_ns:
             self._next_look_ns = now_ns + round(_LOOK_EVERY_S * 1e9)
-            found = self._bus.graph().publishers(self._force_topic)
-            self._state.estimators = tuple(sorted({end.node for end in found}))
+            graph = self._bus.graph()
+            self._state.estimators = tuple(sorted({end.node for end in graph.publishers(self._force_topic)}))
+            if not self._state.estimators:
+                self._look_elsewhere({end.name for end in graph.publishers()})
 
     def close(self) -> None:
         self._feeds.close()
+
+    def _look_elsewhere(self, published: set[str]) -> None:
+        """Sensors of a hand, or of another namespace, are told by the name that shows them."""
+        ending = f'/{self._force_topic.rpartition("/")[2]}'
+        if there := sorted(name.removesuffix(ending) for name in published if name.endswith(ending)):
+            self._state.advice = f'sensors are at {", ".join(there)}: tactile view --namespace {there[0]}'
 
     def _full(self, name: str) -> str:
         return name if name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{name}'

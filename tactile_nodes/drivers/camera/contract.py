@@ -49,7 +49,8 @@ class CameraSettings:
     READ_ONLY: ClassVar[bool] = True
 
     source: str = parameter(
-        SIMULATED, 'simulated, a device, a video file, a folder of images, or an http:// or rtsp:// address'
+        SIMULATED,
+        'simulated, a device or its serial:NUMBER, a video file, a folder of images, or an http:// or rtsp:// address',
     )
     width: int = parameter(0, 'pixels; another size is refused; 0: what the source gives', minimum=0)
     height: int = parameter(0, 'pixels; another size is refused; 0: what the source gives', minimum=0)

@@ -5,6 +5,7 @@ source                                       camera
 ===========================================  ==================================================================
 ``simulated``                                the twin: a rendered gel (`camera.simulated`)
 ``/dev/video0``, ``/dev/v4l/by-id/…``, ``0``  a V4L2 device (`camera.v4l2`); prefer by-id: indices change at boot
+``serial:A1B2``                              the V4L2 device with this serial number, at whatever port
 ``http://…``, ``https://…``                  MJPEG over HTTP (`camera.mjpeg`)
 ``rtsp://…``                                 RTSP, through FFmpeg (`camera.rtsp`)
 a file                                       a recorded video (`camera.file`)
@@ -45,7 +46,7 @@ def _camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] 
         return SimulatedCamera(settings, clock, told)
     if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
         return _stream(scheme.group(1).lower(), settings, clock)
-    if source.isdigit() or source.startswith('/dev/'):
+    if source.isdigit() or source.startswith(('/dev/', 'serial:')):
         return _device(settings, clock)
     return _recording(Path(source).expanduser(), settings, clock)
 
@@ -83,5 +84,5 @@ def _recording(path: Path, settings: CameraSettings, clock: Clock) -> Camera:
         return FileCamera(settings, clock, VideoFile(path, settings.fps))
     raise DeviceNotFoundError(
         f'there is no camera, video or folder of images named {str(path)!r}; the source may be a device '
-        '(/dev/video0), a file, a folder, an http:// or rtsp:// address, or "simulated"'
+        '(/dev/video0, serial:NUMBER), a file, a folder, an http:// or rtsp:// address, or "simulated"'
     )

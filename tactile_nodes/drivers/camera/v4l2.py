@@ -25,7 +25,7 @@ from tactile_nodes.drivers.camera.contract import CameraSettings, Picture, check
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps
 from tactile_nodes.drivers.camera.v4l2_controls import Controls, KernelControls, Readback
-from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path
+from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path, located
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
@@ -77,6 +77,7 @@ class V4l2Camera(LiveCamera):
         self._open_controls = controls
         self._check = check
         super().__init__(device_path(settings.source))
+        self._path = self.name
         self._device: _Device | None = None
 
     @property
@@ -96,20 +97,21 @@ class V4l2Camera(LiveCamera):
 
     def open(self) -> None:
         """Set the format, wait for the first frame, set the controls."""
-        self._check(self.name)
-        capture = self._open_capture(self.name)
+        self._path = located(self.name)
+        self._check(self._path)
+        capture = self._open_capture(self._path)
         if not capture.isOpened():
             raise DeviceNotFoundError(
-                f'{self.name} is there and gives no video; another program may hold it '
-                f'(see: fuser -v {self.name}), or it is no camera (see: v4l2-ctl --list-devices)'
+                f'{self._path} is there and gives no video; another program may hold it '
+                f'(see: fuser -v {self._path}), or it is no camera (see: v4l2-ctl --list-devices)'
             )
-        self._device = _Device(self.name, capture, self._settings, self._clock)
+        self._device = _Device(self._path, capture, self._settings, self._clock)
         self._device.controls = self._control_access()
         self._drain(self._device.fetch, self._device.release, FIRST_FRAME_S)
 
     def _control_access(self) -> Controls | None:
         with contextlib.suppress(OSError):  # no controls: what was asked of them is reported as not there
-            return self._open_controls(self.name)
+            return self._open_controls(self._path)
         return None
 
 

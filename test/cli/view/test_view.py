@@ -55,6 +55,14 @@ def test_a_view_of_nothing_says_what_is_missing(tactile: Tactile) -> None:
     assert 'nobody publishes /force_distribution' in ended.out
 
 
+def test_a_view_that_finds_nothing_says_where_there_are_sensors(
+    other: ZmqBus, tactile: Tactile, repeating: Repeating
+) -> None:
+    publish_forces(other, repeating, '/left')
+    ended = tactile('view', '--plain', '--duration', '2.1')
+    assert 'sensors are at /left: tactile view --namespace /left' in ended.out
+
+
 def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('TERM', 'xterm-256color')  # where it is dumb nothing can be drawn
     publish_forces(other, repeating)

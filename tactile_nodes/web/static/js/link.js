@@ -4,7 +4,9 @@
 const RETRY_MS = [200, 500, 1000, 2000];
 
 export class Link {
-  constructor(onPacket, onChange) {
+  /** Of a sensor by name, where the node shows several. */
+  constructor(onPacket, onChange, sensor = null) {
+    this.query = sensor === null ? {} : { sensor };
     this.open = false;
     this.onPacket = onPacket;
     this.onChange = onChange;
@@ -14,7 +16,7 @@ export class Link {
   }
 
   connect() {
-    const socket = new WebSocket(`ws://${location.host}/live`);
+    const socket = new WebSocket(`ws://${location.host}/live?${new URLSearchParams(this.query)}`);
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => this.become(true);
     socket.onmessage = (event) => this.take(event.data);
@@ -51,7 +53,7 @@ export class Link {
   /** Does an action of the node's; resolves to {done, text, insistable}. */
   async act(action, insist = false) {
     try {
-      const path = `/control/${action}${insist ? '?insist=yes' : ''}`;
+      const path = `/control/${action}?${new URLSearchParams({ ...this.query, ...(insist ? { insist: 'yes' } : {}) })}`;
       const response = await fetch(path, { method: 'POST' });
       if (response.headers.get('Content-Type')?.startsWith('application/json')) return await response.json();
       return { done: false, text: await response.text() };

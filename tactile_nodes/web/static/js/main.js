@@ -8,10 +8,9 @@ import { drawMap } from './map.js';
 import { takeApart } from './packet.js';
 import { showContacts, showMap, showNet, showSlow, showStatus, showTotal } from './panels.js';
 import { KILOPASCALS, NEWTONS, Scale } from './scale.js';
+import { OLD_S, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
-const OLD_S = 0.6; // a force older than this is no reading any more
-const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 const $ = (id) => document.getElementById(id);
 
 const page = {
@@ -21,7 +20,9 @@ const page = {
 let taken = 0;
 const scales = { bins: new Scale(NEWTONS), pressure: new Scale(KILOPASCALS), shear: new Scale(KILOPASCALS) };
 const chart = new Chart($('chart'));
-const link = new Link(take, () => watch());
+const sensor = new URLSearchParams(location.search).get('sensor');
+const link = new Link(take, () => watch(), sensor);
+$('all').hidden = sensor === null;
 const controls = new Controls(link);
 
 async function take(buffer) {
@@ -99,7 +100,7 @@ function watch() {
   const since = (performance.now() - page.at) / 1000;
   const age = told?.force ? told.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
-  showStatus(...statusOf(told, age, isLive), !isLive);
+  showStatus(...statusOf(told, age, isLive, link.open), !isLive);
   showTotal(told?.force ?? null, told?.truth ?? null, isLive, age);
   showNet(told?.force?.net ?? null, isLive);
   showMap(told?.force ?? null, page.field, isLive, page.field ? pressureScale() : fullScale());
@@ -111,27 +112,6 @@ function watch() {
   veil.hidden = imageAge < 1.5;
   veil.textContent = page.imageAt ? `no image for ${imageAge.toFixed(0)} s` : 'no image yet';
   return isLive;
-}
-
-function statusOf(told, age, isLive) {
-  if (!link.open) {
-    const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
-    return ['nodata', 'NO CONNECTION', `The live view does not answer${since}; trying again.`];
-  }
-  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet; the nodes are starting.'];
-  if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
-  const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
-  const { level, text } = told.slow.calibration ?? {};
-  const advice = level === 'ageing' || level === 'invalid' ? [text] : [];
-  return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
-}
-
-/** The worst that a node says of itself. */
-function complaint(told) {
-  const health = told?.slow.health ?? [];
-  const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
-  const bad = health.filter((entry) => entry.level === 'error' || entry.level === 'warning').map((entry) => `${entry.node}: ${entry.text}`);
-  return bad[0] ?? silent[0];
 }
 
 /** What was chosen the last time, where the browser lets a page keep it. */

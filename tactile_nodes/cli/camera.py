@@ -1,0 +1,51 @@
+"""``tactile camera``: which cameras there are."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.drivers.camera.v4l2_devices import UsbCamera
+
+DESCRIPTION = 'List the cameras of this machine, and by which source each is found again after cables were changed.'
+EPILOG = """\
+examples:
+  tactile camera list                    to find which is which, unplug one and list again
+  tactile launch live source:=serial:A1B2
+"""
+BY_PATH = Path('/dev/v4l/by-path')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    actions = parser.add_subparsers(dest='action', required=True, metavar='list')
+    actions.add_parser('list', help='one line a camera: source, device, name')
+
+
+def run(_: argparse.Namespace) -> int:
+    """List them."""
+    from tactile_nodes.drivers.camera.v4l2_devices import cameras
+
+    found = cameras()
+    if not found:
+        print('no camera is plugged in; without one use source:=simulated')
+        return 0
+    rows = [('source', 'device', 'name'), *((source, each.path, each.name) for source, each in sources(found))]
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    for source, device, name in rows:
+        print(f'{source:<{widths[0]}}  {device:<{widths[1]}}  {name}')
+    return 0
+
+
+def sources(found: Sequence[UsbCamera], by_path: Path = BY_PATH) -> list[tuple[str, UsbCamera]]:
+    """By what each is found again: its serial number where no other has it, else its USB port, else only its device."""
+    counts = Counter(each.serial for each in found)
+    ports = {str(link.resolve()): str(link) for link in sorted(by_path.glob('*'))} if by_path.is_dir() else {}
+    return [
+        (f'serial:{each.serial}' if each.serial and counts[each.serial] == 1 else ports.get(each.path, each.path), each)
+        for each in found
+    ]

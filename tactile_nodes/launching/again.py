@@ -1,0 +1,88 @@
+"""A launch that is started again whenever it ends: beside others it fails alone, and is back when it can."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import TactileError
+from tactile_nodes.launching.processes.output import Line, Screen
+from tactile_nodes.launching.service import LaunchService
+
+FIRST_DELAY_S, LONGEST_DELAY_S = 1.0, 15.0
+SETTLED_S = 75.0
+"""A launch that lasts longer is taken to work: it may wait a minute for its camera."""
+
+
+class LaunchedAgain:
+    """One launch after the other, in a thread. The pause between two doubles, from 1 s to 15 s, until one settles.
+
+    Args:
+        make: a new service, whose screen is the one it is handed; the number says how many were before it.
+        screen: what the launches say.
+    """
+
+    def __init__(self, make: Callable[[Screen, int], LaunchService], screen: Screen) -> None:
+        self._make = make
+        self._screen = screen
+        self._number = 0
+        self._began_s: float | None = None
+        self._cause = self._complaint = ''
+        self._delay_s = FIRST_DELAY_S
+        self._stopped = threading.Event()
+        self._service: LaunchService | None = None
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    @property
+    def trouble(self) -> str:
+        """Why it does not run, or why the launch before it ended; empty when it has settled, or is the first."""
+        if not self._cause or self._lasts_s > SETTLED_S:
+            return ''
+        return self._cause if self._began_s is None else f'started again, and not settled yet; before: {self._cause}'
+
+    def stop(self) -> None:
+        """End the launch, and start no other; from any thread, returns at once."""
+        with self._lock:
+            self._stopped.set()
+            if self._service is not None:
+                self._service.shutdown('the hand ends')
+
+    def join(self, within_s: float) -> None:
+        """Wait until all has ended."""
+        self._thread.join(within_s)
+
+    @property
+    def _lasts_s(self) -> float:
+        return 0.0 if self._began_s is None else monotonic_s() - self._began_s
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            self._began_s = monotonic_s()
+            try:
+                self._launch()
+            except TactileError as error:
+                self._complaint = str(error)
+            delay_s = FIRST_DELAY_S if self._lasts_s > SETTLED_S else self._delay_s
+            self._cause, self._began_s = self._complaint or 'it ended', None
+            self._delay_s = min(2 * delay_s, LONGEST_DELAY_S)
+            self._number += 1
+            self._stopped.wait(delay_s)
+
+    def _launch(self) -> None:
+        self._complaint = ''
+        service = self._make(self._heard, self._number)
+        with self._lock:
+            if self._stopped.is_set():
+                return
+            self._service = service
+        service.run()
+
+    def _heard(self, line: Line) -> None:
+        if line.level == 'ERROR':
+            self._complaint = line.text
+        self._screen(line)

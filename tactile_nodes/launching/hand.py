@@ -1,0 +1,52 @@
+"""What the live launch is told for one sensor of a hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tactile_nodes.params import load_parameter_file, normal_pattern
+from tactile_nodes.paths import share_directory
+from tactile_nodes.sensors import Hand, HandSensor
+
+
+def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
+    """A parameter file (JSON is YAML) with what the sensor's own says, the rate, and the names of its frames.
+
+    The camera is waited for `open_within_s`. The transform is told by who knows the whole hand, so the views of one
+    sensor keep silent about it.
+
+    Raises:
+        ConfigurationError: its own parameter file is none.
+    """
+    blocks: dict[str, dict[str, object]] = {}
+    for block in load_parameter_file(sensor.config or share_directory() / 'config' / 'live.yaml'):
+        named = blocks.setdefault(normal_pattern(block.pattern), {})
+        named.update({name: located.value for name, located in block.values.items()})
+    frame = sensor.frame.id
+    told: dict[str, dict[str, object]] = {
+        'camera': {
+            'fps': hand.fps,
+            'open_within_s': open_within_s,
+            'surface_frame_id': frame,
+            'frame_id': f'{frame}_camera_optical_frame',
+        },
+        'force_estimator': {'frame_id': frame},
+        'force_views': {'frame_id': frame, 'parent_frame_id': ''},
+    }
+    for node, values in told.items():
+        blocks.setdefault(f'/**/{node}', {}).update(values)
+    return json.dumps({pattern: {'ros__parameters': values} for pattern, values in blocks.items()}, indent=1)
+
+
+def arguments_of(sensor: HandSensor, namespace: str, parameters: Path) -> dict[str, str]:
+    """Launch arguments; the page is one for the whole hand."""
+    return {
+        'namespace': f'{namespace.rstrip("/")}/{sensor.name}',
+        'source': sensor.source,
+        'sensor': sensor.sensor,
+        'model': sensor.model,
+        'contact': sensor.contact,
+        'config': str(parameters),
+        'page': 'false',
+    }

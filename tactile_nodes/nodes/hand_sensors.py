@@ -1,0 +1,109 @@
+"""Starts the sensors of a hand: the live launch for each, in a namespace of its own, and again when one has ended.
+
+What a sensor lacks (a camera that is not plugged in, a model that is no file) stands in ``/diagnostics``, of ``launch``
+below its name, and ends none of the others. A camera that is away for a while is the matter of its camera node.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Diagnostics, Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.clock import Clock
+from tactile_nodes.launching.again import LaunchedAgain
+from tactile_nodes.launching.hand import arguments_of, parameter_text
+from tactile_nodes.launching.processes.output import Line, Screen
+from tactile_nodes.launching.service import LaunchService
+from tactile_nodes.params import parameter
+from tactile_nodes.paths import log_directory, share_directory
+from tactile_nodes.sensors import HandSensor, load_hand
+
+REPORT_PERIOD_S = 1.0
+WAITS_S = 60.0
+
+
+@dataclass(frozen=True)
+class HandSensorsParams(NodeParams):
+    """Parameters of the hand sensors node."""
+
+    hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
+    views: bool = parameter(False, 'publish what RViz and Foxglove draw of each sensor', read_only=True)
+    monitor: bool = parameter(True, 'watch whether the calibration of each sensor holds', read_only=True)
+
+
+class HandSensorsNode(Node):
+    """A launch a sensor, each in a thread that starts its processes and passes on what they say."""
+
+    NAME = 'hand_sensors'
+    PARAMS = HandSensorsParams
+    END_WITHIN_S = 4.8  # the nodes of the sensors end first; a launch sends the next signal after 5 s
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._hand = load_hand(self.params.hand)
+        self._folder = tempfile.TemporaryDirectory(prefix='tactile_hand_')
+        for number, refused in enumerate(self._hand.refused):
+            self.report(f'left out {number + 1}', Level.ERROR, refused)
+        self._launches = {sensor: self._launched(sensor) for sensor in self._hand.sensors}
+        self._healths = {sensor: self._health(sensor) for sensor in self._hand.sensors}
+        self._told = self.create_publisher(topics.DIAGNOSTICS)
+        for each in self._launches.values():
+            each.start()
+        self.create_timer(REPORT_PERIOD_S, self._report)
+
+    def stop(self) -> None:
+        """Also ends the sensors, all at once."""
+        for each in self._launches.values():
+            each.stop()
+        super().stop()
+
+    def on_close(self) -> None:
+        for each in self._launches.values():
+            each.join(self.END_WITHIN_S)
+        self._folder.cleanup()
+
+    def _health(self, sensor: HandSensor) -> Diagnostics:
+        """Below the name of the sensor, where whoever looks at that one alone finds it."""
+        return Diagnostics(f'{self.names.namespace.rstrip("/")}/{sensor.name}/launch')
+
+    def _report(self) -> None:
+        for sensor, launch in self._launches.items():
+            trouble, health = launch.trouble, self._healths[sensor]
+            level = Level.ERROR if trouble else Level.OK
+            if health.report('sensor', level, trouble or f'pictures from {sensor.source}') and trouble:
+                self.log.error(f'{sensor.name}: {trouble}')
+            self._told.publish(health.message(self.clock.now_ns()))
+
+    def _launched(self, sensor: HandSensor) -> LaunchedAgain:
+        def show(line: Line) -> None:
+            sys.stdout.write(f'[{sensor.name}] {line}\n')
+            sys.stdout.flush()
+
+        return LaunchedAgain(lambda screen, number: self._service(sensor, screen, number), show)
+
+    def _service(self, sensor: HandSensor, screen: Screen, number: int) -> LaunchService:
+        """The first says at once what it lacks; the others wait for it, since starting takes time from all sensors."""
+        file = Path(self._folder.name) / f'{sensor.name}.yaml'
+        file.write_text(parameter_text(sensor, self._hand, open_within_s=WAITS_S if number else 0.0), 'utf-8')
+        arguments = arguments_of(sensor, self.names.namespace, file)
+        for name in ('views', 'monitor'):
+            arguments[name] = str(getattr(self.params, name)).lower()
+        launch = share_directory() / 'launch' / 'live.launch.yaml'
+        return LaunchService(launch, arguments, screen=screen, log_base=log_directory() / 'hand' / sensor.name)
+
+
+def main() -> int:
+    """The program ``hand_sensors_node``."""
+    return run_node(HandSensorsNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""What acts on all sensors of a hand together, in the frame of the hand, and how near each contact is to slipping.
+
+Subscribes ``force_distribution`` of each sensor; publishes ``hand_wrench`` and, once, ``/tf_static``: where each sensor
+is mounted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
+from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.clock import Clock
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.hand_forces import HandForces
+from tactile_nodes.sensors import load_hand
+from tactile_nodes.viewing import force_shapes
+
+REPORT_PERIOD_S = 1.0
+WHY = 'no force of this time, an invalid one, or one of a model that knows no shear'
+
+
+@dataclass(frozen=True)
+class HandWrenchParams(NodeParams):
+    """Parameters of the hand wrench node."""
+
+    hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
+
+
+class HandWrenchNode(Node):
+    """One sum a frame time, with the stamp of the newest picture in it."""
+
+    NAME = 'hand_wrench'
+    PARAMS = HandWrenchParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._hand = load_hand(self.params.hand)
+        self._forces = HandForces(self._hand)
+        self._last: types.HandWrench | None = None
+        self._sums = self._told = 0
+        self._wrench = self.create_publisher(topics.HAND_WRENCH)
+        self._transforms = self.create_publisher(topics.TF_STATIC)
+        self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))
+        for name in self._hand.names:
+            there = f'{name}/{topics.FORCE_DISTRIBUTION.name}'
+            self.create_subscription(replace(topics.FORCE_DISTRIBUTION, name=there), self._taking(name))
+        self.create_timer(REPORT_PERIOD_S, self._report)
+
+    def _taking(self, name: str) -> Callable[[Received], None]:
+        return lambda received: self._on_force(name, received)
+
+    def _on_force(self, name: str, received: Received) -> None:
+        for made in self._forces.add(name, received.message):
+            self._wrench.publish(made)
+            self._last = made
+            self._sums += 1
+
+    def _report(self) -> None:
+        new, self._told = self._sums - self._told, self._sums
+        if not new or self._last is None:
+            self.report('sum', Level.WARN, 'no force comes from any sensor', sums=self._sums)
+            return
+        missing = ', '.join(self._last.missing)
+        text = f'without {missing}: {WHY}' if missing else f'of all {len(self._hand.sensors)} sensors'
+        self.report('sum', Level.WARN if missing else Level.OK, text, sums=self._sums)
+
+
+def main() -> int:
+    """The program ``hand_wrench_node``."""
+    return run_node(HandWrenchNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""From the forces of a hand's sensors to the sum of those that were captured together; fed by hand, reads no clock."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench
+from tactile_nodes.sensors import Hand, HandSensor
+
+PATIENCE = 3
+"""Sums in a row that a sensor may be missing from before it is awaited no longer: forces may be late by a frame."""
+_UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
+
+
+class HandForces:
+    """Gathers a force of each sensor. A sum is made as soon as all are there that were there lately.
+
+    So a sensor that falls silent delays a few sums, by a frame each, and then no more; one that comes back is in the
+    sum again at once.
+    """
+
+    def __init__(self, hand: Hand) -> None:
+        self._hand = hand
+        self._frame_ns = round(NS_PER_S / hand.fps)
+        self._gathered: dict[str, Any] = {}
+        self._missed = dict.fromkeys(hand.names, 0)
+        self._newest_ns = 0
+
+    def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
+        """A force of the sensor `name`; the sums that are due by it, mostly one or none."""
+        captured_ns = stamp_ns(force.header.stamp)
+        if captured_ns <= self._newest_ns - self._frame_ns:
+            return []  # what was captured with it has been summed long ago
+        due = []
+        if self._gathered and (name in self._gathered or not self._belongs(captured_ns)):
+            due.append(self._sum())
+        self._gathered[name] = force
+        if all(each in self._gathered or missed >= PATIENCE for each, missed in self._missed.items()):
+            due.append(self._sum())
+        return due
+
+    def _belongs(self, captured_ns: int) -> bool:
+        stamps = [captured_ns, *(stamp_ns(each.header.stamp) for each in self._gathered.values())]
+        return max(stamps) - min(stamps) <= self._frame_ns
+
+    def _sum(self) -> types.HandWrench:
+        gathered, self._gathered = self._gathered, {}
+        self._missed = {each: 0 if each in gathered else missed + 1 for each, missed in self._missed.items()}
+        self._newest_ns = max(stamp_ns(each.header.stamp) for each in gathered.values())
+        return summed(self._hand, gathered, self._newest_ns)
+
+
+def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:
+    """The sum of the forces of a hand's sensors, by name; errors of different sensors are independent."""
+    known = {each.name: _in_hand(each, forces[each.name]) for each in hand.sensors if _is_known(forces.get(each.name))}
+    margins = [
+        margin
+        for each in hand.sensors
+        if (force := forces.get(each.name)) is not None and force.status != force.STATUS_INVALID
+        for margin in _margins(each, force, hand.friction)
+    ]
+    head = conversions.header(at_ns, hand.frame)
+    missing = [name for name in hand.names if name not in known]
+    margins.sort(key=_order)
+    if not known:
+        return types.HandWrench(
+            header=head, wrench=types.Wrench(force=_UNKNOWN, torque=_UNKNOWN),
+            wrench_covariance=np.array([-1.0] + 35 * [0.0]), missing=missing, margins=margins,
+        )  # fmt: skip
+    wrench, covariance = (sum(parts[1:], parts[0]) for parts in zip(*known.values(), strict=True))
+    return types.HandWrench(
+        header=head, wrench=_wrench(wrench), wrench_covariance=covariance.reshape(-1), sensors=list(known),
+        missing=missing, margins=margins,
+    )  # fmt: skip
+
+
+def _is_known(force: Any) -> bool:
+    return force is not None and force.status != force.STATUS_INVALID and bool(force.wrench_covariance[0] >= 0)
+
+
+def _in_hand(sensor: HandSensor, force: types.ForceDistribution) -> tuple[np.ndarray, np.ndarray]:
+    pull, turn = force.wrench.force, force.wrench.torque
+    wrench = np.array([pull.x, pull.y, pull.z, turn.x, turn.y, turn.z])
+    covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
+    return moved_wrench(sensor.frame.parent_from_surface, wrench, covariance)
+
+
+def _wrench(found: np.ndarray) -> types.Wrench:
+    fx, fy, fz, tx, ty, tz = map(float, found)
+    return types.Wrench(force=types.Vector3(x=fx, y=fy, z=fz), torque=types.Vector3(x=tx, y=ty, z=tz))
+
+
+def _margins(sensor: HandSensor, force: types.ForceDistribution, friction: float) -> list[types.GraspMargin]:
+    made = []
+    for each in force.contacts:
+        shear = math.hypot(each.shear_x, each.shear_y)
+        margin, sigma = grasp_margin(each.force, each.force_sigma, shear, each.shear_sigma, friction)
+        x, y, z = sensor.frame.parent_from_surface[:3] @ (each.position.x, each.position.y, each.position.z, 1.0)
+        told = types.GraspMargin(
+            sensor=sensor.name, position=types.Point(x=float(x), y=float(y), z=float(z)), normal=each.force,
+            shear=shear, margin=margin, margin_sigma=sigma, slip_share=each.slip_share,
+        )  # fmt: skip
+        made.append(told)
+    return made
+
+
+def _order(margin: types.GraspMargin) -> tuple[float, float]:
+    """The least margin first; where none is known, the largest share that slips already."""
+    unknown = math.isnan(margin.margin)
+    slips = 0.0 if math.isnan(margin.slip_share) else margin.slip_share
+    return (math.inf if unknown else margin.margin, -slips)

@@ -1,0 +1,120 @@
+// All sensors of a hand, small and together; choosing one leads to its own page.
+
+import { drawCamera } from './camera.js';
+import { Link } from './link.js';
+import { drawMap } from './map.js';
+import { takeApart } from './packet.js';
+import { KILOPASCALS, NEWTONS, Scale } from './scale.js';
+import { OLD_S, statusOf } from './status.js';
+import { drawSurface, takeCells } from './surface.js';
+
+const GAIN = 50; // of the arrows of motion
+const $ = (id) => document.getElementById(id);
+
+/** '+0.500'; a number that is nought as it is shown has no minus. */
+function signed(value, digits) {
+  if (value === null) return '–';
+  const size = Math.abs(value).toFixed(digits);
+  return `${value < 0 && Number(size) ? '−' : '+'}${size}`;
+}
+
+class Tile {
+  constructor(name) {
+    this.name = name;
+    this.place = $('tile').content.cloneNode(true).firstElementChild;
+    this.place.href = `/?${new URLSearchParams({ sensor: name })}`;
+    this.find('name').textContent = name;
+    $('tiles').append(this.place);
+    this.told = null;
+    this.at = 0;
+    this.scales = { bins: new Scale(NEWTONS), pressure: new Scale(KILOPASCALS), shear: new Scale(KILOPASCALS) };
+    this.link = new Link((buffer) => this.take(buffer), () => this.watch(), name);
+  }
+
+  find(part) {
+    return this.place.querySelector(`.${part}`);
+  }
+
+  async take(buffer) {
+    const packet = takeApart(buffer);
+    const bitmap = await bitmapOf(packet);
+    Object.assign(this, { told: packet.told, at: performance.now() });
+    requestAnimationFrame(() => {
+      this.draw(packet, bitmap);
+      this.watch();
+      this.link.drawn();
+    });
+  }
+
+  draw({ told, bins, cells, motion }, bitmap) {
+    if (bitmap) drawCamera(this.find('camera'), bitmap, told.motion, motion, GAIN);
+    bitmap?.close();
+    const { force } = told, { scales } = this;
+    const field = told.surface ? takeCells(told.surface, cells) : null;
+    if (force && force.status !== 'invalid') {
+      scales.bins.fit(bins, force.stamp_s);
+      if (field) {
+        scales.pressure.fit(field.pressure, force.stamp_s);
+        scales.shear.fit(field.arrows.found.map(({ dx, dy }) => Math.hypot(dx, dy)), force.stamp_s);
+      }
+    }
+    if (field) drawSurface(this.find('map'), field, force?.contacts ?? [], scales.pressure.full, scales.shear.full);
+    else drawMap(this.find('map'), force, bins, scales.bins.full);
+  }
+
+  /** Seconds since the force that is shown was captured. */
+  get age() {
+    return this.told?.force ? this.told.age_s + (performance.now() - this.at) / 1000 : Infinity;
+  }
+
+  get isLive() {
+    return this.link.open && this.age < OLD_S;
+  }
+
+  watch() {
+    if (!this.link) return; // while it is being made
+    const [status, word, reason] = statusOf(this.told, this.age, this.isLive, this.link.open);
+    const trusted = this.isLive && this.told.force.status !== 'invalid';
+    this.place.dataset.status = status;
+    this.place.classList.toggle('stale', !this.isLive);
+    this.find('word').textContent = word;
+    this.find('reason').textContent = reason;
+    this.find('total').textContent = trusted ? `${this.told.force.total_n.toFixed(3)} N` : '– N';
+  }
+}
+
+async function bitmapOf({ told, jpeg }) {
+  if (!told.image || !jpeg.byteLength) return null;
+  try {
+    return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
+  } catch {
+    return null;
+  }
+}
+
+/** The sum that came last, if it is new enough to be one; and who is missing. */
+function showHand(tiles) {
+  const live = tiles.filter((tile) => tile.isLive);
+  const latest = live.map(({ told }) => told).sort((a, b) => (b.hand?.stamp_s ?? 0) - (a.hand?.stamp_s ?? 0))[0];
+  const hand = latest?.hand && latest.force.stamp_s - latest.hand.stamp_s < OLD_S ? latest.hand : null;
+  const parts = hand?.force_n.map((each, axis) => `${'xyz'[axis]} ${signed(each, 3)}${hand.force_sigma_n ? ` ± ${hand.force_sigma_n[axis].toFixed(3)}` : ''}`);
+  $('frame').textContent = hand?.frame ?? 'the hand';
+  $('force').textContent = parts?.join('   ') ?? '–';
+  $('moment').textContent = hand?.moment_n_mm.map((each, axis) => `${'xyz'[axis]} ${signed(each, 1)}`).join('   ') ?? '–';
+  $('slips').textContent = hand?.slips_first ? firstToSlip(hand.slips_first) : '–';
+  const missing = tiles.filter((tile) => !tile.isLive || hand?.missing.includes(tile.name)).map(({ name }) => name);
+  $('missing').textContent = missing.length ? `missing: ${missing.join(', ')}` : `all ${tiles.length} sensors`;
+  $('missing').classList.toggle('some', missing.length > 0);
+}
+
+function firstToSlip({ sensor, margin, sigma }) {
+  if (margin === null) return '–';
+  return `${sensor}, margin ${margin.toFixed(2)}${sigma === null ? '' : ` ± ${sigma.toFixed(2)}`}`;
+}
+
+const names = await (await fetch('/sensors')).json();
+const tiles = names.map((name) => new Tile(name));
+setInterval(() => {
+  tiles.forEach((tile) => tile.watch());
+  showHand(tiles);
+}, 100);

@@ -1,0 +1,26 @@
+// What a force may be used for, in a word and a sentence, for the page of one sensor and that of all.
+
+export const OLD_S = 0.6; // a force older than this is no reading any more
+const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
+
+/** A status, its word, and a sentence on it: of what was told, so many seconds old. */
+export function statusOf(told, age, isLive, isOpen) {
+  if (!isOpen) {
+    const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
+    return ['nodata', 'NO CONNECTION', `The live view does not answer${since}; trying again.`];
+  }
+  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet; the nodes are starting.'];
+  if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
+  const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
+  const { level, text } = told.slow.calibration ?? {};
+  const advice = level === 'ageing' || level === 'invalid' ? [text] : [];
+  return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
+}
+
+/** The worst that a node says of itself. */
+function complaint(told) {
+  const health = told?.slow.health ?? [];
+  const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
+  const bad = health.filter((entry) => entry.level === 'error' || entry.level === 'warning').map((entry) => `${entry.node}: ${entry.text}`);
+  return bad[0] ?? silent[0];
+}

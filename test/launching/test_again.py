@@ -1,0 +1,82 @@
+"""A launch beside others: told why it ended, started again, ended when asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.launching import again
+from tactile_nodes.launching.again import LaunchedAgain
+from tactile_nodes.launching.processes.output import Line, Screen
+from tactile_nodes.launching.service import LaunchService
+
+FAILS = """launch: [{executable: {cmd: "sh -c 'echo no camera >&2; exit 1'", on_exit: shutdown}}]"""
+LASTS = """launch: [{executable: {cmd: "sleep 60"}}]"""
+
+
+def until(happens: Callable[[], bool]) -> None:
+    deadline_s = monotonic_s() + 20
+    while not happens():
+        assert monotonic_s() < deadline_s
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(again, 'FIRST_DELAY_S', 0.2)
+
+
+def launched(tmp_path: Path, *texts: str) -> tuple[LaunchedAgain, list[Line]]:
+    """The first text at first, the last again and again; an empty one cannot be made."""
+    lines: list[Line] = []
+
+    def make(screen: Screen, number: int) -> LaunchService:
+        if not (text := texts[min(number, len(texts) - 1)]):
+            raise ConfigurationError('there is no parameter file')
+        file = tmp_path / f'{number}.launch.yaml'
+        file.write_text(text)
+        return LaunchService(file, screen=screen, log_base=tmp_path)
+
+    return LaunchedAgain(make, lines.append), lines
+
+
+def test_one_that_fails_is_told_and_started_again_until_it_lasts(tmp_path: Path) -> None:
+    tested, lines = launched(tmp_path, FAILS, LASTS)
+    tested.start()
+    until(lambda: 'started again' in tested.trouble)
+    assert tested.trouble == 'started again, and not settled yet; before: sh-1 failed: no camera'
+    until(lambda: any('sleep-1' in line.source for line in lines))
+    began_s = monotonic_s()
+    tested.stop()
+    tested.join(10.0)
+    assert monotonic_s() - began_s < 5.0
+
+
+def test_what_cannot_even_be_launched_is_told(tmp_path: Path) -> None:
+    tested, _ = launched(tmp_path, '')
+    tested.start()
+    until(lambda: tested.trouble == 'there is no parameter file')
+    tested.stop()
+    tested.join(10.0)
+
+
+def test_one_that_runs_is_no_trouble(tmp_path: Path) -> None:
+    tested, lines = launched(tmp_path, LASTS)
+    tested.start()
+    until(lambda: any('sleep-1' in line.source for line in lines))
+    assert tested.trouble == ''
+    tested.stop()
+    tested.join(10.0)
+
+
+def test_one_that_has_settled_is_no_trouble_any_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(again, 'SETTLED_S', 0.5)
+    tested, _ = launched(tmp_path, FAILS, LASTS)
+    tested.start()
+    until(lambda: 'started again' in tested.trouble)
+    until(lambda: tested.trouble == '')
+    tested.stop()
+    tested.join(10.0)

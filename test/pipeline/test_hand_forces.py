@@ -1,0 +1,138 @@
+"""The sum of a hand's sensors, fed by hand: which forces belong together, and what they come to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.pipeline.hand_forces import HandForces
+from tactile_nodes.sensors import Hand, HandSensor, Mounting
+
+MS = 1_000_000
+FORCE = types.ForceDistribution
+START = 1_000_000 * MS
+
+
+def facing(name: str, y_mm: float, roll_deg: float) -> HandSensor:
+    return HandSensor(name, frame=Mounting(name, 'grip', (0.0, y_mm, 80.0), (roll_deg, 0.0, 0.0)))
+
+
+HAND = Hand('grip', 60.0, 0.8, (facing('left', 30.0, 90.0), facing('right', -30.0, -90.0)))
+
+
+def pressed(
+    at_ms: float, normal_n: float, shear_x_n: float = 0.0, status: int = FORCE.STATUS_OK, known: bool = True
+) -> types.ForceDistribution:
+    """Pressed at the middle of the gel, and dragged along its x; each component unsure by 0.01 N."""
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = np.eye(3) * 1e-4
+    covariance[0, 0] = covariance[0, 0] if known else -1.0
+    return FORCE(
+        header=conversions.header(START + round(at_ms * MS), 'x'),
+        wrench=types.Wrench(force=types.Vector3(x=shear_x_n, y=0.0, z=-normal_n)),
+        wrench_covariance=covariance.reshape(-1), status=status,
+        contacts=[types.Contact(force=normal_n, shear_x=shear_x_n, shear_y=0.0, slip_share=0.25)],
+    )  # fmt: skip
+
+
+def sums(forces: HandForces, *given: tuple[str, types.ForceDistribution]) -> list[types.HandWrench]:
+    return [made for name, force in given for made in forces.add(name, force)]
+
+
+def test_a_gripped_part_presses_both_fingers_apart_and_its_weight_stays() -> None:
+    # 2 N into each gel cancel. Each finger is dragged by 0.5 N along its x, which is the hand's x: 1 N in all, at a
+    # height of 80 mm, so 0.08 N m about y. About z the levers of 30 mm to both sides cancel.
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 2.0, 0.5)), ('right', pressed(3, 2.0, 0.5)))
+    pull, turn = made.wrench.force, made.wrench.torque
+    assert (pull.x, pull.y, pull.z) == pytest.approx((1.0, 0.0, 0.0))
+    assert (turn.x, turn.y, turn.z) == pytest.approx((0.0, 0.08, 0.0))
+    assert (made.header.frame_id, stamp_ns(made.header.stamp)) == ('grip', START + 3 * MS)
+    assert (made.sensors, made.missing) == (['left', 'right'], [])
+
+
+def test_variances_of_the_sensors_add_up_with_their_levers() -> None:
+    # Two of 1e-4 N^2. About x, force along y has a lever of 80 mm, and along z one of 30 mm.
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 2.0)), ('right', pressed(3, 2.0)))
+    covariance = np.asarray(made.wrench_covariance).reshape(6, 6)
+    assert np.diag(covariance)[:3] == pytest.approx([2e-4] * 3)
+    assert covariance[3, 3] == pytest.approx(2e-4 * (0.08**2 + 0.03**2))
+    assert covariance == pytest.approx(covariance.T)
+
+
+def test_unequal_presses_leave_their_difference_along_the_axis_of_the_grip() -> None:
+    # Into the left gel is its -z, which is the hand's +y.
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 2.0)), ('right', pressed(3, 1.5)))
+    assert made.wrench.force.y == pytest.approx(0.5)
+
+
+def test_the_contact_that_slips_first_is_the_first() -> None:
+    # 0.4 of 0.8 N, and 0.6 of 0.8 N.
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 1.0, 0.4)), ('right', pressed(3, 1.0, 0.6)))
+    assert [(each.sensor, each.margin) for each in made.margins] == [
+        ('right', pytest.approx(0.25)),
+        ('left', pytest.approx(0.5)),
+    ]
+    assert made.margins[1].position.y == pytest.approx(0.03)
+
+
+def test_without_friction_the_larger_slip_share_goes_first() -> None:
+    hand = Hand('grip', 60.0, 0.0, HAND.sensors)
+    slipping = pressed(3, 1.0)
+    slipping.contacts[0].__dict__['slip_share'] = 0.75
+    (made,) = sums(HandForces(hand), ('left', pressed(0, 1.0)), ('right', slipping))
+    assert [each.sensor for each in made.margins] == ['right', 'left']
+    assert math.isnan(made.margins[0].margin)
+
+
+def test_a_sensor_that_falls_silent_delays_three_sums_by_a_frame_and_then_no_more() -> None:
+    forces = HandForces(HAND)
+    sums(forces, ('left', pressed(0, 1.0)), ('right', pressed(8, 1.0)))
+    made = [sums(forces, ('left', pressed(16.7 * frame, 1.0))) for frame in range(1, 7)]
+    stamps = [[round((stamp_ns(each.header.stamp) - START) / MS, 1) for each in due] for due in made]
+    assert stamps == [[], [16.7], [33.4], [50.1, 66.8], [83.5], [100.2]]
+    assert {tuple(each.missing) for due in made for each in due} == {('right',)}
+
+
+def test_a_force_that_is_late_once_costs_one_sum_and_not_those_after_it() -> None:
+    # The second of the right finger comes only after the third of the left one.
+    forces = HandForces(HAND)
+    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 25), ('right', 42), ('left', 51)]
+    made = sums(forces, *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
+    assert [each.missing for each in made] == [[], ['right'], [], []]
+
+
+def test_a_sensor_that_is_back_is_in_the_sum_again() -> None:
+    forces = HandForces(HAND)
+    sums(forces, *(('left', pressed(16.7 * frame, 1.0)) for frame in range(6)))
+    made = sums(
+        forces, *((name, pressed(100 + 16.7 * frame + ms, 1.0)) for frame in range(4)
+                  for name, ms in (('left', 0), ('right', 8)))
+    )  # fmt: skip
+    assert made[-1].missing == []
+
+
+def test_what_comes_long_after_its_time_is_not_summed_with_what_is_new() -> None:
+    forces = HandForces(HAND)
+    sums(forces, ('left', pressed(0, 1.0)), ('right', pressed(3, 1.0)))
+    assert sums(forces, ('right', pressed(-40, 9.0)), ('left', pressed(16.7, 1.0))) == []
+    (made,) = sums(forces, ('right', pressed(19.7, 1.0)))
+    assert made.wrench.force.y == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize('bad', [{'status': FORCE.STATUS_INVALID}, {'known': False}])
+def test_a_force_that_cannot_be_used_is_missing_from_the_sum(bad: dict[str, int]) -> None:
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 1.0, **bad)), ('right', pressed(3, 1.0)))
+    assert (made.sensors, made.missing) == (['right'], ['left'])
+    assert made.wrench.force.y == pytest.approx(-1.0)
+
+
+def test_a_sum_of_nothing_is_not_zero_but_unknown() -> None:
+    bad = {'status': FORCE.STATUS_INVALID}
+    (made,) = sums(HandForces(HAND), ('left', pressed(0, 1.0, **bad)), ('right', pressed(3, 1.0, **bad)))
+    assert math.isnan(made.wrench.force.x)
+    assert made.wrench_covariance[0] == -1.0
+    assert made.margins == []

@@ -1,0 +1,74 @@
+"""Hand files: what is told of a hand, and what is left out of it with a sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensors import Hand, load_hand
+
+
+def hand(tmp_path: Path, *sensors: str, head: str = '') -> Hand:
+    file = tmp_path / 'hand.yaml'
+    file.write_text(head + 'sensors:\n' + ''.join(f'  - {{{each}}}\n' for each in sensors))
+    return load_hand(file)
+
+
+def test_the_fingers_of_the_hand_that_ships_press_against_each_other() -> None:
+    # Each z axis points out of its gel: that of the left to the right, -y, that of the right to the left.
+    left, right = load_hand('two_fingers').sensors
+    assert (left.name, right.name) == ('left', 'right')
+    assert left.frame.parent_from_surface[:3, 2] == pytest.approx((0.0, -1.0, 0.0))
+    assert right.frame.parent_from_surface[:3, 2] == pytest.approx((0.0, 1.0, 0.0))
+    assert left.frame.parent_from_surface[:3, 3] == pytest.approx((0.0, 0.03, 0.08))
+
+
+def test_a_sensor_is_called_by_its_name_and_fixed_to_the_frame_of_the_hand(tmp_path: Path) -> None:
+    (thumb,) = hand(tmp_path, 'name: thumb', head='frame: palm\n').sensors
+    assert (thumb.frame.id, thumb.frame.parent) == ('thumb', 'palm')
+
+
+@pytest.mark.parametrize(
+    ('second', 'said'),
+    [
+        ('name: a', "hand.yaml:3: there are two sensors with the name 'a'"),
+        ('name: b, source: /dev/video7', "'b' takes the camera /dev/video7, which is that of 'a'"),
+        ("name: b, source: '7'", "'b' takes the camera 7, which is that of 'a'"),
+        ('name: b, frame: {position_mm: [1.0, 2.0]}', 'frame.position_mm must hold 3 finite numbers'),
+        ('name: b, frame: {rpy_deg: [0.0, .nan, 0.0]}', 'frame.rpy_deg must hold 3 finite numbers'),
+        ('name: b, frame: {parent: arm}', "'b' is mounted in 'arm'"),
+        ('name: b, frame: {id: a}', "have one frame.id, 'a'"),
+        ('name: b, soruce: simulated', "hand.yaml:3: unknown parameter 'soruce'"),
+        ('name: my-finger', 'needs a name of letters, digits and underscores'),
+        ('name: b, frame: {position_mm: [0, 1.5, 0]}', 'a list holds one type'),
+        ('source: simulated', 'needs a name of letters, digits and underscores'),
+    ],
+)
+def test_a_sensor_that_cannot_be_used_is_left_out_with_a_sentence(tmp_path: Path, second: str, said: str) -> None:
+    found = hand(tmp_path, 'name: a, source: /dev/video7', second, 'name: c')
+    assert found.names == ('a', 'c')
+    (refused,) = found.refused
+    assert said in refused
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('frame: hand\n', "must hold a list 'sensors'"),
+        ('sensors: []\n', "must hold a list 'sensors'"),
+        ('sensors: [left]\n', "no sensor of it can be used: .*each of 'sensors' maps names to values"),
+        ('frame: hand\nfrictoin: 0.5\nsensors: [{name: a}]\n', "hand.yaml:2: unknown parameter 'frictoin'"),
+        ('friction: -1.0\nsensors: [{name: a}]\n', "'friction' must be"),
+        ('sensors: [{name: 7up}]\n', 'no sensor of it can be used'),
+        ('sensors: [\n', 'not valid YAML'),
+    ],
+)
+def test_what_is_no_hand_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / 'hand.yaml').write_text(text)
+    with pytest.raises(ConfigurationError, match=said):
+        load_hand(tmp_path / 'hand.yaml')
+
+
+def test_a_hand_that_is_not_there_is_told_beside_those_that_ship() -> None:
+    with pytest.raises(ConfigurationError, match=r"there is no hand 'three'.*: two_fingers"):
+        load_hand('three')

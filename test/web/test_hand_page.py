@@ -1,0 +1,114 @@
+"""The page of a hand: one server for all its sensors; in Chromium all together, and each alone when it is chosen.
+
+Skipped where there is no Chromium (Debian: apt-get install chromium) or no playwright (part of the extra ``dev``).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.runtime import run_until
+from tactile_nodes.messages import types
+from tactile_nodes.nodes.hand_wrench import HandWrenchNode
+from tactile_nodes.nodes.live_view import LiveViewNode
+
+playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed: pip install .[dev]')
+expect = playwright.expect
+CHROMIUM = next((found for name in ('chromium', 'chromium-browser') if (found := shutil.which(name))), None)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason='there is no Chromium on this machine: apt-get install chromium'),
+]
+HAND = """\
+frame: grip
+friction: 0.5
+sensors:
+  - {name: left, frame: {rpy_deg: [90.0, 0.0, 0.0]}}
+  - {name: right, frame: {rpy_deg: [-90.0, 0.0, 0.0]}}
+  - {name: thumb, source: /dev/video99}
+"""
+SIGMA_N = 0.01
+
+
+def pressed(stamp_ns: int, normal_n: float, shear_n: float) -> types.ForceDistribution:
+    return types.ForceDistribution(
+        header=conversions.header(stamp_ns, 'x'), rows=1, cols=2, bin_width=0.01, bin_height=0.01,
+        normal_force=np.array([0.0, normal_n], np.float32), total=normal_n, peak=normal_n, in_contact=True,
+        contacts=[types.Contact(force=normal_n, shear_x=shear_n)],
+        wrench=types.Wrench(force=types.Vector3(x=shear_n, y=0.0, z=-normal_n)),
+        wrench_covariance=np.eye(6).reshape(-1) * SIGMA_N**2,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> Iterator[str]:
+    """Of the page of a hand: 1 N presses the left finger and 0.1 N drag it, 1.5 N and 0.6 N the right one."""
+    (tmp_path / 'hand.yaml').write_text(HAND)
+    bus, done = InProcessBus(), threading.Event()
+    told = parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml', '-p', 'port:=0'])
+    nodes = [HandWrenchNode(bus, told), LiveViewNode(bus, told)]
+    ends = [
+        bus.advertise(f'/{name}/force_distribution', topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos)
+        for name in ('left', 'right')
+    ]
+
+    def publish() -> None:
+        while not done.wait(1 / 60):
+            stamp_ns = bus.clock.now_ns()
+            for end, (normal_n, shear_n) in zip(ends, ((1.0, 0.1), (1.5, 0.6)), strict=True):
+                end.publish(pressed(stamp_ns, normal_n, shear_n))
+
+    threads = [threading.Thread(target=publish), threading.Thread(target=run_until, args=(nodes, done))]
+    for thread in threads:
+        thread.start()
+    yield nodes[1].server.url
+    done.set()
+    for thread in threads:
+        thread.join()
+    bus.close()
+
+
+@pytest.fixture
+def page(url: str) -> Iterator[Any]:
+    sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        made = browser.new_page(viewport={'width': 1280, 'height': 720})
+        made.set_default_timeout(15_000)
+        faults: list[str] = []
+        made.on('pageerror', lambda error: faults.append(str(error)))
+        made.goto(url)
+        yield made
+        browser.close()
+    assert faults == []
+
+
+def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any) -> None:
+    tiles = page.locator('.tile')
+    expect(tiles).to_have_count(3)
+    expect(tiles.nth(0)).to_contain_text('1.000 N')
+    expect(tiles.nth(1)).to_contain_text('1.500 N')
+    expect(tiles.nth(2)).to_contain_text('WAITING')
+    expect(page.locator('#missing')).to_have_text('missing: thumb')
+    # Into the left gel is the hand's +y, into the right its -y: 0.5 N are left. Two variances of 0.01 N: 0.014 N.
+    expect(page.locator('#force')).to_have_text('x +0.700 ± 0.014   y −0.500 ± 0.014   z +0.000 ± 0.014')
+    # 0.6 N of 0.5 x 1.5 N are used.
+    expect(page.locator('#slips')).to_contain_text('right, margin 0.20')
+    tiles.nth(1).click()
+    expect(page.locator('#namespace')).to_have_text('/right')
+    expect(page.locator('#total')).to_have_text('1.500')
+    page.locator('#all').click()
+    expect(tiles).to_have_count(3)
+    assert page.request.get(f'{page.url}?sensor=fourth').status == 404
