@@ -140,7 +140,7 @@ def _forces_n(sensor: Sensor, body: KnownBody | None, told: list[float], unit: s
     if body is None:
         return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
     most = linear_most_n(sensor, body)
-    said = f'under {body.told} the gel answers in proportion up to about {most / newton:.2g} {unit}'
+    said = f'under {body.told} the gel answers in proportion up to about {float(f"{most / newton:.2g}"):g} {unit}'
     if not wished:
         print(f'{said}, so presses are asked for with less than that')
     elif max(wished) > most:

@@ -15,7 +15,7 @@ import numpy as np
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import DESCRIPTION, Pressed, known_presses
 from tactile_nodes.learning.field.fit import fit_field, regions_of
-from tactile_nodes.learning.field.judging import Held
+from tactile_nodes.learning.field.judging import CONFIRMED, Held
 from tactile_nodes.learning.field.presses import Pressures
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import (
@@ -108,7 +108,8 @@ def transfer_alone(
     require_tared(offset_n, max(spread_n, BENT * float(np.median(fit.by.force_n))))
     before = Held.of([source] * len(fit.by), dataset, fit.by, np.zeros(len(fit.by), int)).errors
     contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
-    confirmed = fit.form == 'description' and loaded.card.get('data', {}).get('origin') == DESCRIPTION
+    as_described = fit.form == 'description' and abs(math.log(fit.gain)) < CONFIRMED
+    confirmed = as_described and loaded.card.get('data', {}).get('origin') == DESCRIPTION
     said = objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
     require_worth(said, 'keep the model, or press at more places', forced=forced)
     why = (
