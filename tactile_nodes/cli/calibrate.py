@@ -193,14 +193,16 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
     from tactile_nodes.learning.calibrating.files import Source
     from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, take_presses
-    from tactile_nodes.learning.field.alone import presses_tell_tips
     from tactile_nodes.learning.recorded.building import gel_told
+    from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
     source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
     # The fits of a curve are told in a line each; the one fit of all presses shows its own progress.
     fitting = None if arguments.curve else progress
     gel, pressed, curve = gel_told(arguments.gel), _pressed(arguments), arguments.curve
-    along = curve and presses_tell_tips(source.loaded, pressed)
+    readout = source.loaded.model.readout
+    tips = not isinstance(readout, FieldReadout) or (readout.tips and (pressed.body is None or pressed.body.is_ball))
+    along = curve and bool(tips)
     with closing(
         Calibrator(source.loaded, gel, all_of_them, fitting, pressed, forced=arguments.force, curve=curve)
     ) as calibrator:

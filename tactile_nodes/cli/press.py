@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tactile_nodes.cli.session import positive_float, positive_int
 
 if TYPE_CHECKING:
+    from tactile_nodes.learning.field.body import KnownBody
     from tactile_nodes.learning.guided.guide import Person, Picture
     from tactile_nodes.learning.guided.targets import Done, Target
     from tactile_nodes.sensors import Sensor
@@ -22,11 +24,13 @@ DESCRIPTION = (
 EPILOG = """\
 examples:
   tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter ball:5
-  tactile press by_hand --source /dev/video0 --sensor mine.yaml --presses 400     # for a model of its own
-  tactile press tried                                                             # a simulated hand, to see how it goes
-  tactile calibrate --pictures by_hand/presses.csv --model portable --gel gel-7 -o gel-7.safetensors
-  tactile dataset import by_hand/presses.csv -o presses.npz --gel gel-7
+  tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter punch:2     # the same folder, another body
+  tactile press own --source /dev/video0 --sensor mine.yaml --presses 400 --forces 20 50 80    # for a model of its own
+  tactile press tried --sensor speckle_membrane --indenter ball:5                      # a simulated hand, to see how
+What to type next, to calibrate by the presses, is printed at the end.
 """
+USUAL_G = 20.0, 50.0, 80.0
+CALIBRATED = 'calibrated.safetensors'
 UNITS = {'g': 'g', 'kg': 'kg', 'N': 'n', 'mN': 'mn'}
 PASSED, UNKNOWN = 's', '?'
 
@@ -40,10 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--sensor', default='simulated', metavar='YAML', help='description of the sensor, or the name of one that ships'
     )
-    parser.add_argument('--indenter', default='', metavar='NAME', help='what presses, as ball:5 (radius in mm)')
     parser.add_argument(
-        '--forces', nargs='+', type=positive_float, default=[20.0, 50.0, 80.0], metavar='FORCE',
-        help='forces to press with, about, in the unit of the scale (default: 20 50 80)',
+        '--indenter', default='', metavar='NAME',
+        help='what presses, as ball:5 or punch:1.5 (radius in mm), ring, part.stl (simulated: the tip, ball:0.6)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--forces', nargs='+', type=positive_float, default=[], metavar='FORCE',
+        help='forces to press with, about, in the unit of the scale (default: such that the gel answers in proportion)',
     )  # fmt: skip
     parser.add_argument('--unit', choices=list(UNITS), default='g', help='of the scale (default: g)')
     parser.add_argument(
@@ -61,29 +68,84 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.drivers.camera.opening import open_camera
     from tactile_nodes.learning.guided.folder import PressFolder
     from tactile_nodes.learning.guided.guide import Guide, until_enough
-    from tactile_nodes.learning.guided.simulated import SimulatedPerson
+    from tactile_nodes.learning.guided.simulated import TIP, SimulatedPerson
     from tactile_nodes.learning.guided.targets import Wish
     from tactile_nodes.learning.tables.columns import NEWTONS
     from tactile_nodes.sensors import load_sensor
 
     sensor, unit = load_sensor(arguments.sensor), UNITS[arguments.unit]
-    gel = sensor.gel
-    folder = PressFolder(arguments.folder, unit, arguments.indenter, (gel.width_mm / 2, gel.height_mm / 2))
-    wish = Wish(arguments.presses, tuple(each * NEWTONS[unit] for each in arguments.forces), gel.outline)
     simulated = arguments.source == SIMULATED
+    indenter = arguments.indenter or (TIP if simulated else '')
+    gel = sensor.gel
+    folder = PressFolder(arguments.folder, unit, indenter, (gel.width_mm / 2, gel.height_mm / 2))
+    body = _body(indenter)
+    forces_n = _forces_n(sensor, body, arguments.forces, arguments.unit)
+    wish = Wish(arguments.presses, forces_n, gel.outline)
     person: Person = TerminalPerson(arguments.folder, sensor, arguments.unit, NEWTONS[unit])
     scene = SceneSettings()
     if simulated:
-        print('a simulated hand presses; with a camera, give --source')
-        person, scene = SimulatedPerson(sensor, NEWTONS[unit], print), SceneSettings(world='by hand')
+        print(f'a simulated hand presses with {indenter}; with a camera, give --source')
+        person = SimulatedPerson(sensor, NEWTONS[unit], print, body=body or _known(indenter))
+        scene = SceneSettings(world='by hand')
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), print)
     print('enough. What to do with them:')
-    model = 'portable' if arguments.sensor == 'simulated' else 'ITS_MODEL'
-    print(f'  tactile calibrate --pictures {folder.table} --model {model} --gel NAME -o NAME.safetensors')
-    print(f'  tactile dataset import {folder.table} -o NAME.npz --gel NAME')
+    for words in next_steps(folder.table, arguments.sensor, known=body is not None):
+        print(f'  {shlex.join(words)}')
+    if body is None:
+        print(f'BODY is what {indenter or "pressed"} is, as ball:5 or punch:1.5 (radius in mm)')
+    if not simulated:
+        live = f'source:={arguments.source}', f'sensor:={arguments.sensor}', f'model:={folder.folder / CALIBRATED}'
+        print(f'  {shlex.join(["tactile", "launch", "live", *live, "--view"])}')
     return 0
+
+
+def next_steps(table: Path, sensor: str, *, known: bool) -> list[list[str]]:
+    """What to type after presses of a sensor, in order; `known` is whether the table says what body pressed."""
+    gel, described = table.resolve().parent.name, str(table.parent / 'described.safetensors')
+    body = [] if known else ['--body', 'BODY']
+    calibrated, presses = table.parent / CALIBRATED, table.parent / 'presses.npz'
+    return [
+        ['tactile', 'calibrate', '--sensor', sensor, '--model', 'field', '-o', described],
+        ['tactile', 'calibrate', '--pictures', str(table), '--model', described, *body, '--gel', gel,
+         '-o', str(calibrated)],
+        ['tactile', 'dataset', 'import', str(table), '--model', described, '--gel', gel, '-o', str(presses)],
+    ]  # fmt: skip
+
+
+def _body(indenter: str) -> KnownBody | None:
+    """What presses, if its name says it."""
+    from tactile_nodes.errors import ConfigurationError
+
+    try:
+        return _known(indenter)
+    except ConfigurationError:
+        return None
+
+
+def _known(indenter: str) -> KnownBody:
+    from tactile_nodes.learning.field.body import KnownBody
+
+    return KnownBody.named(indenter)
+
+
+def _forces_n(sensor: Sensor, body: KnownBody | None, told: list[float], unit: str) -> tuple[float, ...]:
+    """Forces to press with (N): those told in the unit of the scale, or those that the layer is linear for."""
+    from tactile_nodes.learning.guided.targets import LINEAR_SHARES, linear_most_n
+    from tactile_nodes.learning.tables.columns import NEWTONS
+
+    newton = NEWTONS[UNITS[unit]]
+    wished = tuple(each * newton for each in told)
+    if body is None:
+        return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
+    most = linear_most_n(sensor, body)
+    said = f'under {body.told} the gel answers in proportion up to about {float(f"{most / newton:.2g}"):g} {unit}'
+    if not wished:
+        print(f'{said}, so presses are asked for with less than that')
+    elif max(wished) > most:
+        print(f'{said}; a calibration of the force field leaves out what is harder')
+    return wished or tuple(share * most for share in LINEAR_SHARES)
 
 
 class TerminalPerson:

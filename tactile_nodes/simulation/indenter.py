@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,21 @@ PAPER_TIP = Indenter()
 
 INDENTERS = {'ball': Indenter(3.0, 3.0), 'punch': Indenter(1.5, 0.15)}
 """Bodies beside the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""
+
+EDGE_SHARE = 0.1
+"""Of its radius a punch is rounded at its edge."""
+
+
+def indenter_of(name: str) -> Indenter | None:
+    """Of a name as 'ball:5' or 'punch:1.5' (radius in mm); None of one that is neither."""
+    shape, _, size = name.partition(':')
+    try:
+        radius_mm = float(size)
+    except ValueError:
+        return None
+    if shape not in INDENTERS or not (0 < radius_mm < math.inf):
+        return None
+    return Indenter(radius_mm, radius_mm if shape == 'ball' else EDGE_SHARE * radius_mm)
 
 
 def indenter_name(tip_radius_mm: float, indenter: str) -> str:

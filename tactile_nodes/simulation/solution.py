@@ -18,7 +18,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Mesh, graded, shapes, with_middles
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter
+from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter, indenter_of
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.monotone import monotone_cubic
 
@@ -26,6 +26,10 @@ RECIPE = 1
 """Raised when the code gives another solution of the same problem."""
 
 FIRST_DEPTHS = (0.0, 0.0125, 0.025, 0.05, 0.075, 0.1)  # of the deepest: light touches change fastest
+
+SMALL_MM, DEEPEST_SHARE = 1.0, 0.6
+"""Indenters up to this radius are solved 2.5 mm deep, larger ones 1.5 mm, and none deeper than this share of the
+layer."""
 
 
 @dataclass(frozen=True)
@@ -129,11 +133,17 @@ def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
     if indenter == 'tip':
         tip = Indenter(gel.tip_radius_mm, gel.tip_radius_mm)
         return Problem(gel.layer_mm, gel.poisson_ratio, tip, sticking)
-    if indenter not in INDENTERS:
-        raise ConfigurationError(f'there is no indenter {indenter!r}; there are: tip, {", ".join(INDENTERS)}')
-    other = INDENTERS[indenter]
+    other = INDENTERS.get(indenter) or indenter_of(indenter)
+    if other is None:
+        raise ConfigurationError(
+            f'there is no indenter {indenter!r}; there are: tip, {", ".join(INDENTERS)}, and by their radius in mm '
+            'ball:5 and punch:1.5'
+        )
+    if other == Indenter(gel.tip_radius_mm, gel.tip_radius_mm):
+        return problem_of(gel)
     finest = min(other.radius_mm / 15, other.edge_mm)
-    return Problem(gel.layer_mm, gel.poisson_ratio, other, sticking, deepest_mm=1.5, finest_mm=finest)
+    deepest = min(1.5 if other.radius_mm > SMALL_MM else 2.5, DEEPEST_SHARE * gel.layer_mm)
+    return Problem(gel.layer_mm, gel.poisson_ratio, other, sticking, deepest_mm=deepest, finest_mm=finest)
 
 
 def solve_gel(gel: Gel) -> ContactTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from pathlib import Path
 
 import cv2
@@ -10,13 +11,14 @@ import numpy as np
 import pytest
 
 from tactile_nodes.cli.main import main
-from tactile_nodes.cli.press import read_answer
+from tactile_nodes.cli.press import next_steps, read_answer
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.camera.contract import CameraSettings, SceneSettings
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.errors import DatasetError, DeviceError
 from tactile_nodes.learning.datasets.file import load_dataset
+from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.guided.drawing import marked, sketch
 from tactile_nodes.learning.guided.folder import PressFolder
 from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, Guide
@@ -24,6 +26,7 @@ from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
 from tactile_nodes.learning.guided.targets import Done, Target, Wish
 from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
 from tactile_nodes.learning.tables.presses import read_table
+from tactile_nodes.model_file import load_model
 from tactile_nodes.sensors import Outline, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
@@ -95,6 +98,50 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     assert main(['dataset', 'import', str(table), '-o', str(tmp_path / 'presses.npz')]) == 0
     presses = load_dataset(tmp_path / 'presses.npz')
     assert presses.card['indenters'] == ['ball:0.6'] and presses.contact.sum() == 10
+
+
+def test_what_is_printed_at_the_end_calibrates_a_described_sensor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['press', str(tmp_path / 'by hand'), '--sensor', 'printed_dots', '--indenter', 'ball:5', '--presses', '12']
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert 'under ball:5 the gel answers in proportion up to about 140 g' in told
+    commands = [shlex.split(line)[1:] for line in told.splitlines() if line.startswith('  tactile ')]
+    assert [each[0] for each in commands] == ['calibrate', 'calibrate', 'dataset']
+    for command in commands:
+        assert main(command) == 0, command
+    loaded = load_model(tmp_path / 'by hand' / 'calibrated.safetensors')
+    assert (loaded.gel, loaded.card['body']) == ('by hand', 'ball:5')
+    assert load_dataset(tmp_path / 'by hand' / 'presses.npz').contact.sum() == 12
+
+
+def test_an_indenter_of_no_known_shape_is_asked_for_where_it_is_needed() -> None:
+    steps = next_steps(Path('a/presses.csv'), 'mine.yaml', known=False)
+    assert steps[1][6:8] == ['--body', 'BODY']
+
+
+def test_a_simulated_hand_presses_with_what_is_named() -> None:
+    person = SimulatedPerson(load_sensor('printed_dots'), NEWTON_PER_GRAM, [].append, body=KnownBody.named('ball:5'))
+    person.press(Target(0.0, 0.0, 0.5), np.zeros((1, 1), np.uint8), [])
+    # The paper's tip goes 1.2 mm deep with 0.5 N, Hertz's ball of 5 mm on a half-space of 0.1 MPa 0.56, and less here.
+    assert 0.3 < person.press_at(0).depth_mm < 0.56
+
+
+def test_a_simulated_hand_says_what_it_cannot_press_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['press', str(tmp_path / 'none'), '--indenter', 'ring']) == 1
+    assert 'a simulated hand presses with a ball or a punch' in capsys.readouterr().err
+
+
+def test_a_simulated_hand_presses_harder_while_nothing_is_seen() -> None:
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='harder')
+    person.press(Target(0.0, 0.0, 0.01), np.zeros((1, 1), np.uint8), [])
+    before = person.force_at(0)
+    person.sees(UNTOUCHED, NO_PLACE)
+    assert person.force_at(0) > before
+    person.leave_untouched()
+    person.sees(UNTOUCHED, NO_PLACE)
+    assert person.force_at(0) == 0
 
 
 def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(tmp_path: Path) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 from pressures import hertz
 
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
 SIDE, NOISE_PX, MOST = 8, 0.004, 60
-BALL = KnownBody.named('ball:0.6')
+BALL = Bodies.one(KnownBody.named('ball:0.6'), MOST)
 SENSOR = Sensor()
 Terms = tuple[np.ndarray, np.ndarray]
 

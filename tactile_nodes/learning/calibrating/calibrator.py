@@ -242,7 +242,7 @@ class Calibrator:
 
     def _reading(self, readout: Any, sample: Sample) -> Reading:
         found = readout.read(sample.features.astype(np.float32), self._builder.shelf.confidence(sample))
-        (right, down), (x_mm, y_mm) = self._centre(sample.force_n), sample.position_mm
+        (right, down), (x_mm, y_mm) = self._centre(sample.force_n, sample.indenter), sample.position_mm
         x, y, force_n = centre_of(found.contacts)
         return Reading(force_n - sample.force_n, math.hypot(x - x_mm - right, y - y_mm - down))
 

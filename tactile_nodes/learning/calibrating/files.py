@@ -66,7 +66,7 @@ def calibrate(
 
     A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`;
     `pressed` is what a readout of any contact has to know beside that, as its source says unless given;
-    `indenter` names the one whose presses count, where the data set has several.
+    `indenter` names the one whose presses count, where the data set has several; a field takes all without.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -74,7 +74,9 @@ def calibrate(
         ConfigurationError: a layer needs torch, which is not installed.
     """
     begun = clock.perf_ns()
-    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file).of_indenter(indenter)
+    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
+    if indenter or not isinstance(source.loaded.model.readout, FieldReadout):
+        recordings = recordings.of_indenter(indenter)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
     if network or layer:
         made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
@@ -113,8 +115,12 @@ def completed(
         ConfigurationError: the body is wider than the gel.
     """
     pressed = pressed or Pressed()
-    loaded = replace(source.loaded, card=pressed.told(source.loaded.card))
-    made = with_field(source.loaded, made, recordings.as_samples(), progress, pressed, curve=curve)
+    if not isinstance(source.loaded.model.readout, FieldReadout):
+        return source, made
+    dataset = recordings.as_samples()
+    card = pressed.told(source.loaded.card, pressed.bodies(source.loaded, dataset))
+    loaded = replace(source.loaded, card=card)
+    made = with_field(source.loaded, made, dataset, progress, pressed, curve=curve)
     return replace(source, loaded=loaded), made
 
 
@@ -136,9 +142,10 @@ def transferred(
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)
     pressed = pressed or Pressed()
-    if not presses_tell_tips(loaded, pressed):
-        return transfer_alone(loaded, recordings.as_samples(), pressed, progress, forced=forced, curve=curve)
-    return transfer(source_readout(loaded), recordings.as_samples(), progress, forced=forced)
+    dataset = recordings.as_samples()
+    if not presses_tell_tips(loaded, pressed, dataset):
+        return transfer_alone(loaded, dataset, pressed, progress, forced=forced, curve=curve)
+    return transfer(source_readout(loaded), dataset, progress, forced=forced)
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:

@@ -7,7 +7,9 @@ it: `rest.png,,,0` is the gel untouched, `a.png,,,50` a weight of 50 g somewhere
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +24,19 @@ from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.learning.field.alone import presses_tell_tips
+from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.learning.field.by_hand import alone_by_hand, with_field_by_hand
 from tactile_nodes.learning.field.calibration import Pressed, kept
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import gel_told
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.pictures import read_pictures
-from tactile_nodes.learning.tables.presses import REACH_MM, read_table
+from tactile_nodes.learning.tables.presses import REACH_MM, PressTable, read_table
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
 from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
 from tactile_nodes.model_file import LoadedModel, save_model
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.picture.outline import OutlineMap, outline_map
 from tactile_nodes.sensing.rest.reference import average
@@ -40,23 +44,27 @@ from tactile_nodes.simulation.optics import Optics
 
 REST_SEED = 1
 
+BodyOf = Callable[[str, bool], KnownBody]
+"""What an indenter of a row is; told whether all rows have it."""
+
 
 @dataclass(frozen=True)
 class HandPresses:
     """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows).
 
-    `told` says how the columns of their table were read.
+    `indenters` are what pressed, by their names in the table; `told` says how its columns were read.
     """
 
     rest: list[UInt8[np.ndarray, 'h w']]
     pressed: list[UInt8[np.ndarray, 'h w']]
     contacts: Float[np.ndarray, 'n 3']
+    indenters: tuple[str, ...]
     fingerprint: str
     told: str
 
     @classmethod
-    def read(cls, table: Path, reach_mm: tuple[float, float] = REACH_MM) -> HandPresses:
-        """A table and the pictures that it names.
+    def read(cls, table: Path, reach_mm: tuple[float, float] = REACH_MM, body_of: BodyOf | None = None) -> HandPresses:
+        """A table and the pictures that it names; with `body_of` what pressed must be known.
 
         Raises:
             DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
@@ -65,6 +73,8 @@ class HandPresses:
         read = read_table(table, reach_mm)
         if read.of_video:
             raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
+        if body_of is not None:
+            _require_bodies(read, body_of)
         pictures = read_pictures(read, table.parent)
         contacts = np.array([(row.x_mm, row.y_mm, row.force_n) for row in read.rows]).reshape(-1, 3)
         untouched = contacts[:, 2] == 0
@@ -74,7 +84,8 @@ class HandPresses:
         chosen: tuple[list[Any], list[Any]] = ([], [])
         for picture, at_rest in zip(pictures, untouched, strict=True):
             chosen[0 if at_rest else 1].append(picture)
-        return cls(*chosen, contacts[~untouched], digest.hexdigest()[:16], f'{table}: {read.told}')
+        indenters = tuple(row.indenter for row in read.rows if row.touches)
+        return cls(*chosen, contacts[~untouched], indenters, digest.hexdigest()[:16], f'{table}: {read.told}')
 
     @property
     def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
@@ -92,7 +103,22 @@ class HandPresses:
         return Dataset(
             np.stack([each.values for each in measured]), presses, np.arange(len(measured)),
             np.stack([each.confidence for each in measured]), self.fingerprint,
+            indenter=np.array([''] * len(self.rest) + list(self.indenters)),
         )  # fmt: skip
+
+
+def _require_bodies(table: PressTable, body_of: BodyOf) -> None:
+    """Refuse rows whose indenter is no body.
+
+    Raises:
+        DatasetError: says which.
+    """
+    faults, pressed = table.faults, [row for row in table.rows if row.touches]
+    alone = len({row.indenter for row in pressed}) == 1
+    for row in pressed:
+        with faults.row(row.line):
+            body_of(row.indenter, alone)
+    faults.require_none()
 
 
 def source_rest(loaded: LoadedModel, like: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2'] | None:
@@ -147,18 +173,21 @@ def calibrate_by_hand(
     begun, told, loaded = clock.perf_ns(), gel_told(gel), source.loaded
     require_source(loaded, str(told['id']))
     bins = loaded.model.bins
+    pressed, field = pressed or Pressed(), isinstance(loaded.model.readout, FieldReadout)
+
+    @cache
+    def body_of(indenter: str, alone: bool) -> KnownBody:
+        return pressed.named(loaded, indenter, alone=alone)
+
     left, top = (abs(each) for each in bins.centre_mm)
-    presses = HandPresses.read(table, (left + bins.width_mm / 2, top + bins.height_mm / 2))
+    half_mm = left + bins.width_mm / 2, top + bins.height_mm / 2
+    presses = HandPresses.read(table, half_mm, body_of if field else None)
     progress.say(presses.told)
-    pressed = pressed or Pressed()
-    made, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
-    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
-    require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
-    made = replace(made, objection=said)
+    made, bodies, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     samples = len(presses.rest) + len(presses.pressed)
     card = {
-        **kept(pressed.told(loaded.card), made.readout),
+        **kept(pressed.told(loaded.card, bodies), made.readout),
         'command': command,
         'made_with': f'tactile_nodes {__version__}',
         'licence': 'the same as tactile_nodes',
@@ -172,8 +201,12 @@ def calibrate_by_hand(
 
 def _fitted(
     loaded: LoadedModel, presses: HandPresses, pressed: Pressed, progress: Progress, *, forced: bool
-) -> tuple[PartialTransfer, np.ndarray]:
-    """The calibration, and the rest image that it was measured against."""
+) -> tuple[PartialTransfer, Bodies | None, np.ndarray]:
+    """The calibration, what pressed if a field was there to be fitted, and the rest image that it was measured against.
+
+    Raises:
+        DatasetError: no calibration follows, or it would not pay.
+    """
     outline = outline_between(loaded, presses.rest_picture)
     if isinstance(outline, str) and not presses.pressed:
         raise DatasetError(f'the table holds no press, and the outline of the gel cannot be used: {outline}')
@@ -182,8 +215,9 @@ def _fitted(
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size) as measurer:
         dataset = presses.dataset(measurer)
         half_px, rest = measurer.size[0] / 2, measurer.rest_image
-    if not presses_tell_tips(loaded, pressed):
-        return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), rest
+    bodies = pressed.bodies(loaded, dataset) if isinstance(loaded.model.readout, FieldReadout) else None
+    if not presses_tell_tips(loaded, pressed, dataset):
+        return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), bodies, rest
     readout = source_readout(loaded)
     if presses.pressed:
         seen = None if isinstance(outline, str) else outline
@@ -191,4 +225,7 @@ def _fitted(
     else:
         assert isinstance(outline, OutlineMap)
         made = transfer_outline(readout, outline, half_px)
-    return with_field_by_hand(loaded, made, dataset, pressed, progress), rest
+    made = with_field_by_hand(loaded, made, dataset, pressed, progress)
+    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
+    require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
+    return replace(made, objection=said), bodies, rest

@@ -142,6 +142,7 @@ class RecordedPresses:
         return _Samples(
             self.features[rows], presses.astype(np.float32), self.confidence_row[rows], self.confidence,
             self.fingerprint, self.position_mm[rows], self.force_n[rows], hold=self.hold_number[rows],
+            indenter=np.array(self.card['indenters'])[self.indenter[rows]],
         )  # fmt: skip
 
 
@@ -160,6 +161,7 @@ class _Samples(Dataset):
             self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
             position_mm=self.position_mm[rows], force_n=self.force_n[rows],
             hold=None if self.hold is None else self.hold[rows],
+            indenter=None if self.indenter is None else self.indenter[rows],
         )  # fmt: skip
 
 

@@ -44,6 +44,7 @@ class Dataset:
     `rest[i]` is the row of `confidence` that belongs to sample i: one for each rest image, or, of a flow that judges
     every frame, one for each sample.
     Samples of one number in `hold` are pictures of one press held still; None: each sample is another press.
+    `indenter` names what pressed each sample, as its record does ('': it does not); None: of none it does.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -52,6 +53,7 @@ class Dataset:
     confidence: Float32[np.ndarray, 'rests rows cols']
     fingerprint: str
     hold: Int[np.ndarray, ' samples'] | None = field(default=None, kw_only=True)
+    indenter: np.ndarray | None = field(default=None, kw_only=True)
 
     def labels(self, bins: BinGrid) -> Float32[np.ndarray, 'samples bins']:
         """The paper's labels: the whole force in the bin of the indentation's centre."""
@@ -79,6 +81,7 @@ class Dataset:
         return replace(
             self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
             hold=None if self.hold is None else self.hold[rows],
+            indenter=None if self.indenter is None else self.indenter[rows],
         )  # fmt: skip
 
 

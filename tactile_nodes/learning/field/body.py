@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from tactile_nodes.contact_tables.touch_bodies import FARTHEST_MM, body_of
 from tactile_nodes.contact_tables.touch_tables import Contact
@@ -17,6 +17,11 @@ from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
 from tactile_nodes.simulation.touch.families import ball
+
+BETWEEN = ', '
+"""Between the names of several bodies on a card."""
+SPHERE, FLAT_PUNCH = 'sphere', 'flat punch'
+"""How rigs call a ball and a punch, before their diameter: 'sphere 1.2 mm'."""
 
 BODY, BALL_MM = 'body', 'ball_mm'
 """What a card says of the body; and of the radius of a ball, before there were others."""
@@ -40,7 +45,7 @@ class KnownBody:
         Raises:
             ConfigurationError: there is no such body or file, it is no body, or its radius is none.
         """
-        told = ROUND.get(told, told)
+        told = ROUND.get(told, _of_rig(told))
         shape, colon, size = told.partition(':')
         if colon and shape in (BALL, PUNCH):
             return cls(told, _round(told, shape, size))
@@ -74,6 +79,29 @@ class KnownBody:
             )
 
 
+@dataclass(frozen=True)
+class Bodies:
+    """What pressed: bodies, and which of them (by number) each sample of a data set tells of."""
+
+    known: tuple[KnownBody, ...]
+    of: Int[np.ndarray, ' samples']
+
+    @classmethod
+    def one(cls, body: KnownBody, samples: int) -> Bodies:
+        """The same for all samples."""
+        return cls((body,), np.zeros(samples, int))
+
+    @property
+    def is_a_ball(self) -> bool:
+        """Whether it is one ball alone, whose presses also tell how tips are read."""
+        return len(self.known) == 1 and self.known[0].is_ball
+
+    @property
+    def card_name(self) -> str:
+        """What a card says of them."""
+        return BETWEEN.join(each.card_name for each in self.known)
+
+
 def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
     """The body that pressed the gel of a model.
 
@@ -81,7 +109,7 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
         ModelError: nobody knows: the card says nothing, or names a file.
     """
     told = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
-    if told and not Path(told).suffix[1:].isalpha():
+    if told and BETWEEN not in told and not Path(told).suffix[1:].isalpha():
         return KnownBody.named(told)
     pressed = f'was made by presses of {told}' if told else 'does not say what pressed'
     raise ModelError(f'model {model_id} {pressed}; say what presses now: --body ball:0.6')
@@ -97,6 +125,15 @@ def _round(told: str, shape: str, size: str) -> Body:
     x, y = grid(radius_mm + 1.0)
     flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
     return Body.of_heights(told, ball(radius_mm, x, y) if shape == BALL else flat)
+
+
+def _of_rig(told: str) -> str:
+    """'ball:0.6' of 'sphere 1.2 mm', 'punch:1.5' of 'flat punch 3 mm'; anything else as it is."""
+    for words, shape in ((SPHERE, BALL), (FLAT_PUNCH, PUNCH)):
+        size = told.removeprefix(words).removesuffix('mm')
+        if size != told and told == f'{words}{size}mm' and _is_number(size):
+            return f'{shape}:{float(size) / 2:g}'
+    return told
 
 
 def _is_number(text: str) -> bool:

@@ -49,7 +49,7 @@ def with_field_by_hand(
 def alone_by_hand(
     loaded: LoadedModel, dataset: Dataset, pressed: Pressed, progress: Progress | None = None, *, forced: bool = False
 ) -> PartialTransfer:
-    """The field of a body that is no ball, by presses of which place and force are known.
+    """The field of bodies that are no ball, or several, by presses of which place and force are known.
 
     Raises:
         DatasetError, ConfigurationError: as of `transfer_alone`.
@@ -57,7 +57,7 @@ def alone_by_hand(
     made = transfer_alone(loaded, _known(dataset), pressed, progress, forced=forced)
     return PartialTransfer(
         made.readout, made.form, made.misfits, made.before, made.after, 0, 0, False, (), made.whole, made.presses,
-        field=made.field,
+        objection=made.objection, field=made.field,
     )  # fmt: skip
 
 

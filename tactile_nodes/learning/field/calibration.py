@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__
-from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.body import BALL_MM, BODY, KnownBody, body_of_card
+from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, body_of_card
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
@@ -30,6 +30,9 @@ from tactile_nodes.sensors.writing import values_of
 
 SENSOR = 'sensor'
 """What a card says of the sensor."""
+
+DESCRIPTION = 'description'
+"""Where the data of a model come from that no press told anything."""
 
 NO_TEXTURE = 1e-3
 """Gradient (grey levels a pixel) at which a region of dots counts half: its dots say themselves how sure they are."""
@@ -57,25 +60,58 @@ def train_field(
         )
     require_bins(sensor, bins)
     tips.require_fit(dataset.features[0].size, bins)
-    made = _fitted(sensor, replace(tips, carried=None), dataset, KnownBody.named(config.body), progress)
+    bodies = Bodies.one(KnownBody.named(config.body), len(dataset.presses))
+    made = _fitted(sensor, replace(tips, carried=None), dataset, bodies, progress)
     report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
     return replace(made.readout, tips=tips), report
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """What a person says of a sensor and of the body that pressed it; none: as the source does."""
+    """What a person says of a sensor and of the body that pressed it; none: as the presses or the source do."""
 
     sensor: Sensor | None = None
     body: KnownBody | None = None
 
-    def told(self, card: Mapping[str, Any]) -> dict[str, Any]:
-        """A source's card with that."""
+    def told(self, card: Mapping[str, Any], bodies: Bodies | None = None) -> dict[str, Any]:
+        """A source's card with that, or with what pressed."""
         told = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
-        if self.body:
+        if body := bodies or self.body:
             told.pop(BALL_MM, None)
-            told[BODY] = self.body.card_name
+            told[BODY] = body.card_name
         return told
+
+    def bodies(self, loaded: LoadedModel, dataset: Dataset) -> Bodies:
+        """What pressed each sample, as `named` has it.
+
+        Raises:
+            DatasetError: an indenter is no body.
+            ModelError: nobody says what pressed.
+        """
+        touched = dataset.presses[:, 2] > 0
+        if dataset.indenter is None or not touched.any():
+            return Bodies.one(self.known_body(loaded), len(touched))
+        names, of = np.unique(dataset.indenter[touched], return_inverse=True)
+        each = [self.named(loaded, name, alone=len(names) == 1) for name in names.tolist()]
+        known = {body.told: body for body in each}
+        which = np.zeros(len(touched), int)
+        which[touched] = np.array([list(known).index(body.told) for body in each])[of.reshape(-1)]
+        return Bodies(tuple(known.values()), which)
+
+    def named(self, loaded: LoadedModel, indenter: str, *, alone: bool) -> KnownBody:
+        """The body that a record calls so: that of its name; of none, or of this `alone`, what the person says.
+
+        Raises:
+            DatasetError: it is no body.
+            ModelError: nobody says what pressed.
+        """
+        if not indenter or (self.body and alone):
+            return self.known_body(loaded)
+        try:
+            return KnownBody.named(indenter)
+        except ConfigurationError as error:
+            hint = '; or say with --body what it is' if alone else ''
+            raise DatasetError(f'the indenter {indenter!r} is no body that is known: {error}{hint}') from error
 
     def known_body(self, loaded: LoadedModel) -> KnownBody:
         """What pressed.
@@ -109,7 +145,8 @@ def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed
             f'{loaded.model.readout.kind}'
         )
     pressed = Pressed(load_sensor(sensor) if sensor else None, KnownBody.named(body) if body else None)
-    pressed.known_body(loaded).require_within(pressed.known_sensor(loaded))
+    if pressed.body:
+        pressed.body.require_within(pressed.known_sensor(loaded))
     return pressed
 
 
@@ -152,17 +189,18 @@ def fit_beside_tips(
 
     Raises:
         ModelError: neither the person nor the source says what pressed, or what was.
-        ConfigurationError: the body is wider than the gel.
+        DatasetError: an indenter is no body.
+        ConfigurationError: a body is wider than the gel.
     """
-    sensor, body = pressed.known_sensor(loaded), pressed.known_body(loaded)
-    return _fitted(sensor, tips, dataset, body, progress or Progress(), curve=curve)
+    sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
+    return _fitted(sensor, tips, dataset, bodies, progress or Progress(), curve=curve)
 
 
 def _fitted(
     sensor: Sensor,
     tips: AxisymmetricReadout,
     dataset: Dataset,
-    body: KnownBody,
+    bodies: Bodies,
     progress: Progress,
     *,
     curve: bool = False,
@@ -170,7 +208,7 @@ def _fitted(
     """By a picture of each press whose place and force are known."""
     other = OtherGel.of(tips, dataset)
     rows, fold = known_presses(dataset, other.rows)
-    return fit_field(sensor, uncovered(sensor, other.live_scaling), dataset, rows, fold, body, progress, curve=curve)
+    return fit_field(sensor, uncovered(sensor, other.live_scaling), dataset, rows, fold, bodies, progress, curve=curve)
 
 
 def known_presses(dataset: Dataset, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,7 +243,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         'crop_px': crop_of_size(sensor.image.crop_px),
         **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
         'gel': {'id': gel or sensor.name},
-        'data': {'origin': 'description'},
+        'data': {'origin': DESCRIPTION},
         'made_with': f'tactile_nodes {__version__}',
     }
     made_model = replace(model, layout=layout, bins=made.bins, readout=made, model_id='unsaved')

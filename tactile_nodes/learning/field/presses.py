@@ -1,4 +1,4 @@
-"""Presses of a known body beside what the layer makes of them, region by region and term by term.
+"""Presses of known bodies beside what the layer makes of them, region by region and term by term.
 
 The body's pressure is the layer's own answer to its shape and its force, so a ring's contact grows with the force as a
 ball's does. Forces count in steps: within one the pressure has one shape.
@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.sensing.elasticity.indentation import Indentation, Indenter
 from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
 from tactile_nodes.sensing.explain.field.weights import region_weights
@@ -29,6 +30,8 @@ STEP = 1.25
 """Forces that differ by less than so many times share the shape of their pressure: a ball's contact differs by 8 %."""
 
 LIGHTEST_N = 1e-3
+MOST_STEPS = 60
+"""Forces from 1.5 µN to 0.65 MN are looked through."""
 
 DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.2, 0.05
 """How far regions differ: in what a depth counts, as a share of its fifth, in how far off their rays are (mm), and in
@@ -138,8 +141,31 @@ class Pressures:
         """The pressure of the step that a force is in; of none that of the lightest."""
         return self.at(int(self.steps(np.array([max(force_n, LIGHTEST_N)]))[0]))
 
-    def linear(self, force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' chosen']:
-        """Presses that are light enough for the linear layer; of heavy ones the lightest.
+    @cached_property
+    def most_n(self) -> float:
+        """The force up to which the layer is linear under the body, by how deep it is then."""
+        step, deepest_mm = 0, DEEPEST * self._thickness_mm
+        while self.at(step).depth_mm <= deepest_mm and step < MOST_STEPS:
+            step += 1
+        while self.at(step).depth_mm > deepest_mm and step > -MOST_STEPS:
+            step -= 1
+        near = [self.at(step).depth_mm, self.at(step + 1).depth_mm]
+        return float(STEP ** np.interp(deepest_mm, near, [step, step + 1]))
+
+
+class AllPressures:
+    """How each body presses on a sensor's gel.
+
+    Raises:
+        ConfigurationError: one is wider than the gel.
+    """
+
+    def __init__(self, regions: Regions, bodies: Bodies) -> None:
+        self.bodies = bodies
+        self.each = [Pressures(regions, body) for body in bodies.known]
+
+    def linear(self, rows: Int[np.ndarray, ' n'], force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' chosen']:
+        """Those of some samples that are light enough for the linear layer; of heavy ones the lightest.
 
         Raises:
             DatasetError: none has a force that is known.
@@ -149,16 +175,17 @@ class Pressures:
             raise DatasetError(
                 'no press has a force that is known, which the force field needs; check the force sensor'
             )
-        order = known[np.argsort(force_n[known], kind='stable')]
-        steps = np.arange(self.steps(force_n[order]).min() - 1, self.steps(force_n[order]).max() + 2)
-        depth_mm = np.interp(np.log(force_n[order]), steps * math.log(STEP), [self.at(int(n)).depth_mm for n in steps])
-        count = max(int((depth_mm <= DEEPEST * self._thickness_mm).sum()), min(LEAST_LINEAR, len(order)))
-        return np.sort(order[:count])[:: max(1, math.ceil(count / MOST_FITTED))]
+        which = self.bodies.of[rows[known]]
+        heavy = force_n[known] / np.array([each.most_n for each in self.each])[which]
+        order = np.argsort(heavy, kind='stable')[: max(int((heavy <= 1).sum()), min(LEAST_LINEAR, len(known)))]
+        chosen = np.sort(order)
+        by_body = chosen[np.argsort(which[chosen], kind='stable')]
+        return np.sort(known[by_body[:: max(1, math.ceil(len(by_body) / MOST_FITTED))]])
 
 
 def presses_of(
     regions: Regions,
-    pressures: Pressures,
+    pressures: AllPressures,
     scaling: InputScaling,
     dataset: Dataset,
     rows: Int[np.ndarray, ' n'],
@@ -170,10 +197,11 @@ def presses_of(
     motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
     sure = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
     place, force = dataset.presses[rows][:, :2].astype(float), dataset.presses[rows][:, 3].astype(float)
-    motion, steps = motion.astype(float), pressures.steps(force * softer)
+    motion, which = motion.astype(float), pressures.bodies.of[rows]
+    kinds = np.column_stack([which, Pressures.steps(force * softer)])
     terms, centre = np.zeros((len(rows), len(known), 2, TERMS), np.float32), place.copy()
-    for step in np.unique(steps).tolist():
-        same, shape = np.flatnonzero(steps == step), pressures.at(step)
+    for body, step in np.unique(kinds, axis=0).tolist():
+        same, shape = np.flatnonzero((kinds == (body, step)).all(axis=1)), pressures.each[body].at(step)
         centre[same] += shape.centre_mm
         spectrum = regions.layer.points(shape.place_mm, shape.force_n)
         terms[same] = regions.terms_of_pressure(place[same], spectrum, known) * force[same, None, None, None]

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.guided.guide import Picture
 from tactile_nodes.learning.guided.targets import Done, Target
+from tactile_nodes.learning.guided.watching import UNTOUCHED
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.indenter import indenter_of
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 
 AWAY = Press(0.0, 0.0, -1.0)
 UNSTEADY = 0.15
 """By which share a hand presses harder or less hard than it is told."""
+HARDER = 1.05
+"""Times as deep, while the camera sees nothing of it."""
+TIP = 'ball:0.6'
 
 
 class SimulatedPerson:
@@ -30,11 +38,28 @@ class SimulatedPerson:
         newton: what one of the scale's unit is in N.
         tell: hears what a person would read.
         world: the name under which the simulated camera finds the gel.
+        body: what presses; solved once for a gel, which takes a quarter of a minute, and kept.
+
+    Raises:
+        ConfigurationError: the body is neither a ball nor a punch.
     """
 
-    def __init__(self, sensor: Sensor, newton: float, tell: Callable[[str], None], world: str = 'by hand') -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        newton: float,
+        tell: Callable[[str], None],
+        world: str = 'by hand',
+        body: KnownBody | None = None,
+    ) -> None:
         self._gel, self._newton, self._tell = gel_of(sensor), newton, tell
-        self._table = contact_table(self._gel)
+        told = body.told if body else TIP
+        if indenter_of(told) is None:
+            raise ConfigurationError(
+                f'a simulated hand presses with a ball or a punch, as ball:5 or punch:1.5, and not with {told}; name '
+                'one of these, or give a camera with --source'
+            )
+        self._table = contact_table(self._gel, told)
         self._random = np.random.default_rng(1)
         self._now = self._held = AWAY
         worlds.share(world, self)
@@ -46,15 +71,15 @@ class SimulatedPerson:
 
     @property
     def tables(self) -> Mapping[str, ContactTable]:
-        """Of the one tip."""
+        """Of the one that presses."""
         return {'tip': self._table}
 
     def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
-        """Where the tip is held."""
+        """Where it is held."""
         return self._now
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:  # noqa: ARG002
-        """The tip, where it touches."""
+        """The same, where it touches."""
         return (self._now,) if self._now.depth_mm > 0 else ()
 
     def force_at(self, time_ns: int) -> float:  # noqa: ARG002
@@ -69,8 +94,10 @@ class SimulatedPerson:
         self._now = self._held = Press(target.x_mm, target.y_mm, self._table.depth_at(force_n))
         self._tell(f'pressing at x {target.x_mm:g}, y {target.y_mm:g} mm')
 
-    def sees(self, state: str, place_mm: tuple[float, float]) -> None:
-        """Needs no help."""
+    def sees(self, state: str, place_mm: tuple[float, float]) -> None:  # noqa: ARG002
+        """Presses harder where the camera sees nothing of it."""
+        if state == UNTOUCHED and self._now.touching:
+            self._now = self._held = replace(self._now, depth_mm=HARDER * self._now.depth_mm)
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
         self._now = self._held  # held on to while it is asked again

@@ -9,13 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from tactile_nodes.sensors import Outline
+from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.presses import Pressures
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensors import Outline, Sensor
 
 INNER = 0.8
 """Share of the gel's half sides that is pressed: at its rim a gel answers otherwise."""
 STEP_MM = 0.5
 NEAR_FORCE = 0.25
 """A press counts for a wished force within so much of it."""
+LINEAR_SHARES = 0.5, 0.7, 0.85
+"""Of the force up to which the layer is linear: light presses show little, and who presses 15 % too hard is within."""
 
 
 class Target(NamedTuple):
@@ -66,6 +71,15 @@ class Wish:
     def gap_mm(self, done: Sequence[Done]) -> float:
         """How far the place farthest from all presses is from the nearest one."""
         return float(distances(self.places, done).max())
+
+
+def linear_most_n(sensor: Sensor, body: KnownBody) -> float:
+    """The force (N) beyond which a calibration of the force field leaves a press out: 0.5 N of the paper's tip.
+
+    Raises:
+        ConfigurationError: the body is wider than the gel.
+    """
+    return Pressures(Regions(sensor, 1, 1), body).most_n
 
 
 def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Float[np.ndarray, ' places']:

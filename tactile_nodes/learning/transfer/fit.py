@@ -328,6 +328,8 @@ def told_reason(form: str, misfits: Mapping[str, float]) -> str:
     best = min(misfits, key=lambda name: misfits[name])
     if best == form:
         return f'{form}: no other form leaves less of held-out presses unexplained'
+    if misfits[form] > WORTH * misfits[best]:
+        return f'{form}: held-out presses are read so best or nearly, though {best} leaves less of them unexplained'
     return f'{form}: {best} leaves no more than {100 * (WORTH - 1):.0f} % less of held-out presses unexplained'
 
 

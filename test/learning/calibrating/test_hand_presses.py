@@ -122,6 +122,29 @@ def test_presses_by_hand_that_are_known_whole_calibrate_the_field_too(
     assert body_of_card(loaded.card, loaded.model_id).told == 'ball:0.6'
 
 
+def test_rows_whose_indenter_is_no_body_are_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        'picture,x_mm,y_mm,grams,indenter',
+        'rest0.png,,,0,',
+        'press0.png,1,2,50,ball:0.6',
+        'press1.png,1,2,50,bal:5',
+    ]
+    (folder / 'named.csv').write_text('\n'.join([*rows, rows[-1], 'press2.png,1,2,50,']) + '\n')
+    words = [
+        'calibrate',
+        '--pictures',
+        str(folder / 'named.csv'),
+        '--model',
+        'field',
+        '-o',
+        str(folder / 'n.safetensors'),
+    ]
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert "named.csv, line 4: the indenter 'bal:5' is no body that is known: there is no contact 'bal:5'" in said
+    assert '1 more cannot be used either: line 5' in said
+
+
 def test_what_a_punch_shows_by_hand_needs_places_and_forces(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ['--model', 'field', '--body', 'punch:2', '--gel', 'by-hand', '-o', str(folder / 'none.safetensors')]
     assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *words]) == 1

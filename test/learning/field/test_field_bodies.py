@@ -74,13 +74,13 @@ def test_presses_of_one_body_calibrate_what_is_told_of_another(
     assert off(uncalibrated, *pressed['ring'])[0] > 0.25  # type: ignore[arg-type]
 
 
-def test_a_punch_that_is_taken_for_a_ball_tells_another_body_worse(
+def test_a_punch_that_is_taken_for_a_ball_leaves_more_unexplained_and_forces_right_all_the_same(
     model: LoadedModel, made: dict[str, Transfer], pressed: dict[str, tuple[Dataset, np.ndarray]]
 ) -> None:
-    right, ring = made['punch:3'], pressed['ring']
+    right = made['punch:3']
     wrong = calibrated(model, pressed['punch:3'][0], 'ball:0.6', forced=True)
-    assert off(wrong.readout, *ring)[0] > 2 * off(right.readout, *ring)[0]  # type: ignore[arg-type]
     assert wrong.misfits[wrong.form] > 1.5 * right.misfits[right.form]
+    assert off(wrong.readout, *pressed['ring'])[0] < 0.06  # type: ignore[arg-type]
 
 
 def test_intervals_of_another_body_hold(
