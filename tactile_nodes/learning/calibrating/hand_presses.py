@@ -37,6 +37,8 @@ from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, re
 from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
 from tactile_nodes.model_file import LoadedModel, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.flow.dot_pattern import find_dots
+from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.picture.outline import OutlineMap, outline_map
 from tactile_nodes.sensing.rest.reference import average
@@ -75,7 +77,7 @@ class HandPresses:
             raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
         if body_of is not None:
             _require_bodies(read, body_of)
-        pictures = read_pictures(read, table.parent)
+        pictures = read_pictures(read)
         contacts = np.array([(row.x_mm, row.y_mm, row.force_n) for row in read.rows]).reshape(-1, 3)
         untouched = contacts[:, 2] == 0
         if not untouched.any():
@@ -183,6 +185,7 @@ def calibrate_by_hand(
     half_mm = left + bins.width_mm / 2, top + bins.height_mm / 2
     presses = HandPresses.read(table, half_mm, body_of if field else None)
     progress.say(presses.told)
+    _require_pattern(loaded, presses.rest_picture, forced=forced)
     made, bodies, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     samples = len(presses.rest) + len(presses.pressed)
@@ -197,6 +200,20 @@ def calibrate_by_hand(
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
     }
     return save_model(output, replace(loaded.model, readout=made.readout, model_id='unsaved'), card, rest), made
+
+
+def _require_pattern(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w'], *, forced: bool) -> None:
+    """Refuse printed dots for a model that follows a texture.
+
+    Raises:
+        DatasetError: that is so, and nobody forced it.
+    """
+    if loaded.flow[0] != DotsFlow.name and not forced and (dots := find_dots(rest)) is not None:
+        raise DatasetError(
+            f'the pictures show {len(dots.centres_px)} printed dots, and model {loaded.model_id} follows a texture; '
+            'describe the sensor (tactile sensor new) and begin with a model of its description (docs/sensors.md); '
+            '--force begins with this one all the same'
+        )
 
 
 def _fitted(

@@ -126,8 +126,11 @@ class Pressed:
 
         Raises:
             ModelError: neither the person nor the source says it.
+            ConfigurationError: it tells forces on other bins than the source.
         """
-        return self.sensor or sensor_of(loaded.card, loaded.model_id)
+        sensor = self.sensor or sensor_of(loaded.card, loaded.model_id)
+        require_bins(sensor, loaded.model.bins)
+        return sensor
 
 
 def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed:
@@ -272,8 +275,14 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     """
     if (own := BinGrid.of_sensor(sensor)) != bins:
         raise ConfigurationError(
-            f'the sensor {sensor.name} has {own}, and forces are reported on {bins}; change one of them'
+            f'the sensor {sensor.name} has {_bins(own)}, and forces are told on {_bins(bins)}; change one of them, or '
+            'begin with a model of its description: tactile calibrate --sensor YAML --model field '
+            '-o described.safetensors'
         )
+
+
+def _bins(bins: BinGrid) -> str:
+    return f'{bins.rows}x{bins.cols} bins over {bins.width_mm:g}x{bins.height_mm:g} mm'
 
 
 def card_of_sensor(config: FieldConfig) -> dict[str, Any]:

@@ -106,6 +106,16 @@ class ArrayPictures:
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
 
 
+def folder_of(table: PressTable) -> Path:
+    """Where the pictures of a table are: beside it, or in the one folder beside it that has the first of them."""
+    parent = table.file.parent
+    first = next((row.picture for row in table.rows if row.picture), '')
+    if not first or (parent / first).exists():
+        return parent
+    having = [each for each in parent.iterdir() if each.is_dir() and (each / first).is_file()]
+    return having[0] if len(having) == 1 else parent
+
+
 def pictures_of(table: PressTable, source: Path | None) -> Pictures:
     """Where a table's pictures are: beside it, in another folder, or in a video.
 
@@ -115,7 +125,7 @@ def pictures_of(table: PressTable, source: Path | None) -> Pictures:
     if source is None and table.of_video:
         raise DatasetError(f'{table.file} tells times and no pictures; name the video with --pictures')
     if source is None or source.is_dir():
-        return FolderPictures(source or table.file.parent)
+        return FolderPictures(source or folder_of(table))
     return VideoPictures(source)
 
 
@@ -145,13 +155,13 @@ class OneSize:
             )
 
 
-def read_pictures(table: PressTable, folder: Path) -> list[Picture]:
-    """All pictures of a table, by row.
+def read_pictures(table: PressTable) -> list[Picture]:
+    """All pictures of a table, by row; they are where `folder_of` says.
 
     Raises:
         DatasetError: one cannot be read, or has another size than the first; says in which rows.
     """
-    faults, source, size = table.faults, FolderPictures(folder), OneSize()
+    faults, source, size = table.faults, FolderPictures(folder_of(table)), OneSize()
     source.require(table.rows, faults)
     faults.require_none()
     read = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
 from pathlib import Path
 
 import cv2
@@ -16,7 +18,10 @@ from tactile_nodes.learning.field.body import body_of_card
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensors import load_sensor
+from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 
 GEL = Gel(seed=31, shear_modulus_mpa=0.09, camera_shift_mm=(1.0, -0.6))
@@ -193,3 +198,36 @@ def test_a_file_that_is_no_table_is_refused_in_plain_words(tmp_path: Path) -> No
     (tmp_path / 'binary.csv').write_bytes(b'\xfa\xfb')
     with pytest.raises(DatasetError, match='is no table of pictures; its first line names columns, as picture,x_mm'):
         HandPresses.read(tmp_path / 'binary.csv')
+
+
+def test_pictures_may_lie_in_one_folder_beside_their_table(folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / 'rest.csv'
+    table.write_text((folder / 'rest.csv').read_text())
+    (tmp_path / 'other').mkdir()
+    shutil.copytree(folder, tmp_path / 'pictures')
+    beside, within = HandPresses.read(folder / 'rest.csv'), HandPresses.read(table)
+    np.testing.assert_array_equal(within.rest_picture, beside.rest_picture)
+    shutil.copytree(folder, tmp_path / 'again')
+    with pytest.raises(DatasetError, match='cannot read the picture'):
+        HandPresses.read(table)
+
+
+def test_a_model_that_follows_a_texture_begins_with_no_printed_dots(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gel = dataclasses.replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
+    cv2.imwrite(str(tmp_path / 'rest.png'), Optics(gel, solve(gel)).render((), 1))
+    (tmp_path / 'dots.csv').write_text('picture,x_mm,y_mm,grams\nrest.png,,,0\nrest.png,1,2,50\n')
+    words = ['--model', 'portable', '--gel', 'dots', '-o', str(tmp_path / 'dots.safetensors')]
+    assert main(['calibrate', '--pictures', str(tmp_path / 'dots.csv'), *words]) == 1
+    assert 'printed dots' in capsys.readouterr().err
+
+
+def test_a_sensor_with_other_bins_is_described_first(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = np.random.default_rng(3).uniform(-11, 11, (8, 2)).tolist()
+    rows = [f'press{number}.png,{x:.3f},{y:.3f},50' for number, (x, y) in enumerate(places)]
+    (folder / 'pressed.csv').write_text('\n'.join([HEADER, 'rest0.png,,,0', *rows]) + '\n')
+    words = ['--model', 'field', '--sensor', 'printed_dots', '--gel', 'dots', '-o', str(folder / 'dots.safetensors')]
+    assert main(['calibrate', '--pictures', str(folder / 'pressed.csv'), *words]) == 1
+    said = capsys.readouterr().err
+    assert '5x7 bins over 19x14.6 mm, and forces are told on 9x9 bins over 32x32 mm' in said
