@@ -11,8 +11,10 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
+from tactile_nodes.sensing.explain.field.told import covariance_of_tips
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -168,3 +170,14 @@ def test_a_tip_in_a_noisier_picture_is_still_read_as_a_tip_and_less_surely(times
     (contact,) = reading.contacts
     assert contact.force_n == pytest.approx(0.5, abs=0.03)
     assert contact.sigma_n == pytest.approx(times * 0.003, rel=0.7)
+
+
+def test_a_tip_has_no_shear_that_is_known_exactly() -> None:
+    """0.5 N at (4, -3) mm: off by hypot(0.8 * 12, 1.2 % of 500) = 11.3 mN along x and y, and by 5 mm of that about z."""
+    found = covariance_of_tips((Contact(4.0, -3.0, 0.5, 0.1, 0.01),), FieldSpread())
+    squared = 0.0096**2 + 0.006**2
+    assert np.diag(found) == pytest.approx(
+        [squared, squared, 0.01**2, 0.03**2 + 0.05**2, 0.04**2 + 0.05**2, 25 * squared]
+    )
+    assert (found[0, 5], found[1, 5]) == pytest.approx((3 * squared, 4 * squared))
+    assert np.linalg.eigvalsh(found).min() > 0

@@ -268,7 +268,7 @@ class FieldReadout:
         places = np.array([[each.x_mm, each.y_mm, each.force_n] for each in reading.contacts])
         x, y, force = places.T
         wrench = np.array([0.0, 0.0, -force.sum(), -(y * force).sum(), (x * force).sum(), 0.0])
-        covariance = covariance_of_tips(reading.contacts)
+        covariance = covariance_of_tips(reading.contacts, self.spread)
         none = np.zeros((self.bins.rows, self.bins.cols, 2), np.float32)
         share = reading.total_sigma_n / max(float(force.sum()), 1e-6)
         sigma = np.maximum(share * reading.normal_force_n, 0.0).astype(np.float32)

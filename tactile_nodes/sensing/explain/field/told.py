@@ -11,6 +11,7 @@ from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.contacts import numbers_of_contacts
 from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.reading import Contact
 
@@ -67,12 +68,16 @@ def about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' p
     return np.outer(shares[1], shares[0]).ravel()
 
 
-def covariance_of_tips(contacts: tuple[Contact, ...]) -> Float[np.ndarray, '6 6']:
-    """Of force and torque: each tip's force and place are off by themselves."""
+def covariance_of_tips(contacts: tuple[Contact, ...], spread: FieldSpread) -> Float[np.ndarray, '6 6']:
+    """Of force and torque: each tip's force and place are off by themselves, and its shear, told as none, by what a
+    field of so much force tells at best."""
     covariance = np.zeros((6, 6))
     for each in contacts:
+        x, y, sheared = each.x_mm, each.y_mm, spread.shear_n(spread.nominal[0], each.force_n)
         # (-f, -y f, x f): off by the force, and by the place.
-        by_force = np.array([0.0, 0.0, -1.0, -each.y_mm, each.x_mm, 0.0]) * each.sigma_n
+        by_force = np.array([0.0, 0.0, -1.0, -y, x, 0.0]) * each.sigma_n
         by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
-        covariance += np.outer(by_force, by_force) + np.diag(np.square(by_place))
+        along_x = np.array([1.0, 0.0, 0.0, 0.0, 0.0, -y]) * sheared
+        along_y = np.array([0.0, 1.0, 0.0, 0.0, 0.0, x]) * sheared
+        covariance += sum(np.outer(way, way) for way in (by_force, along_x, along_y)) + np.diag(np.square(by_place))
     return covariance
