@@ -173,7 +173,7 @@ def test_a_tip_in_a_noisier_picture_is_still_read_as_a_tip_and_less_surely(times
 
 
 def test_a_tip_has_no_shear_that_is_known_exactly() -> None:
-    """0.5 N at (4, -3) mm: off by hypot(0.8 * 12, 1.2 % of 500) = 11.3 mN along x and y, and by 5 mm of that about z."""
+    """0.5 N at (4, -3) mm: off by hypot(0.8 * 12, 1.2 % of 500) = 11.3 mN along x and y; about z by 5 mm of that."""
     found = covariance_of_tips((Contact(4.0, -3.0, 0.5, 0.1, 0.01),), FieldSpread())
     squared = 0.0096**2 + 0.006**2
     assert np.diag(found) == pytest.approx(
