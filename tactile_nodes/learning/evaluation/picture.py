@@ -15,6 +15,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 EVALUATION_DPI = 110
 MOST_CELLS = 12
 """Cells of the error maps along x, and along y; with few presses there are fewer."""
+FEWEST_CELLS = 4
+"""With fewer of them presses are shown one by one."""
 LEAST_IN_CELL = 3
 """A cell with fewer presses stays empty."""
 
@@ -52,20 +54,23 @@ def subplots(rows: int, cols: int) -> tuple[Any, Any]:
 def _map(axis: Any, presses: Predictions, values: np.ndarray, title: str, unit: str) -> None:
     reach = float(np.abs(presses.place_mm).max())
     cells = int(np.clip(np.sqrt(len(presses) / 8), 1, MOST_CELLS))
-    edges = np.linspace(-reach, reach, cells + 1)
-    medians = cell_medians(presses.place_mm, values, edges)
-    # y points down, as in the image
-    shown = axis.imshow(
-        medians, extent=(-reach, reach, reach, -reach), cmap='magma_r', vmin=0, vmax=_brightest(medians)
-    )
+    if cells < FEWEST_CELLS:
+        title, most = title.removeprefix('median '), _brightest(values)
+        shown = axis.scatter(*presses.place_mm.T, c=values, cmap='magma_r', vmin=0, vmax=most, edgecolors='grey')
+    else:
+        medians = cell_medians(presses.place_mm, values, np.linspace(-reach, reach, cells + 1))
+        # y points down, as in the image
+        shown = axis.imshow(
+            medians, extent=(-reach, reach, reach, -reach), cmap='magma_r', vmin=0, vmax=_brightest(medians)
+        )
     axis.figure.colorbar(shown, ax=axis, label=unit, extend='max')
     _bin_borders(axis, presses.bins)
     axis.set(title=title, xlabel='x [mm]', ylabel='y [mm]', aspect='equal', xlim=(-reach, reach), ylim=(reach, -reach))
 
 
-def _brightest(medians: np.ndarray) -> float | None:
-    """One cell that is far off must not hide all others."""
-    shown = medians[np.isfinite(medians)]
+def _brightest(values: np.ndarray) -> float | None:
+    """One cell or press that is far off must not hide all others."""
+    shown = values[np.isfinite(values)]
     return 1.2 * float(np.percentile(shown, 95)) if len(shown) else None
 
 
@@ -91,8 +96,12 @@ def _bin_borders(axis: Any, bins: BinGrid) -> None:
 
 def _true_against_found(axis: Any, presses: Predictions) -> None:
     high = 1.05 * float(max(presses.force_n.max(), presses.total_n.max()))
-    shown = axis.scatter(presses.force_n, presses.total_n, c=presses.depth_mm, s=4, cmap='viridis')
-    axis.figure.colorbar(shown, ax=axis, label='depth [mm]')
+    size = float(np.clip(2000 / max(len(presses), 1), 4, 25))
+    if np.isfinite(presses.depth_mm).any():
+        shown = axis.scatter(presses.force_n, presses.total_n, c=presses.depth_mm, s=size, cmap='viridis')
+        axis.figure.colorbar(shown, ax=axis, label='depth [mm]')
+    else:  # of presses by hand nobody knows it
+        axis.scatter(presses.force_n, presses.total_n, s=size)
     axis.plot([0, high], [0, high], 'k-', linewidth=0.6)
     axis.set(title='force', xlabel='true [N]', ylabel='found [N]', xlim=(0, high), ylim=(0, high), aspect='equal')
 

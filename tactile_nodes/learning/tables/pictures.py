@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -104,6 +105,16 @@ class ArrayPictures:
         for row in rows:
             with faults.row(row.line):
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
+
+
+def digest_of(picture: Picture) -> bytes:
+    """What tells a picture from others."""
+    return hashlib.sha256(picture.tobytes()).digest()
+
+
+def id_of(digests: Iterable[bytes]) -> str:
+    """The name of pictures, in whatever order: 12 hexadecimal digits."""
+    return hashlib.sha256(b''.join(sorted(digests))).hexdigest()[:12]
 
 
 def folder_of(table: PressTable) -> Path:

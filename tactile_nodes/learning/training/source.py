@@ -213,8 +213,8 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
     ours = {bag['id'] for bag in recordings.card['bags']}
     if ours & set(origin.get('bags', ())):
         raise ModelError(
-            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so that it may have '
-            'seen these; evaluate it on the file that it was trained on, or on other bags'
+            f'model {loaded.model_id} was made of presses of the same bags or pictures, and may have seen these; '
+            'evaluate it on the file that it was trained on, or on other bags or pictures'
         )
     if kind is None:
         return recordings.as_samples(), f'all {len(recordings)} samples, none of which the model was trained on'

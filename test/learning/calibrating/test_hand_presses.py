@@ -14,8 +14,10 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.calibrating.hand_presses import HandPresses, outline_between
+from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.field.body import body_of_card
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
+from tactile_nodes.learning.tables.pictures import digest_of, id_of
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import load_sensor
@@ -231,3 +233,14 @@ def test_a_sensor_with_other_bins_is_described_first(folder: Path, capsys: pytes
     assert main(['calibrate', '--pictures', str(folder / 'pressed.csv'), *words]) == 1
     said = capsys.readouterr().err
     assert '5x7 bins over 19x14.6 mm, and forces are told on 9x9 bins over 32x32 mm' in said
+
+
+def test_a_data_set_of_the_same_pictures_is_known_again(folder: Path) -> None:
+    """So that no model is judged by the presses that made it, in whatever order a table has them."""
+    rows = ['press0.png,1,2,50', 'rest0.png,,,0', 'press1.png,-3,4,60']
+    (folder / 'two.csv').write_text('\n'.join([HEADER, *rows]) + '\n')
+    (folder / 'turned.csv').write_text('\n'.join([HEADER, *rows[::-1]]) + '\n')
+    words = ['--model', 'portable', '--gel', 'two', '--force', '-o', str(folder / 'two.npz')]
+    assert main(['dataset', 'import', str(folder / 'two.csv'), *words]) == 0
+    (known,) = load_dataset(folder / 'two.npz').card['bags']
+    assert id_of(map(digest_of, HandPresses.read(folder / 'turned.csv').pressed)) == known['id']
