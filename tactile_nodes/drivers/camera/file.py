@@ -86,11 +86,12 @@ class FileCamera:
             return Health(Level.STALE, f'{self._recording.name} is not open')
         if self._ended_ns is None:
             return Health(Level.OK, f'playing {self._recording.name}')
-        since_s = (self._clock.now_ns() - self._ended_ns) / NS_PER_S
+        since_s = (self._clock.now_ns() - self._ended_ns) // NS_PER_S
+        ago = f' {since_s} s ago' if since_s else ''  # the log keeps what is said first
         return Health(
             Level.WARN,
-            f'recording ended {since_s:.0f} s ago: {self._recording.name}, {self._sequence} pictures, played at '
-            f'{self._pace}; start again to play it again, or set loop:=true{self._recording.advice}',
+            f'recording ended{ago}; start again or set loop:=true to play it again'
+            f'{self._recording.advice} ({self._sequence} pictures at {self._pace}, {self._recording.name})',
         )
 
     @property
