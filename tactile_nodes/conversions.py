@@ -287,7 +287,7 @@ def calibration_fields(verdict: Verdict) -> dict[str, Any]:
     """The fields of a CalibrationState that hold the verdict itself."""
     rest, calibration, ratio = verdict.since_rest, verdict.since_calibration, verdict.ratio
     return {
-        'level': int(verdict.level),
+        'level': types.CalibrationState.LEVEL_UNCALIBRATED if verdict.uncalibrated else int(verdict.level),
         'reasons': int(verdict.reasons),
         'text': verdict.text,
         'moved': verdict.moved_px,

@@ -72,6 +72,11 @@ class LoadedModel:
         return size_of_crop(self.card['crop_px'])
 
     @property
+    def of_description(self) -> bool:
+        """Whether it follows from the description of a sensor alone: no force was ever compared with it."""
+        return bool(self.card.get('data', {}).get('origin') == 'description')
+
+    @property
     def gel(self) -> str:
         """The id of the gel that the model was trained on."""
         return str(self.card['gel']['id'])

@@ -807,6 +807,7 @@ class CalibrationState(Message):
     LEVEL_AGEING: ClassVar[int]
     LEVEL_INVALID: ClassVar[int]
     LEVEL_UNKNOWN: ClassVar[int]
+    LEVEL_UNCALIBRATED: ClassVar[int]
     REASON_PICTURE_MOVED: ClassVar[int]
     REASON_MOVED_SINCE_CALIBRATION: ClassVar[int]
     REASON_LIGHT: ClassVar[int]

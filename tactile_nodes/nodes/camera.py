@@ -76,7 +76,7 @@ class CameraNode(Node):
             self._waiting,
         )
         name = self._camera.description.get('source', self.params.source)
-        self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture', 'recording'), name)
+        self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture'), name)
         self._sensor = load_sensor(self.params.sensor) if self.params.sensor else None
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
@@ -119,8 +119,7 @@ class CameraNode(Node):
             except DeviceTimeoutError:
                 continue  # the camera's health says it, and goes on saying it
             if frame is None:
-                self.report('recording', Level.OK, f'{self.params.source} has ended after {self._frames} frames')
-                return
+                return  # a recording is over, which the camera's health says
             try:
                 self._publish(frame)
             except TactileError:

@@ -81,7 +81,7 @@ class DriftMonitorNode(Node):
 
     def _compare(self) -> None:
         if self._calibrated.complete:
-            self._monitor.use_calibration(self._calibrated.picture())
+            self._monitor.use_calibration(self._calibrated.picture(), calibrated=self._calibrated.is_calibrated)
 
     def _on_reference(self, received: Received) -> None:
         picture = conversions.image_array(received.message)

@@ -51,6 +51,7 @@ class Calibrated:
         self.limits = limits_of(loaded)
         self.model_id = ''
         self._own_gel = loaded.gel
+        self._described_id = loaded.model_id if loaded.of_description else None
         self._gel = _simulated_gel(loaded) if simulated else None
         self._used_gel: str | None = None
         self._shown: tuple[str, np.ndarray] | None = None
@@ -67,6 +68,11 @@ class Calibrated:
     def complete(self) -> bool:
         """Whether both are known, and of the same model."""
         return self._shown is not None and self._shown[0] == self.model_id
+
+    @property
+    def is_calibrated(self) -> bool:
+        """False of a model that follows from a description alone."""
+        return self.model_id != self._described_id
 
     @property
     def origin(self) -> str:

@@ -118,8 +118,7 @@ class Ready:
     @property
     def reasons(self) -> int:
         """What speaks against every force of it, unless that is within what is usual."""
-        described = self.loaded.card.get('data', {}).get('origin') == 'description'
-        return int(FORCE.REASON_UNCALIBRATED) if described else 0
+        return int(FORCE.REASON_UNCALIBRATED) if self.loaded.of_description else 0
 
     def found(self, features: types.FlowFeatures) -> ForceMap:
         """The force of one frame.

@@ -28,6 +28,7 @@ from tactile_nodes.viewing.measures import (
 WINDOW_S = 5.0
 SILENT_AFTER_S = 3.5  # nodes report once a second
 _WARN = 30
+_ERROR = 2  # of a DiagnosticStatus
 _LOG_LEVELS = {30: 'WARN', 40: 'ERROR', 50: 'FATAL'}
 
 
@@ -247,6 +248,13 @@ def reason_names(reasons: int) -> list[str]:
     prefix = 'REASON_'
     known = {name: bit for name, bit in vars(types.ForceDistribution).items() if name.startswith(prefix)}
     return [name.removeprefix(prefix).lower().replace('_', ' ') for name, bit in known.items() if reasons & bit]
+
+
+def complaint(shot: Snapshot) -> str:
+    """The worst that a node says of itself, with its name; empty where all is well."""
+    bad = [entry for entry in shot.health if 0 < entry.level <= _ERROR]
+    worst = max(bad, key=lambda entry: entry.level, default=None)
+    return f'{worst.node}: {worst.text}' if worst else ''
 
 
 def silent(health: Iterable[NodeHealth]) -> list[NodeHealth]:

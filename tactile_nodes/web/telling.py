@@ -14,7 +14,7 @@ from tactile_nodes.viewing.surface import Surface
 
 _STATUSES = ('ok', 'degraded', 'invalid')
 _LEVELS = ('ok', 'warning', 'error', 'stale')
-_CALIBRATION = ('valid', 'ageing', 'invalid', 'unknown')
+_CALIBRATION = ('valid', 'ageing', 'invalid', 'unknown', 'not calibrated')
 _MM = 1000.0
 
 
@@ -72,7 +72,7 @@ def calibration(message: Any) -> dict[str, str] | None:
     """Whether the calibration still holds, in the drift monitor's words; None where none speaks."""
     if message is None:
         return None
-    return {'level': _CALIBRATION[min(message.level, 3)], 'text': message.text}
+    return {'level': _CALIBRATION[min(message.level, 4)], 'text': message.text}
 
 
 def slowly(shot: Snapshot) -> dict[str, Any]:

@@ -29,6 +29,15 @@ def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict
     assert value == contact
 
 
+def test_a_rate_in_whole_pictures_reaches_the_camera_as_the_number_that_it_takes(interpret):
+    given = {'page': 'false', 'fps': '5', 'loop': 'true'}
+    arguments = [{'name': name, 'value': value} for name, value in given.items()]
+    included = {'file': str(paths.share_directory() / 'launch' / 'live.launch.yaml'), 'arg': arguments}
+    commands = interpret(yaml.safe_dump([{'include': included}])).commands
+    [camera] = [words for words in commands if 'camera' in ' '.join(words[:3])]
+    assert [word for word in camera if word.startswith(('fps:=', 'loop:='))] == ['fps:=5.0', 'loop:=True']
+
+
 @pytest.mark.parametrize(
     ('given', 'handed'), [('auto', []), ('true', ['compiled:=True']), ('false', ['compiled:=False'])]
 )

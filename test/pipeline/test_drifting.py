@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.pipeline.drifting import Told, limits_of
+from tactile_nodes.conversions import calibration_fields
+from tactile_nodes.messages import types
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
+from tactile_nodes.pipeline.drifting import Calibrated, Told, limits_of
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level
@@ -33,3 +36,27 @@ def test_a_network_that_nobody_contradicts_may_lose_less_light_than_one_with_a_w
     alone = LoadedModel(replace(loaded.model, readout=replace(readout, witness=None)), loaded.card)
     assert limits_of(loaded) == Limits() == limits_of(load_model(find_model('fast')))
     assert limits_of(alone) == replace(Limits(), contrast=(0.9, 0.75))
+
+
+def test_of_a_model_from_a_description_no_calibration_is_said_to_be_valid() -> None:
+    described, calibrated = replace(WELL, calibrated=False), WELL
+    assert described.text.startswith('not calibrated: the model follows from a description')
+    assert calibration_fields(described)['level'] == types.CalibrationState.LEVEL_UNCALIBRATED
+    assert calibration_fields(calibrated)['level'] == types.CalibrationState.LEVEL_VALID
+
+
+def test_a_model_from_a_description_is_warned_of_as_any_other() -> None:
+    worse = replace(WORSE, calibrated=False)
+    assert worse.text == 'invalid'
+    assert calibration_fields(worse)['level'] == types.CalibrationState.LEVEL_INVALID
+
+
+def test_which_model_is_in_use_says_whether_anything_was_calibrated(tmp_path: Path) -> None:
+    shipped = load_model(find_model('fast'))
+    file = tmp_path / 'described.safetensors'
+    described_id = save_model(file, shipped.model, {**shipped.card, 'data': {'origin': 'description'}})
+    calibrated = Calibrated(str(file), simulated=False)
+    calibrated.use_model(types.Provenance(model='described', model_id=described_id))
+    assert not calibrated.is_calibrated
+    calibrated.use_model(types.Provenance(model='fast', model_id=shipped.model_id))
+    assert calibrated.is_calibrated

@@ -268,6 +268,12 @@ def test_whether_the_calibration_still_holds_is_told_in_the_words_of_who_judges(
     assert seen(scene, 2000)[0]['slow']['calibration'] == {'level': 'ageing', 'text': 'the lamp is dim'}
 
 
+def test_of_a_model_that_nobody_calibrated_the_page_says_so() -> None:
+    scene = Scene()
+    scene.add_calibration(received(types.CalibrationState(level=types.CalibrationState.LEVEL_UNCALIBRATED, text='so')))
+    assert seen(scene, 1000)[0]['slow']['calibration'] == {'level': 'not calibrated', 'text': 'so'}
+
+
 def test_every_reason_has_a_sentence() -> None:
     kind = types.ForceDistribution
     bits = [bit for name, bit in vars(kind).items() if name.startswith('REASON_')]

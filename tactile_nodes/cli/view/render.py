@@ -15,7 +15,7 @@ from tactile_nodes.cli.view import FULL_SCALE_N
 from tactile_nodes.cli.view.map import MAP_WIDTH, map_lines
 from tactile_nodes.viewing.measures import STAGES, Scores, strongest
 from tactile_nodes.viewing.net import net_of
-from tactile_nodes.viewing.state import NodeHealth, Snapshot, reason_names, silent
+from tactile_nodes.viewing.state import NodeHealth, Snapshot, complaint, reason_names, silent
 
 _BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 _LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
@@ -54,10 +54,10 @@ def line(shot: Snapshot) -> str:
         *filter(None, [_net_text(shot.force)]),
         f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
         f'lost {shot.lost} skipped {shot.skipped}',
-        _status_text(shot.force),
+        _state_text(shot),
     ]
-    stale = [f'no force for {shot.age_s:.1f} s'] if shot.age_s > 1 else []
-    return '  '.join([*parts, *stale])
+    told = [complaint(shot)] if _is_old(shot) else []
+    return '  '.join(filter(None, [*parts, *told]))
 
 
 def waiting(shot: Snapshot) -> str:
@@ -97,15 +97,12 @@ def _score_lines(scores: Scores) -> list[str]:
 
 
 def _title(shot: Snapshot) -> Text:
-    state = _status_text(shot.force) if shot.force is not None else 'waiting'
-    level = int(shot.force.status) if shot.force is not None else 1
+    level = 2 if _is_old(shot) else int(shot.force.status) if shot.force is not None else 1
     title = Text.assemble(
         (_topic(shot), _BOLD),
         f'  {shot.running_s:6.1f} s  {_hz(shot.arrivals_hz)} fps  ',
     )
-    title.append(state, _LEVELS[min(level, 2)])
-    if shot.age_s > 1:
-        title.append(f'  no force for {shot.age_s:.1f} s', _LEVELS[2])
+    title.append(_state_text(shot), _LEVELS[min(level, 2)])
     return title
 
 
@@ -211,6 +208,19 @@ def _where(force: Any) -> str:
 
 def _drops_text(shot: Snapshot) -> str:
     return f'{shot.lost} lost on the way here, {shot.skipped} skipped before'
+
+
+def _is_old(shot: Snapshot) -> bool:
+    """Whether the last force is no reading any more."""
+    return shot.age_s > 1
+
+
+def _state_text(shot: Snapshot) -> str:
+    """The status of the force; of one that is old the time since then, and that it was the last."""
+    if shot.force is None:
+        return 'waiting'
+    status = _status_text(shot.force)
+    return f'no force for {shot.age_s:.1f} s, the last was {status}' if _is_old(shot) else status
 
 
 def _status_text(force: Any) -> str:

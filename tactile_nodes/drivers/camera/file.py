@@ -32,6 +32,8 @@ class Recording(Protocol):
 
     name: str
     fps: float
+    advice: str
+    """What else to set, said after its end."""
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -64,26 +66,38 @@ class FileCamera:
         self._start_ns = 0
         self._last_ns = 0
         self._sequence = 0
+        self._ended_ns: int | None = None
 
     @property
     def description(self) -> Mapping[str, str]:
         """The recording, its size, and how its frames are timed."""
-        rate = self._settings.rate
-        pace = f'{self._recording.fps * rate:g} frames/s' if rate > 0 else 'as fast as it is read'
         return {
             **self._recording.description,
             'size': 'x'.join(map(str, reversed(self._shape[:2]))),
-            'played at': pace,
-            'stamps': 'start + index / fps, a claim of the file' if rate > 0 else 'time of reading',
+            'played at': self._pace,
+            'stamps': 'start + index / fps, a claim of the file' if self._settings.rate > 0 else 'time of reading',
             'loop': str(self._settings.loop).lower(),
         }
 
     @property
     def health(self) -> Health:
-        """OK while it is open: a file does not get lost."""
+        """OK while it plays, WARN after its last picture, with the time since then and how to begin again."""
         if not self._open:
             return Health(Level.STALE, f'{self._recording.name} is not open')
-        return Health(Level.OK, f'playing {self._recording.name}')
+        if self._ended_ns is None:
+            return Health(Level.OK, f'playing {self._recording.name}')
+        since_s = (self._clock.now_ns() - self._ended_ns) // NS_PER_S
+        ago = f' {since_s} s ago' if since_s else ''  # the log keeps what is said first
+        return Health(
+            Level.WARN,
+            f'recording ended{ago}; start again or set loop:=true to play it again'
+            f'{self._recording.advice} ({self._sequence} pictures at {self._pace}, {self._recording.name})',
+        )
+
+    @property
+    def _pace(self) -> str:
+        rate = self._settings.rate
+        return f'{self._recording.fps * rate:g} frames/s' if rate > 0 else 'full speed'
 
     def open(self) -> None:
         """Read the first picture, and refuse the recording if there is none."""
@@ -96,6 +110,7 @@ class FileCamera:
         self._shape = self._waiting.shape
         self._start_ns = self._clock.now_ns()
         self._last_ns = self._start_ns - 1
+        self._ended_ns = None
         self._open = True
 
     def read(self, timeout_s: float) -> Frame | None:
@@ -105,6 +120,7 @@ class FileCamera:
         if self._waiting is None and (picture := self._next()) is not None:
             self._waiting = picture
         if self._waiting is None:
+            self._ended_ns = self._ended_ns or self._clock.now_ns()
             return None
         stamp_ns = self._wait_until_due(timeout_s)
         frame = Frame(self._waiting, stamp_ns, self._sequence, 0)
@@ -148,6 +164,8 @@ class VideoFile:
         path: the file.
         fps: what to assume where the file claims no rate, or an absurd one.
     """
+
+    advice = ''
 
     def __init__(self, path: Path, fps: float) -> None:
         self.name = str(path)
@@ -199,6 +217,8 @@ class ImageFolder:
         path: the folder.
         fps: their rate, which a folder does not know.
     """
+
+    advice = '; fps sets the pace of a folder, say fps:=2.0'
 
     def __init__(self, path: Path, fps: float) -> None:
         self.name = str(path)

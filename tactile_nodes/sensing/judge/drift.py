@@ -96,12 +96,15 @@ class DriftMonitor:
         self._unlike_contacts, self._scale = UnlikeContacts(), Scale()
         self._ratio: ForceRatio | None = None
         self._quiet_ns: int | None = None
+        self._is_calibrated = True
 
-    def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None) -> None:
+    def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None, *, calibrated: bool = True) -> None:
         """Take the rest image of the calibration, and forget what another calibration read.
 
-        None: it has none, and the next rest image stands in for it.
+        None: it has none, and the next rest image stands in for it. Not `calibrated`: the model follows from a
+        description alone, which the verdict says while nothing is wrong.
         """
+        self._is_calibrated = calibrated
         for alarm in (self._calibrated, self._dented, self._other_since_calibration, self._unlike, self._force):
             alarm.clear()
         self._comparison.clear()
@@ -187,7 +190,7 @@ class DriftMonitor:
             )
         (mean_n, spread_n), weight_n = steady, weight_g * 1e-3 * STANDARD_GRAVITY
         self._take(ForceRatio(mean_n / weight_n, spread_n / mean_n, 1))
-        return f'the gel reads {mean_n:.3f} N of {weight_n:.3f} N; the calibration is {self.verdict.text}'
+        return f'the gel reads {mean_n:.3f} N of {weight_n:.3f} N; calibration: {self.verdict.text}'
 
     @property
     def verdict(self) -> Verdict:
@@ -207,6 +210,7 @@ class DriftMonitor:
             ratio=self._ratio,
             unlike_share=self._unlike_contacts.share,
             quiet_ns=self._quiet_ns,
+            calibrated=self._is_calibrated,
         )
 
     def _levels(self) -> dict[Reason, Level]:

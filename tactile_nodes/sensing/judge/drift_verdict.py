@@ -43,6 +43,13 @@ class Verdict:
     ratio: ForceRatio | None
     unlike_share: float
     quiet_ns: int | None
+    calibrated: bool = True
+    """Whether there is a calibration; else the model follows from a description alone."""
+
+    @property
+    def uncalibrated(self) -> bool:
+        """Nothing changed, and nothing was calibrated that could hold."""
+        return not self.calibrated and self.level is Level.VALID
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -62,6 +69,8 @@ class Verdict:
     @property
     def text(self) -> str:
         """In one line, the level first."""
+        if self.uncalibrated:
+            return 'not calibrated: the model follows from a description; calibrate it with a few known forces'
         return ': '.join(each for each in (self.level.name.lower(), '; '.join(self.sentences)) if each)
 
     def _picture_moved(self) -> str:

@@ -78,7 +78,15 @@ def test_status_and_reasons_are_shown_in_words() -> None:
 
 
 def test_forces_that_stop_are_told() -> None:
-    assert 'no force for 2.5 s' in drawn(pressed(), now_ms=2520)[0]
+    assert 'no force for 2.5 s, the last was OK' in drawn(pressed(), now_ms=2520)[0]
+
+
+def test_who_complains_is_told_beside_a_force_that_is_old_and_not_beside_a_new_one() -> None:
+    state = pressed()
+    told = diagnostics(('camera: camera', 1, 'recording ended'), ('flow_features: pictures', 0, '640x480'))
+    state.add_diagnostics(received(told, 25))
+    assert 'recording ended' not in view_render.line(state.snapshot(30 * MS))
+    assert view_render.line(state.snapshot(2520 * MS)).endswith('/camera: camera: recording ended')
 
 
 def test_a_map_too_wide_for_numbers_is_drawn_in_colours_alone() -> None:

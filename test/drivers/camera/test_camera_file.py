@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tactile_nodes.clock import SteppedClock
+from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
 from tactile_nodes.drivers.camera.file import natural_key
 from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceTimeoutError, ImageError
 
 SHARED = Path(__file__).parents[3].parent / 'shared' / 'data' / 'gelsight_mini_videos'
@@ -177,3 +178,22 @@ def test_a_real_recording_gives_the_frames_that_its_header_claims(name: str, cou
     assert (frames[count].image == frames[0].image).all()
     assert (frames[count + 1].image == frames[1].image).all()
     assert not (frames[count - 1].image == frames[0].image).all()
+
+
+def test_a_recording_that_is_over_says_since_when_and_how_to_begin_again(video: Path, jumping: SteppedClock) -> None:
+    camera = opened(video, jumping)
+    assert camera.health == Health(Level.OK, f'playing {video}')
+    read_all(camera)
+    jumping.sleep_until(jumping.now_ns() + 19 * NS_PER_S)
+    assert camera.read(1.0) is None
+    health = camera.health
+    assert health.level is Level.WARN
+    assert health.message.startswith('recording ended 19 s ago; start again or set loop:=true to play it again (8 pict')
+    assert health.message.endswith(f'{video})')
+
+
+def test_a_folder_that_is_over_says_that_fps_sets_its_pace(folder: Path, jumping: SteppedClock) -> None:
+    camera = opened(folder, jumping)
+    read_all(camera)
+    assert '12 pictures at 50 frames/s' in camera.health.message
+    assert 'fps sets the pace of a folder' in camera.health.message
