@@ -98,10 +98,24 @@ def test_a_person_is_asked_until_the_answer_can_be_read(
     assert "'0.6-0.3' does not go down" in said
 
 
+def test_of_dots_their_pitch_is_asked_for_first(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """43.2 px are 2.5 mm, and the dots 19.65 mm away: 340 px of focal length, as the simulated camera has."""
+    terminal = io.StringIO('2.5\n\n\n\n\n')
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr('sys.stdin', terminal)
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
+    assert load_sensor('mine.yaml').pattern.pitch_mm == 2.5
+    assert load_sensor('mine.yaml').camera.focal_px[0] == pytest.approx(340, rel=0.01)
+    assert 'by the pitch given' in Path('mine.yaml').read_text()
+    assert 'How many mm of gel' not in capsys.readouterr().out
+
+
 def test_questions_that_end_early_name_the_flag(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    terminal = io.StringIO('18.5\n')
+    terminal = io.StringIO('2.5\n')
     terminal.isatty = lambda: True  # type: ignore[method-assign]
     monkeypatch.setattr('sys.stdin', terminal)
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 1
@@ -112,7 +126,7 @@ def test_questions_that_end_early_name_the_flag(
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['rest'], 'No picture shows that: say it with --width'),
+        (['rest'], 'No picture shows that: say it with --width, or of dots with --pitch'),
         (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, and picture 0 of rest 320x240'),
         (['flat.png', '--width', '18'], 'mine.yaml is not written: mend what is bad first'),
         (['black.png', '--width', '18'], 'the camera image is black'),

@@ -10,9 +10,12 @@ from collections.abc import Callable
 import pytest
 from running_system import Tactile, wait_until
 
+from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.cli.topic.echo import awaited_type
 from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
+from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.viewing.gaps import SequenceGaps
@@ -65,12 +68,43 @@ def test_find_and_type_are_each_others_reverse(other: ZmqBus, tactile: Tactile) 
     assert tactile('topic', 'find', 'std_msgs/String').out == '/b\n'
 
 
-@pytest.mark.parametrize('command', ['echo', 'hz', 'bw', 'delay', 'info', 'type'])
+@pytest.mark.parametrize('command', ['info', 'type'])
 def test_an_unknown_topic_is_told_in_one_line(command: str, tactile: Tactile) -> None:
     ended = tactile('topic', command, '/nothing')
     assert (ended.status, ended.out) == (1, '')
     assert ended.err.startswith('there is no topic /nothing')
     assert ended.err.count('\n') == 1
+
+
+@pytest.mark.parametrize('command', ['echo', 'hz', 'bw', 'delay'])
+def test_what_listens_waits_for_an_unknown_topic_and_gives_up(
+    command: str, tactile: Tactile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tactile_nodes.cli.topic.echo.WAIT_S', 0.1)
+    ended = tactile('topic', command, '/nothing')
+    assert (ended.status, ended.out) == (1, '')
+    waiting, given_up = ended.err.splitlines()
+    assert waiting == 'nobody publishes or subscribes /nothing yet; waiting 0.1 s for it'
+    assert given_up.startswith('there is no topic /nothing')
+
+
+def test_echo_waits_for_an_unknown_topic_no_longer_than_its_timeout(tactile: Tactile) -> None:
+    ended = tactile('topic', 'echo', '/nothing', '--timeout', '0.1')
+    assert ended.status == 1
+    assert 'waiting 0.1 s for it\nthere is no topic /nothing' in ended.err
+
+
+def test_a_topic_that_appears_after_four_seconds_is_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+    class Advertising(SteppedClock):
+        def sleep_until(self, deadline_ns: int) -> None:
+            self.set_ns(deadline_ns)
+            if deadline_ns == 4000 * MS:
+                bus.advertise('/late', STRING, QUEUE)
+
+    bus = InProcessBus(Advertising())
+    assert awaited_type(bus, '/late') == STRING
+    assert bus.clock.now_ns() == 4000 * MS
+    assert capsys.readouterr().err.count('waiting 10 s for it') == 1
 
 
 def test_a_topic_of_two_types_needs_the_type(other: ZmqBus, tactile: Tactile) -> None:

@@ -71,6 +71,10 @@ WIDTH = Question(
     'width', 'How many mm of gel does the picture show from left to right?', positive_float, 0.0,
     ('gel.width_mm', 'gel.height_mm'),
 )  # fmt: skip
+PITCH = Question(
+    'pitch', 'How many mm is it from one dot to the next (nothing: you are asked for the width that is seen)?',
+    lambda text: positive_float(text) if text else 0.0, 0.0, WIDTH.entries,
+)  # fmt: skip
 THICKNESS = Question(
     'thickness', 'How thick is the gel, down to what it is glued to [mm]?', positive_float, 4.0, ('gel.layers_mm',)
 )
@@ -101,7 +105,7 @@ def answered(
 
     asking = _Asking(arguments)
     camera = _calibrated(arguments, size_px)
-    width = 0.0 if arguments.pitch and not arguments.width else asking.of(WIDTH)
+    width, pitch = _lengths(asking, arguments, dots=seen.dots is not None)
     given = {each.flag: asking.of(each) for each in (THICKNESS, STIFFNESS)}
     markers = asking.of(TEXTURE_DEPTH if seen.dots is None else DOTS_DEPTH)
     distance = (arguments.distance or 0.0) if camera else asking.of(DISTANCE)
@@ -116,10 +120,18 @@ def answered(
     known = sources['gel.moduli_mpa'] != 'assumed'
     sources['gel.moduli_off'] = 'of a hardness or a data sheet' if known else 'nobody measured it'
     answers = Answers(
-        arguments.output.stem, width, arguments.pitch or 0.0, given['thickness'], given['stiffness'],
+        arguments.output.stem, width, pitch, given['thickness'], given['stiffness'],
         TOLD_OFF if known else Answers.modulus_off, markers, distance, camera,
     )  # fmt: skip
     return answers, sources
+
+
+def _lengths(asking: _Asking, arguments: argparse.Namespace, *, dots: bool) -> tuple[float, float]:
+    """Width that is seen and pitch (mm), of which one is enough: a person who sees dots knows their pitch best."""
+    pitch = arguments.pitch or 0.0
+    if dots and asking.asks and not (pitch or arguments.width):
+        pitch = asking.of(PITCH)
+    return (0.0 if pitch and not arguments.width else asking.of(WIDTH)), pitch
 
 
 class _Asking:
@@ -127,7 +139,7 @@ class _Asking:
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._given = arguments
-        self._asks = sys.stdin.isatty() and not arguments.yes
+        self.asks = sys.stdin.isatty() and not arguments.yes
         self.sources: dict[str, str] = {}
 
     def of(self, question: Question) -> Any:
@@ -135,9 +147,10 @@ class _Asking:
         from tactile_nodes.errors import ConfigurationError
 
         given = getattr(self._given, question.flag)
-        value = given if given is not None else self._asked(question) if self._asks else None
+        value = given if given is not None else self._asked(question) if self.asks else None
         if value is None and not question.usual:
-            raise ConfigurationError(f'{question.text} No picture shows that: say it with --{question.flag}')
+            or_pitch = ', or of dots with --pitch' if question is WIDTH else ''
+            raise ConfigurationError(f'{question.text} No picture shows that: say it with --{question.flag}{or_pitch}')
         source = 'assumed' if value is None else 'as given'
         self.sources |= dict.fromkeys(question.entries, source)
         return question.usual if value is None else value

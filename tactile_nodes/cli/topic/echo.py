@@ -23,11 +23,14 @@ from tactile_nodes.errors import BusError, MessageError
 from tactile_nodes.viewing.gaps import SequenceGaps
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Received
+    from tactile_nodes.bus.protocol import Bus, Received
     from tactile_nodes.bus.subscription import Subscription
     from tactile_nodes.cli.text import Shown
 
 QUEUE = 1000
+NS_PER_S, LOOK_EVERY_NS = 1_000_000_000, 50_000_000
+WAIT_S = 10.0
+"""How long a topic may take to appear: a launch has its first forces after some 4 s."""
 
 _EXAMPLES = """\
   tactile topic echo /force_distribution                      every message, arrays cut after 128 elements
@@ -41,7 +44,7 @@ def add(verbs: Verbs) -> None:
     """The command and its arguments."""
     made = verbs.add('echo', echo, "print a topic's messages", _EXAMPLES)
     completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
-    kind = made.add_argument('type', nargs='?', help='its type; needed only for a topic that does not exist yet')
+    kind = made.add_argument('type', nargs='?', help='its type; needed only for a topic that nobody uses within 10 s')
     completed(kind, completers.topic_types)
     made.add_argument('--once', action='store_true', help='print the first message and end')
     made.add_argument('--timeout', type=positive_float, metavar='N', help='end after N seconds')
@@ -59,13 +62,15 @@ def add(verbs: Verbs) -> None:
 
 def echo(arguments: argparse.Namespace) -> int:
     """Print until interrupted; 1 when nothing came within ``--timeout``."""
-    topic = absolute(arguments.topic)
+    from tactile_nodes.clock import monotonic_s
+
+    topic, begun_s, timeout_s = absolute(arguments.topic), monotonic_s(), arguments.timeout
     printed = 0
     with joined() as bus:
-        type_name = full_type(arguments.type) if arguments.type else type_of_topic(bus.graph(), topic)
+        type_name = full_type(arguments.type) if arguments.type else awaited_type(bus, topic, timeout_s)
         subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
         gaps = SequenceGaps()
-        for received in arriving(subscription, arguments.timeout):
+        for received in arriving(subscription, timeout_s and max(0.0, begun_s + timeout_s - monotonic_s())):
             if not arguments.no_lost_messages:
                 report_lost(gaps, received)
             printed += _print_one(received, arguments)
@@ -74,6 +79,23 @@ def echo(arguments: argparse.Namespace) -> int:
     if not printed:
         raise BusError(f'nothing came on {topic} within {arguments.timeout:g} s')
     return 0
+
+
+def awaited_type(bus: Bus, topic: str, timeout_s: float | None = None) -> str:
+    """The one type of a topic, which nodes that are still starting may announce within `timeout_s` (usually 10 s).
+
+    Raises:
+        BusError: nobody publishes or subscribes it even then, or the types differ.
+    """
+    wait_s, said = timeout_s or WAIT_S, False
+    end_ns = bus.clock.now_ns() + round(wait_s * NS_PER_S)
+    while topic not in bus.graph().topics() and (now_ns := bus.clock.now_ns()) < end_ns:
+        if not said:
+            told = f'nobody publishes or subscribes {topic} yet; waiting {wait_s:g} s for it'
+            print(told, file=sys.stderr, flush=True)
+        said = True
+        bus.clock.sleep_until(min(now_ns + LOOK_EVERY_NS, end_ns))
+    return type_of_topic(bus.graph(), topic)
 
 
 def queue_of(topic: str) -> Any:

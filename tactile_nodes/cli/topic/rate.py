@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import Verbs, completed, joined, own_name, positive_int, type_of_topic
+from tactile_nodes.cli.session import Verbs, completed, joined, own_name, positive_int
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:
@@ -55,11 +55,11 @@ def _add(verbs: Verbs, name: str, window: int, meter: Callable[[int], Meter], li
 
 def measure(arguments: argparse.Namespace, meter: Meter) -> int:
     """Feed `meter` and print what it says once a second, until interrupted."""
-    from tactile_nodes.cli.topic.echo import queue_of
+    from tactile_nodes.cli.topic.echo import awaited_type, queue_of
 
     topic = absolute(arguments.topic)
     with joined() as bus:
-        type_name = type_of_topic(bus.graph(), topic)
+        type_name = awaited_type(bus, topic)
         subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
         print(f'Subscribed to [{topic}]', flush=True)
         _report_forever(meter, subscription.get, bus.clock)

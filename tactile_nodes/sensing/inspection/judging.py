@@ -21,6 +21,7 @@ from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
 from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
 from tactile_nodes.sensors import Sensor
@@ -46,8 +47,8 @@ MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
 """Confidence in a region's motion from which models of described sensors use it; share of the usable regions that must
 reach it, and that should."""
 
-UNSTEADY_PX = 0.3
-"""Motion of regions at rest beyond which something moved, or light does."""
+UNSTEADY_PX, UNEVEN_PX = 0.3, 0.1
+"""Motion of all regions at rest, and of single ones beside them, beyond which something moved, or light does."""
 
 UNMASKED = 0.01
 """Share of the picture that may look covered and not be in the mask."""
@@ -83,6 +84,7 @@ class Inspection:
                     f'{image.width}x{image.height}; set the camera to that size, or change image.width and image.height'
                 )
         crop = Crop.centred(image.width, image.height, *image.crop_px)
+        self._names = [*pictures]
         self.pictures = [np.ascontiguousarray(crop.apply(each)) for each in pictures.values()]
 
     @cached_property
@@ -261,7 +263,7 @@ class Inspection:
 
     def _rest(self) -> Finding | None:
         """Motion between pictures in which nothing touches."""
-        usable = self.regions.usable & self.marked
+        usable = self._measured
         if len(self.pictures) < 2 or not usable.any():
             return None
         noise_px = self.noise_px[usable]
@@ -270,16 +272,47 @@ class Inspection:
             f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from picture to picture, '
             f'which is {1000 * middle / self.regions.px_per_mm:.1f} um of the gel'
         )
-        if middle < UNSTEADY_PX:
+        first, still = self._alike
+        if not still.all():
+            return Finding('noise', LOOK, f'{told}; {self._touched(still)}')
+        if middle < UNSTEADY_PX and self._apart_px[first].max() < UNEVEN_PX:
             return Finding('noise', OK, told)
-        return Finding('noise', LOOK, f'{told}: something touched or moved, or the light flickers')
+        return Finding('noise', LOOK, f'{told}: something touches or moves, or the light flickers')
+
+    def _touched(self, still: Bool[np.ndarray, ' pictures']) -> str:
+        """What to do about pictures that differ; which of the two kinds is untouched no picture says."""
+        others = np.flatnonzero(~still)
+        return (
+            f'{len(others)} of {len(still)} pictures, as {self._names[others[0]]}, differ in places from the others, '
+            'whose noise this is: something touches in some; only untouched pictures serve, so give those alone'
+        )
 
     @cached_property
     def noise_px(self) -> Float[np.ndarray, ' regions']:
-        """Motion (root mean square) of each region in single pictures beside the first one."""
+        """Motion (root mean square) of each region in single pictures beside one, of those that are alike."""
+        first, still = self._alike
+        moved = self._motion_px[still & (np.arange(len(still)) != first)] - self._motion_px[first]
+        return np.asarray(np.sqrt(np.square(moved).sum(axis=-1).mean(axis=0)), float)
+
+    @cached_property
+    def _motion_px(self) -> Float[np.ndarray, 'pictures regions 2']:
+        """Beside the first picture."""
         flow = self._flow(self.pictures[0])
-        moved = [flow.displacement(each).displacement_px for each in self.pictures[1:]]
-        return np.asarray(np.sqrt(np.square(moved).sum(axis=-1).mean(axis=0)).ravel(), float)
+        moved = [flow.displacement(each).displacement_px for each in self.pictures]
+        return np.asarray(moved, float).reshape(len(moved), -1, 2)
+
+    @cached_property
+    def _apart_px(self) -> Float[np.ndarray, 'pictures pictures']:
+        return apart_px(self._motion_px[:, self._measured])
+
+    @cached_property
+    def _alike(self) -> tuple[int, Bool[np.ndarray, ' pictures']]:
+        return alike(self._apart_px)
+
+    @property
+    def _measured(self) -> Bool[np.ndarray, ' regions']:
+        """Regions that see the gel and a pattern."""
+        return np.asarray(self.regions.usable & self.marked)
 
     def _flow(self, rest: UInt8[np.ndarray, 'h w']) -> FlowMethod:
         """As models of described sensors measure motion."""

@@ -14,11 +14,12 @@ from tactile_nodes.sensing.flow.dot_pattern import find_dots
 from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
 from tactile_nodes.sensing.inspection.drawing import figure
 from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection
+from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey
 from tactile_nodes.sensors import CameraDescription, MaskSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import solve
-from tactile_nodes.simulation.optics import Optics
+from tactile_nodes.simulation.optics import Optics, Press
 
 DOTS, MEMBRANE = load_sensor('printed_dots'), load_sensor('speckle_membrane')
 
@@ -51,9 +52,13 @@ def membrane() -> np.ndarray:
 
 
 @pytest.fixture(scope='module')
-def printed() -> list[np.ndarray]:
+def optics() -> Optics:
     gel = replace(gel_of(DOTS), mechanics='linear')
-    optics = Optics(gel, solve(gel))
+    return Optics(gel, solve(gel))
+
+
+@pytest.fixture(scope='module')
+def printed(optics: Optics) -> list[np.ndarray]:
     return [optics.render((), number) for number in range(4)]
 
 
@@ -148,6 +153,42 @@ def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) 
 def test_noise_of_regions_is_their_motion_in_single_pictures(printed: list[np.ndarray]) -> None:
     moved = np.roll(printed[0], 1, axis=0)
     assert np.median(Inspection(DOTS, {'a': printed[0], 'b': moved}).noise_px) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize('untouched', [1, 3])
+def test_pressed_pictures_among_untouched_ones_are_never_ok(
+    optics: Optics, printed: list[np.ndarray], untouched: int
+) -> None:
+    """Also where they come first, are more, or one is there to compare with."""
+    pressed = [optics.render((Press(3.0 * x, -2.0, 0.4),), 10 + x) for x in (-1, 0, 1, 2)]
+    shown = {f'{number}.png': each for number, each in enumerate([*pressed[:untouched], *printed[:untouched]])}
+    finding = Inspection(DOTS, shown).findings[-1]
+    assert (finding.what, finding.level) == ('noise', LOOK)
+    assert 'something touches' in finding.text
+
+
+def test_the_noise_is_that_of_the_pictures_that_are_alike(optics: Optics, printed: list[np.ndarray]) -> None:
+    alone = Inspection(DOTS, {str(number): each for number, each in enumerate(printed)})
+    pressed = {f'pressed{x}': optics.render((Press(3.0 * x, -2.0, 0.4),), 10 + x) for x in (-1, 0, 1)}
+    mixed = Inspection(DOTS, {**dict(zip('abcd', printed, strict=True)), **pressed})
+    assert np.median(mixed.noise_px) == pytest.approx(np.median(alone.noise_px), rel=0.3)
+    assert '3 of 7 pictures, as pressed-1, differ in places from the others' in mixed.findings[-1].text
+
+
+def test_a_motion_of_one_region_counts_beyond_that_of_all_of_them() -> None:
+    """1 px more in one of 81 regions: the fourth root of 1/81 is 1/3."""
+    motion = np.full((2, 81, 2), [3.0, -1.0])
+    motion[0] = 0.0
+    motion[1, 40, 0] += 1.0
+    np.testing.assert_allclose(apart_px(motion), [[0, 1 / 3], [1 / 3, 0]], atol=1e-12)
+
+
+def test_a_picture_that_is_there_twice_makes_the_others_no_stranger() -> None:
+    """All 0.03 px apart but two that are the same; with one 0.2 px away from all."""
+    apart = np.full((6, 6), 0.03) * (1 - np.eye(6))
+    apart[0, 1] = apart[1, 0] = 0.0
+    apart[5, :5] = apart[:5, 5] = 0.2
+    assert alike(apart)[1].tolist() == [True] * 5 + [False]
 
 
 def test_a_picture_of_another_size_is_refused_by_its_name(membrane: np.ndarray) -> None:
