@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,6 +105,11 @@ class ArrayPictures:
         for row in rows:
             with faults.row(row.line):
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
+
+
+def picture_id(picture: Picture) -> str:
+    """Twelve hexadecimal digits by which a grey picture, (h, w), is known again."""
+    return hashlib.sha256(repr(picture.shape).encode() + picture.tobytes()).hexdigest()[:12]
 
 
 def pictures_of(table: PressTable, source: Path | None) -> Pictures:

@@ -64,6 +64,19 @@ def test_weights_and_pens_make_a_model_of_tips_alone_that_reads_its_gel(
     assert loaded.rest_image.shape == (440, 440)
 
 
+def test_pictures_that_calibrated_a_model_do_not_judge_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, presses = calibrated(folder, 'gel.csv'), folder / 'some.npz'
+    rows = ['picture,x_mm,y_mm,force_n', 'rest0.png,,,0', 'rest1.png,,,0']  # written anew, with other numbers
+    rows += [f'press{number}.png,{number},{-number},{0.4 + 0.1 * number}' for number in range(3)]
+    (folder / 'some.csv').write_text('\n'.join(rows) + '\n')
+    told = ['--model', str(model), '--gel', 'by-hand', '--force']
+    assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *told]) == 0
+    capsys.readouterr()
+    assert main(['evaluate', str(model), '--dataset', str(presses)]) == 1
+    assert 'was calibrated with 3 of the 3 pictures of presses in this data set' in capsys.readouterr().err
+    assert main(['evaluate', 'portable', '--dataset', str(presses)]) == 0
+
+
 def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random, rows = np.random.default_rng(7), ['image,x,y,Force [N]', 'rest0.png,,,0']
     for number, (x, y) in enumerate(random.uniform(-11, 11, (5, 2)).tolist()):
