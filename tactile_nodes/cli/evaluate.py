@@ -19,6 +19,7 @@ examples:
   tactile evaluate paper fast portable --unlike            several side by side, and what they flag
   tactile evaluate fast --picture fast.png --json fast.json
   tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
+  tactile evaluate gel-7.safetensors --dataset presses.npz --table told.csv  press by press
 """
 MOST_PRESSES = 1_000_000
 
@@ -45,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--split', choices=('sample', 'position'), help='which test set of FILE (default: what the training put aside)'
     )
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='also draw error maps and curves')
+    parser.add_argument('--table', type=Path, metavar='FILE.csv', help='also write each sample, told beside true')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the scores as JSON')
 
 
@@ -60,6 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
         written = json.dumps(scores[0] if len(scores) == 1 else scores, indent=2)
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(written + '\n', encoding='utf-8')
+    for each in evaluated if arguments.table else ():
+        _tell(each, _named(arguments.table, each, evaluated))
     if arguments.picture:
         _draw(evaluated, arguments.picture)
     return 0
@@ -69,7 +73,7 @@ def _check(arguments: argparse.Namespace) -> None:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.paths import check_output
 
-    for output in filter(None, (arguments.json, arguments.picture)):
+    for output in filter(None, (arguments.json, arguments.table, arguments.picture)):
         check_output(output)
     if arguments.presses < 1 or min(arguments.unlike, arguments.pairs) < 0:
         raise ConfigurationError('--presses must be at least 1, and --unlike and --pairs no less than 0')
@@ -104,10 +108,22 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     )
 
 
+def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
+    """A file for each of several models."""
+    return file if len(evaluated) == 1 else file.with_name(f'{file.stem}_{one.name}{file.suffix}')
+
+
+def _tell(evaluated: Evaluation, table: Path) -> None:
+    from tactile_nodes.learning.evaluation.told import write_told
+
+    write_told(evaluated.answers, table)
+    print(f'{table}: what {evaluated.name} told of each of {len(evaluated.answers)} samples')
+
+
 def _draw(evaluated: list[Evaluation], picture: Path) -> None:
     from tactile_nodes.learning.evaluation.picture import draw
 
     for each in evaluated:
-        name = picture if len(evaluated) == 1 else picture.with_name(f'{picture.stem}_{each.name}{picture.suffix}')
+        name = _named(picture, each, evaluated)
         draw(each.answers, f'{each.name} ({each.model_id})', name)
         print(f'{name}: the picture of {each.name}')

@@ -30,7 +30,7 @@ from tactile_nodes.learning.field.calibration import Pressed, kept
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import gel_told
 from tactile_nodes.learning.recorded.measuring import Measurer
-from tactile_nodes.learning.tables.pictures import digest_of, id_of, read_pictures
+from tactile_nodes.learning.tables.pictures import picture_id, read_pictures
 from tactile_nodes.learning.tables.presses import REACH_MM, PressTable, read_table
 from tactile_nodes.learning.transfer.checks import source_readout
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
@@ -197,9 +197,10 @@ def calibrate_by_hand(
         'gel': told,
         'data': {
             'origin': CALIBRATION,
-            'bags': [id_of(map(digest_of, presses.pressed))],
+            'bags': [],
             'samples': samples,
             'fingerprint': presses.fingerprint,
+            'pictures': [picture_id(picture) for picture in presses.pressed],
         },
         'source': source.told(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},

@@ -15,8 +15,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 EVALUATION_DPI = 110
 MOST_CELLS = 12
 """Cells of the error maps along x, and along y; with few presses there are fewer."""
-FEWEST_CELLS = 4
-"""With fewer of them presses are shown one by one."""
+FEWEST_MAPPED = 128
+"""Fewer presses are drawn one by one, not as medians of cells."""
 LEAST_IN_CELL = 3
 """A cell with fewer presses stays empty."""
 
@@ -31,8 +31,8 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     drawn, axes = subplots(2, 3)
     presses = found[found.touched]
     force, place = force_uncertainty(found), position_uncertainty(found)
-    _map(axes[0, 0], presses, presses.away_mm, 'median error of the place', 'mm')
-    _map(axes[0, 1], presses, 1000 * np.abs(presses.force_error_n), 'median error of the force', 'mN')
+    _map(axes[0, 0], presses, presses.away_mm, 'error of the place', 'mm')
+    _map(axes[0, 1], presses, 1000 * np.abs(presses.force_error_n), 'error of the force', 'mN')
     _true_against_found(axes[0, 2], presses)
     _coverage(axes[1, 0], force, place)
     _curve(axes[1, 1], force, place)
@@ -52,25 +52,24 @@ def subplots(rows: int, cols: int) -> tuple[Any, Any]:
 
 
 def _map(axis: Any, presses: Predictions, values: np.ndarray, title: str, unit: str) -> None:
-    reach = float(np.abs(presses.place_mm).max())
-    cells = int(np.clip(np.sqrt(len(presses) / 8), 1, MOST_CELLS))
-    if cells < FEWEST_CELLS:
-        title, most = title.removeprefix('median '), _brightest(values)
-        shown = axis.scatter(*presses.place_mm.T, c=values, cmap='magma_r', vmin=0, vmax=most, edgecolors='grey')
+    reach = max(1.05 * float(np.abs(presses.place_mm).max()), 1.0)
+    if len(presses) < FEWEST_MAPPED:
+        colours: dict[str, Any] = {'cmap': 'magma_r', 'vmin': 0, 'vmax': _brightest(values)}
+        shown = axis.scatter(*presses.place_mm.T, c=values, s=30, edgecolors='0.4', linewidths=0.5, **colours)
     else:
+        cells = int(np.clip(np.sqrt(len(presses) / 8), 1, MOST_CELLS))
         medians = cell_medians(presses.place_mm, values, np.linspace(-reach, reach, cells + 1))
+        colours = {'cmap': 'magma_r', 'vmin': 0, 'vmax': _brightest(medians)}
         # y points down, as in the image
-        shown = axis.imshow(
-            medians, extent=(-reach, reach, reach, -reach), cmap='magma_r', vmin=0, vmax=_brightest(medians)
-        )
+        shown, title = axis.imshow(medians, extent=(-reach, reach, reach, -reach), **colours), f'median {title}'
     axis.figure.colorbar(shown, ax=axis, label=unit, extend='max')
     _bin_borders(axis, presses.bins)
     axis.set(title=title, xlabel='x [mm]', ylabel='y [mm]', aspect='equal', xlim=(-reach, reach), ylim=(reach, -reach))
 
 
-def _brightest(values: np.ndarray) -> float | None:
+def _brightest(errors: np.ndarray) -> float | None:
     """One cell or press that is far off must not hide all others."""
-    shown = values[np.isfinite(values)]
+    shown = errors[np.isfinite(errors)]
     return 1.2 * float(np.percentile(shown, 95)) if len(shown) else None
 
 
@@ -96,12 +95,12 @@ def _bin_borders(axis: Any, bins: BinGrid) -> None:
 
 def _true_against_found(axis: Any, presses: Predictions) -> None:
     high = 1.05 * float(max(presses.force_n.max(), presses.total_n.max()))
-    size = float(np.clip(2000 / max(len(presses), 1), 4, 25))
-    if np.isfinite(presses.depth_mm).any():
-        shown = axis.scatter(presses.force_n, presses.total_n, c=presses.depth_mm, s=size, cmap='viridis')
+    known, size = np.isfinite(presses.depth_mm), 4 if len(presses) >= FEWEST_MAPPED else 16
+    axis.scatter(presses.force_n[~known], presses.total_n[~known], s=size)  # nobody knows how deep: hand presses
+    if known.any():
+        deep = presses[known]
+        shown = axis.scatter(deep.force_n, deep.total_n, c=deep.depth_mm, s=size, cmap='viridis')
         axis.figure.colorbar(shown, ax=axis, label='depth [mm]')
-    else:  # of presses by hand nobody knows it
-        axis.scatter(presses.force_n, presses.total_n, s=size)
     axis.plot([0, high], [0, high], 'k-', linewidth=0.6)
     axis.set(title='force', xlabel='true [N]', ylabel='found [N]', xlim=(0, high), ylim=(0, high), aspect='equal')
 

@@ -25,7 +25,7 @@ from tactile_nodes.learning.recorded.bags import Frame, RecordedPress
 from tactile_nodes.learning.recorded.building import Builder, BuildOptions
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.faults import RowFaults
-from tactile_nodes.learning.tables.pictures import OneSize, Pictures, digest_of, id_of
+from tactile_nodes.learning.tables.pictures import OneSize, Pictures, picture_id
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.rest.reference import average
@@ -120,7 +120,7 @@ def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
 def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> dict[str, Any]:
     """Give a table's presses to a builder; what a card says of the table."""
     table, faults = source.table, source.table.faults
-    digests: list[bytes] = []
+    pressed: list[str] = []
     rests = [picture for _, picture in _checked(source, [row for row in table.rows if not row.touches], size, faults)]
     faults.require_none()
     presses = _presses(table.rows)
@@ -136,13 +136,14 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> di
         frames = [picture for _, picture in group]
         if faults:
             continue  # the rows left are looked at for further ones
-        digests += map(digest_of, frames)
+        pressed += map(picture_id, frames)
         rest = [Frame(reference.stamp_ns, rests[press])] if press < len(rests) else []
         builder.take(number, _recorded(plan, press, presses[press][0], frames, rest, reference))
     faults.require_none()
+    name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]
     return {
-        'id': id_of(digests), 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
-        'columns': table.told,
+        'id': name, 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
+        'columns': table.told, 'pictures': pressed,
     }  # fmt: skip
 
 

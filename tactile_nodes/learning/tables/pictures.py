@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -107,14 +107,9 @@ class ArrayPictures:
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
 
 
-def digest_of(picture: Picture) -> bytes:
-    """What tells a picture from others."""
-    return hashlib.sha256(picture.tobytes()).digest()
-
-
-def id_of(digests: Iterable[bytes]) -> str:
-    """The name of pictures, in whatever order: 12 hexadecimal digits."""
-    return hashlib.sha256(b''.join(sorted(digests))).hexdigest()[:12]
+def picture_id(picture: Picture) -> str:
+    """Twelve hexadecimal digits by which a grey picture, (h, w), is known again."""
+    return hashlib.sha256(repr(picture.shape).encode() + picture.tobytes()).hexdigest()[:12]
 
 
 def folder_of(table: PressTable) -> Path:

@@ -213,8 +213,14 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
     ours = {bag['id'] for bag in recordings.card['bags']}
     if ours & set(origin.get('bags', ())):
         raise ModelError(
-            f'model {loaded.model_id} was made of presses of the same bags or pictures, and may have seen these; '
-            'evaluate it on the file that it was trained on, or on other bags or pictures'
+            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so that it may have '
+            'seen these; evaluate it on the file that it was trained on, or on other bags'
+        )
+    pictures = [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())]
+    if known := len(set(origin.get('pictures', ())) & set(pictures)):
+        raise ModelError(
+            f'model {loaded.model_id} was calibrated with {known} of the {len(pictures)} pictures of presses in this '
+            'data set; evaluate it on presses that were put aside, in a table of their own'
         )
     if kind is None:
         return recordings.as_samples(), f'all {len(recordings)} samples, none of which the model was trained on'

@@ -14,10 +14,8 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.calibrating.hand_presses import HandPresses, outline_between
-from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.field.body import body_of_card
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
-from tactile_nodes.learning.tables.pictures import digest_of, id_of
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import load_sensor
@@ -69,6 +67,19 @@ def test_weights_and_pens_make_a_model_of_tips_alone_that_reads_its_gel(
     # A modulus of 0.09 instead of 0.111 MPa: as deep with 0.81 of the force, so softer by ln(0.111 / 0.09) = 0.21.
     assert told['whole']['softness'] + told['whole']['lateral'] == pytest.approx(0.21, abs=0.12)
     assert loaded.rest_image.shape == (440, 440)
+
+
+def test_pictures_that_calibrated_a_model_do_not_judge_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, presses = calibrated(folder, 'gel.csv'), folder / 'some.npz'
+    rows = ['picture,x_mm,y_mm,force_n', 'rest0.png,,,0', 'rest1.png,,,0']  # written anew, with other numbers
+    rows += [f'press{number}.png,{number},{-number},{0.4 + 0.1 * number}' for number in range(3)]
+    (folder / 'some.csv').write_text('\n'.join(rows) + '\n')
+    told = ['--model', str(model), '--gel', 'by-hand', '--force']
+    assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *told]) == 0
+    capsys.readouterr()
+    assert main(['evaluate', str(model), '--dataset', str(presses)]) == 1
+    assert 'was calibrated with 3 of the 3 pictures of presses in this data set' in capsys.readouterr().err
+    assert main(['evaluate', 'portable', '--dataset', str(presses)]) == 0
 
 
 def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -233,14 +244,3 @@ def test_a_sensor_with_other_bins_is_described_first(folder: Path, capsys: pytes
     assert main(['calibrate', '--pictures', str(folder / 'pressed.csv'), *words]) == 1
     said = capsys.readouterr().err
     assert '5x7 bins over 19x14.6 mm, and forces are told on 9x9 bins over 32x32 mm' in said
-
-
-def test_a_data_set_of_the_same_pictures_is_known_again(folder: Path) -> None:
-    """So that no model is judged by the presses that made it, in whatever order a table has them."""
-    rows = ['press0.png,1,2,50', 'rest0.png,,,0', 'press1.png,-3,4,60']
-    (folder / 'two.csv').write_text('\n'.join([HEADER, *rows]) + '\n')
-    (folder / 'turned.csv').write_text('\n'.join([HEADER, *rows[::-1]]) + '\n')
-    words = ['--model', 'portable', '--gel', 'two', '--force', '-o', str(folder / 'two.npz')]
-    assert main(['dataset', 'import', str(folder / 'two.csv'), *words]) == 0
-    (known,) = load_dataset(folder / 'two.npz').card['bags']
-    assert id_of(map(digest_of, HandPresses.read(folder / 'turned.csv').pressed)) == known['id']

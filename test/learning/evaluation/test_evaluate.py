@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 import math
@@ -13,10 +14,11 @@ import pytest
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.evaluation import disturbed
+from tactile_nodes.learning.evaluation import disturbed, picture
 from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
 from tactile_nodes.learning.evaluation.picture import cell_medians, draw
 from tactile_nodes.learning.evaluation.tables import comparison, report
+from tactile_nodes.learning.evaluation.told import write_told
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import save_model
@@ -178,3 +180,37 @@ def test_a_picture_is_drawn(scores: Evaluation, tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     draw(scores.answers, 'nonsense', tmp_path / 'errors.png')
     assert (tmp_path / 'errors.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_presses_of_unknown_depth_are_drawn_one_by_one(scores: Evaluation) -> None:
+    pytest.importorskip('matplotlib')
+    touched = scores.answers[scores.answers.touched]
+    by_hand = dataclasses.replace(touched, depth_mm=np.full(len(touched), math.inf))
+    axes = picture.subplots(1, 2)[1]
+    picture._map(axes[0, 0], by_hand, by_hand.away_mm, 'error of the place', 'mm')
+    picture._true_against_found(axes[0, 1], by_hand)
+    shown = [np.asarray(axis.collections[0].get_offsets()) for axis in axes[0]]
+    assert shown[0] == pytest.approx(by_hand.place_mm)
+    assert shown[1] == pytest.approx(np.stack([by_hand.force_n, by_hand.total_n], axis=1))
+
+
+def test_each_sample_is_told_beside_the_truth(scores: Evaluation, tmp_path: Path) -> None:
+    made = dataclasses.replace(
+        scores.answers[:3],
+        place_mm=np.array([[1.0, -2.0], [0.0, 0.0], [3.0, 4.0]]),
+        depth_mm=np.array([0.5, -1.0, math.inf]),
+        true_n=np.array([[0.25, 0.5], [0.0, 0.0], [1.0, 0.0]], np.float32),
+        found_mm=np.array([[1.5, -2.25], [0.0, 0.0], [3.0, 4.0]]),
+        total_n=np.array([0.5, 0.0, 1.25]),
+        told_sigma_n=np.array([0.125, 0.0625, math.nan]),
+        status=np.array([0, 1, 2]),
+        contact_threshold_n=0.1,
+    )
+    write_told(made, tmp_path / 'new' / 'told.csv')
+    rows = list(csv.DictReader((tmp_path / 'new' / 'told.csv').read_text().splitlines()))
+    first = {'x_mm': 1.0, 'y_mm': -2.0, 'told_x_mm': 1.5, 'told_y_mm': -2.25}
+    first |= {'force_n': 0.75, 'told_force_n': 0.5, 'told_sigma_n': 0.125}
+    assert {name: float(rows[0][name]) for name in first} == first
+    assert [row['sample'] for row in rows] == ['1', '2', '3']
+    assert [row['status'] for row in rows] == ['ok', 'degraded', 'invalid']
+    assert (rows[1]['x_mm'], rows[1]['told_x_mm'], rows[2]['told_sigma_n']) == ('', '', '')

@@ -1,0 +1,56 @@
+"""What a model told of each sample beside what was true, as a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.evaluation.predictions import Predictions
+from tactile_nodes.messages import types
+from tactile_nodes.paths import check_output
+
+COLUMNS = (
+    'sample', 'x_mm', 'y_mm', 'told_x_mm', 'told_y_mm', 'force_n', 'told_force_n', 'told_sigma_n', 'status',
+)  # fmt: skip
+STATUS = {
+    types.ForceDistribution.STATUS_OK: 'ok',
+    types.ForceDistribution.STATUS_DEGRADED: 'degraded',
+    types.ForceDistribution.STATUS_INVALID: 'invalid',
+}
+
+
+def write_told(found: Predictions, file: Path) -> None:
+    """Write a CSV file, one row a sample, counted from 1 in the order of the data set.
+
+    Lengths in mm in the surface frame, total forces in N into the gel; an empty cell is not known, as the place of a
+    sample at rest, or told as nothing, as the place where no contact is found.
+
+    Raises:
+        ConfigurationError: no file can be written there.
+        DatasetError: writing failed, as on a full disk.
+    """
+    check_output(file)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with file.open('w', encoding='utf-8', newline='') as opened:
+            written = csv.writer(opened, lineterminator='\n')
+            written.writerow(COLUMNS)
+            written.writerows(_rows(found))
+    except OSError as error:
+        raise DatasetError(f'cannot write the table {file} ({error.strerror}); choose another place') from error
+
+
+def _rows(found: Predictions) -> Iterator[list[str]]:
+    for sample, touched in enumerate(found.touched):
+        place = found.place_mm[sample] if touched else (math.nan, math.nan)
+        told_place = found.found_mm[sample] if found.detected[sample] else (math.nan, math.nan)
+        numbers = *place, *told_place, found.force_n[sample], found.total_n[sample]
+        cells = [_cell(number) for number in (*numbers, found.told_sigma_n[sample])]
+        yield [str(sample + 1), *cells, STATUS[int(found.status[sample])]]
+
+
+def _cell(number: float) -> str:
+    return f'{number:.4f}' if math.isfinite(number) else ''
