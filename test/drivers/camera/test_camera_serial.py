@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -85,14 +86,19 @@ def test_a_camera_that_comes_back_as_another_device_goes_on(
     camera = Reconnecting(lambda: V4l2Camera(settings, clock, device.capture, device.access, check), clock, settings)
     camera.open()
     camera.read(2.0)
+    deadline_s = clocks.monotonic_s() + 60
+
+    def read_while(going_on: Callable[[], bool]) -> None:
+        while going_on():
+            assert clocks.monotonic_s() < deadline_s
+            with contextlib.suppress(DeviceTimeoutError):
+                camera.read(0.2)
+
     device.unplug()
+    read_while(lambda: camera.health.level != Level.ERROR)
     device.node = tmp_path / 'video6'
     device.plug()
-    deadline_s = clocks.monotonic_s() + 60
-    while len(opened) < 2 or camera.health.level == Level.ERROR:
-        assert clocks.monotonic_s() < deadline_s
-        with contextlib.suppress(DeviceTimeoutError):
-            camera.read(0.2)
+    read_while(lambda: camera.health.level == Level.ERROR)
     camera.close()
     assert opened[-1] == str(tmp_path / 'video6')
     assert camera.description['source'] == 'serial:A1'
