@@ -43,9 +43,11 @@ def run(_: argparse.Namespace) -> int:
 
 def sources(found: Sequence[UsbCamera], by_path: Path = BY_PATH) -> list[tuple[str, UsbCamera]]:
     """By what each is found again: its serial number where no other has it, else its USB port, else only its device."""
+    from tactile_nodes.drivers.camera.contract import SERIAL
+
     counts = Counter(each.serial for each in found)
     ports = {str(link.resolve()): str(link) for link in sorted(by_path.glob('*'))} if by_path.is_dir() else {}
     return [
-        (f'serial:{each.serial}' if each.serial and counts[each.serial] == 1 else ports.get(each.path, each.path), each)
+        (SERIAL + each.serial if each.serial and counts[each.serial] == 1 else ports.get(each.path, each.path), each)
         for each in found
     ]

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 Picture = npt.NDArray[np.uint8]
 
-SIMULATED = 'simulated'
+SIMULATED, SERIAL = 'simulated', 'serial:'
+"""The source that is no device, and what comes before the serial number of one."""
 
 
 @dataclass(frozen=True)

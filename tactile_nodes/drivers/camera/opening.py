@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tactile_nodes.clock import Clock
-from tactile_nodes.drivers.camera.contract import SIMULATED, Camera, CameraSettings
+from tactile_nodes.drivers.camera.contract import SERIAL, SIMULATED, Camera, CameraSettings
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 
@@ -46,7 +46,7 @@ def _camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] 
         return SimulatedCamera(settings, clock, told)
     if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
         return _stream(scheme.group(1).lower(), settings, clock)
-    if source.isdigit() or source.startswith(('/dev/', 'serial:')):
+    if source.isdigit() or source.startswith(('/dev/', SERIAL)):
         return _device(settings, clock)
     return _recording(Path(source).expanduser(), settings, clock)
 

@@ -9,12 +9,12 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+from tactile_nodes.drivers.camera.contract import SERIAL
 from tactile_nodes.errors import DeviceNotFoundError
 from tactile_nodes.files import read_text
 
 BY_ID = Path('/dev/v4l/by-id')
 SYSFS = Path('/sys/class/video4linux')
-SERIAL = 'serial:'
 # From linux/videodev2.h:
 _QUERYCAP = 0x80685600
 _CAPABILITY = struct.Struct('16s32s32sIII12x')  # struct v4l2_capability: driver, card, bus, version, all, this node
