@@ -34,6 +34,9 @@ FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION, FIELD_VERSION = 2, 3, 5, 6
 
 Axisymmetric ones were written as version 4 before they knew streaks; those files are read on.
 """
+DESCRIPTION = 'description'
+"""Where the data of a model come from that no press told anything."""
+
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
 LARGEST_BYTES = 1 << 30
@@ -74,7 +77,7 @@ class LoadedModel:
     @property
     def of_description(self) -> bool:
         """Whether it follows from the description of a sensor alone: no force was ever compared with it."""
-        return bool(self.card.get('data', {}).get('origin') == 'description')
+        return bool(self.card.get('data', {}).get('origin') == DESCRIPTION)
 
     @property
     def gel(self) -> str:

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.calibration import DESCRIPTION, Pressed, known_presses
+from tactile_nodes.learning.field.calibration import Pressed, known_presses
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.judging import CONFIRMED, Held
 from tactile_nodes.learning.field.presses import Pressures
@@ -109,7 +109,7 @@ def transfer_alone(
     before = Held.of([source] * len(fit.by), dataset, fit.by, np.zeros(len(fit.by), int)).errors
     contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
     as_described = fit.form == 'description' and abs(math.log(fit.gain)) < CONFIRMED
-    confirmed = as_described and loaded.card.get('data', {}).get('origin') == DESCRIPTION
+    confirmed = as_described and loaded.of_description
     said = objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
     require_worth(said, 'keep the model, or press at more places', forced=forced)
     why = (
