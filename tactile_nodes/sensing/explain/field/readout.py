@@ -176,8 +176,7 @@ class FieldReadout:
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
     ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
         """The frame as tips that only press, where it may be, and the motion that they leave over."""
-        count = self._places(coarse)
-        if self.tips is None or not count:
+        if self.tips is None or not (count := self._places(coarse)):
             return None
         seen = self.tips.seen(values, confidence)
         if not seen.enough:
