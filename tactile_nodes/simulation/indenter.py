@@ -38,8 +38,12 @@ class Indenter:
 
 PAPER_TIP = Indenter()
 
-INDENTERS = {'ball': Indenter(3.0, 3.0), 'punch': Indenter(1.5, 0.15)}
+BALL, PUNCH = 'ball', 'punch'
+INDENTERS = {BALL: Indenter(3.0, 3.0), PUNCH: Indenter(1.5, 0.15)}
 """Bodies beside the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""
+
+RECORDED = {BALL: 'sphere', PUNCH: 'flat punch'}
+"""What records call a ball and a punch, before their diameter: 'sphere 1.2 mm'."""
 
 EDGE_SHARE = 0.1
 """Of its radius a punch is rounded at its edge."""
@@ -48,17 +52,31 @@ EDGE_SHARE = 0.1
 def indenter_of(name: str) -> Indenter | None:
     """Of a name as 'ball:5' or 'punch:1.5' (radius in mm); None of one that is neither."""
     shape, _, size = name.partition(':')
-    try:
-        radius_mm = float(size)
-    except ValueError:
-        return None
+    radius_mm = number(size)
     if shape not in INDENTERS or not (0 < radius_mm < math.inf):
         return None
-    return Indenter(radius_mm, radius_mm if shape == 'ball' else EDGE_SHARE * radius_mm)
+    return Indenter(radius_mm, radius_mm if shape == BALL else EDGE_SHARE * radius_mm)
 
 
 def indenter_name(tip_radius_mm: float, indenter: str) -> str:
     """What records call an indenter: 'sphere 1.2 mm' is the paper's tip, 'flat punch 3 mm' the punch."""
     body = INDENTERS.get(indenter, Indenter(tip_radius_mm, tip_radius_mm))
-    shape = 'sphere' if body.edge_mm == body.radius_mm else 'flat punch'
-    return f'{shape} {2 * body.radius_mm:g} mm'
+    shape = BALL if body.edge_mm == body.radius_mm else PUNCH
+    return f'{RECORDED[shape]} {2 * body.radius_mm:g} mm'
+
+
+def name_of_record(told: str) -> str:
+    """'ball:0.6' of 'sphere 1.2 mm', 'punch:1.5' of 'flat punch 3 mm'; anything else as it is."""
+    for shape, words in RECORDED.items():
+        size = told.removeprefix(words).removesuffix('mm')
+        if told == f'{words}{size}mm' and not math.isnan(number(size)):
+            return f'{shape}:{number(size) / 2:g}'
+    return told
+
+
+def number(text: str) -> float:
+    """The number that a text is; NaN of one that is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

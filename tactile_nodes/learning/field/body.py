@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,18 +14,16 @@ from tactile_nodes.contact_tables.touch_bodies import FARTHEST_MM, body_of
 from tactile_nodes.contact_tables.touch_tables import Contact
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.indenter import BALL, PUNCH, name_of_record, number
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
 from tactile_nodes.simulation.touch.families import ball
 
 BETWEEN = ', '
 """Between the names of several bodies on a card."""
-SPHERE, FLAT_PUNCH = 'sphere', 'flat punch'
-"""How rigs call a ball and a punch, before their diameter: 'sphere 1.2 mm'."""
 
 BODY, BALL_MM = 'body', 'ball_mm'
 """What a card says of the body; and of the radius of a ball, before there were others."""
 
-BALL, PUNCH = 'ball', 'punch'
 ROUND = {'tip': 'ball:0.6', 'ball': 'ball:5'}
 """Families that are balls."""
 
@@ -45,7 +42,7 @@ class KnownBody:
         Raises:
             ConfigurationError: there is no such body or file, it is no body, or its radius is none.
         """
-        told = ROUND.get(told, _of_rig(told))
+        told = ROUND.get(told, name_of_record(told))
         shape, colon, size = told.partition(':')
         if colon and shape in (BALL, PUNCH):
             return cls(told, _round(told, shape, size))
@@ -116,7 +113,7 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
 
 
 def _round(told: str, shape: str, size: str) -> Body:
-    radius_mm = float(size) if _is_number(size) else math.nan
+    radius_mm = number(size)
     if not 0 < radius_mm <= FARTHEST_MM / 2:
         raise ConfigurationError(
             f'{told} is no body: after {shape}: comes its radius in mm, above 0 and up to {FARTHEST_MM / 2:g}, like '
@@ -125,20 +122,3 @@ def _round(told: str, shape: str, size: str) -> Body:
     x, y = grid(radius_mm + 1.0)
     flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
     return Body.of_heights(told, ball(radius_mm, x, y) if shape == BALL else flat)
-
-
-def _of_rig(told: str) -> str:
-    """'ball:0.6' of 'sphere 1.2 mm', 'punch:1.5' of 'flat punch 3 mm'; anything else as it is."""
-    for words, shape in ((SPHERE, BALL), (FLAT_PUNCH, PUNCH)):
-        size = told.removeprefix(words).removesuffix('mm')
-        if size != told and told == f'{words}{size}mm' and _is_number(size):
-            return f'{shape}:{float(size) / 2:g}'
-    return told
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
