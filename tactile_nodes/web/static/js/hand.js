@@ -3,8 +3,8 @@
 import { drawCamera } from './camera.js';
 import { Link } from './link.js';
 import { drawMap } from './map.js';
-import { takeApart } from './packet.js';
-import { KILOPASCALS, NEWTONS, Scale } from './scale.js';
+import { pictureOf, takeApart } from './packet.js';
+import { Scales } from './scale.js';
 import { OLD_S, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
@@ -27,7 +27,7 @@ class Tile {
     $('tiles').append(this.place);
     this.told = null;
     this.at = 0;
-    this.scales = { bins: new Scale(NEWTONS), pressure: new Scale(KILOPASCALS), shear: new Scale(KILOPASCALS) };
+    this.scales = new Scales();
     this.link = new Link((buffer) => this.take(buffer), () => this.watch(), name);
   }
 
@@ -37,7 +37,7 @@ class Tile {
 
   async take(buffer) {
     const packet = takeApart(buffer);
-    const bitmap = await bitmapOf(packet);
+    const bitmap = await pictureOf(packet);
     Object.assign(this, { told: packet.told, at: performance.now() });
     requestAnimationFrame(() => {
       this.draw(packet, bitmap);
@@ -51,13 +51,7 @@ class Tile {
     bitmap?.close();
     const { force } = told, { scales } = this;
     const field = told.surface ? takeCells(told.surface, cells) : null;
-    if (force && force.status !== 'invalid') {
-      scales.bins.fit(bins, force.stamp_s);
-      if (field) {
-        scales.pressure.fit(field.pressure, force.stamp_s);
-        scales.shear.fit(field.arrows.found.map(({ dx, dy }) => Math.hypot(dx, dy)), force.stamp_s);
-      }
-    }
+    scales.fit(force, bins, field);
     if (field) drawSurface(this.find('map'), field, force?.contacts ?? [], scales.pressure.full, scales.shear.full);
     else drawMap(this.find('map'), force, bins, scales.bins.full);
   }
@@ -80,15 +74,6 @@ class Tile {
     this.find('word').textContent = word;
     this.find('reason').textContent = reason;
     this.find('total').textContent = trusted ? `${this.told.force.total_n.toFixed(3)} N` : '– N';
-  }
-}
-
-async function bitmapOf({ told, jpeg }) {
-  if (!told.image || !jpeg.byteLength) return null;
-  try {
-    return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
-  } catch {
-    return null;
   }
 }
 

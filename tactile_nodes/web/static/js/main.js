@@ -5,9 +5,9 @@ import { Chart } from './chart.js';
 import { Controls } from './controls.js';
 import { Link } from './link.js';
 import { drawMap } from './map.js';
-import { takeApart } from './packet.js';
+import { pictureOf, takeApart } from './packet.js';
 import { showContacts, showMap, showNet, showSlow, showStatus, showTotal } from './panels.js';
-import { KILOPASCALS, NEWTONS, Scale } from './scale.js';
+import { Scales } from './scale.js';
 import { OLD_S, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
@@ -18,7 +18,7 @@ const page = {
   bitmap: null, imageStamp: 0, imageAt: 0, shown: [], slow: '',
 };
 let taken = 0;
-const scales = { bins: new Scale(NEWTONS), pressure: new Scale(KILOPASCALS), shear: new Scale(KILOPASCALS) };
+const scales = new Scales();
 const chart = new Chart($('chart'));
 const sensor = new URLSearchParams(location.search).get('sensor');
 const link = new Link(take, () => watch(), sensor);
@@ -29,7 +29,8 @@ async function take(buffer) {
   const packet = takeApart(buffer);
   const number = (taken += 1);
   chart.add(packet.samples);
-  const bitmap = await bitmapOf(packet);
+  const isNew = packet.told.image?.stamp_s !== page.imageStamp;
+  const bitmap = isNew ? await pictureOf(packet) : null;
   if (number > page.number) show(packet, bitmap, number); // picture and numbers of one instant, or neither
   requestAnimationFrame(() => {
     draw();
@@ -40,27 +41,10 @@ async function take(buffer) {
 function show(packet, bitmap, number) {
   Object.assign(page, { number, told: packet.told, bins: packet.bins, motion: packet.motion, at: performance.now() });
   page.field = packet.told.surface ? takeCells(packet.told.surface, packet.cells) : null;
-  if (packet.told.force && packet.told.force.status !== 'invalid') fitScales(packet.told.force.stamp_s);
+  scales.fit(packet.told.force, page.bins, page.field);
   if (!bitmap) return;
   page.bitmap?.close();
   Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
-}
-
-function fitScales(at) {
-  scales.bins.fit(page.bins, at);
-  if (!page.field) return;
-  scales.pressure.fit(page.field.pressure, at);
-  scales.shear.fit(page.field.arrows.found.map(({ dx, dy }) => Math.hypot(dx, dy)), at);
-}
-
-/** The picture of a packet, decoded; nothing when there is none, or none that was not shown before. */
-async function bitmapOf({ told, jpeg }) {
-  if (!told.image || !jpeg.byteLength || told.image.stamp_s === page.imageStamp) return null;
-  try {
-    return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
-  } catch {
-    return null; // then the veil says, after a while, that no image comes
-  }
 }
 
 /** Newtons of the brightest colour. */

@@ -31,3 +31,13 @@ function samplesFrom(view, start) {
   }
   return found;
 }
+
+/** The picture of a packet, decoded; null when it has none, or one that cannot be. */
+export async function pictureOf({ told, jpeg }) {
+  if (!told.image || !jpeg.byteLength) return null;
+  try {
+    return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
+  } catch {
+    return null; // then the page says, after a while, that no image comes
+  }
+}

@@ -1,11 +1,11 @@
 // The full scale of a map where nobody chose one: it grows at once with the largest value, and shrinks when a smaller one
 // has been enough for a while, so that a light touch is seen and the colours seldom change their meaning.
 
-export const NEWTONS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
-export const KILOPASCALS = [1, 10, 100, 1000].flatMap((ten) => [1, 1.5, 2, 3, 4, 6, 8].map((step) => step * ten));
+const NEWTONS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const KILOPASCALS = [1, 10, 100, 1000].flatMap((ten) => [1, 1.5, 2, 3, 4, 6, 8].map((step) => step * ten));
 const RESTS_S = 3;
 
-export class Scale {
+class Scale {
   constructor(steps) {
     this.steps = steps;
     this.full = steps[0];
@@ -20,5 +20,21 @@ export class Scale {
     if (enough < this.full && !isOver) return;
     this.full = enough;
     this.neededAt = at;
+  }
+}
+
+/** Of all that is drawn of a sensor: the force on each bin, and pressure and shear where there is a force field. */
+export class Scales {
+  bins = new Scale(NEWTONS);
+  pressure = new Scale(KILOPASCALS);
+  shear = new Scale(KILOPASCALS);
+
+  /** Takes in what is drawn of a force, unless it is no reading. */
+  fit(force, bins, field) {
+    if (!force || force.status === 'invalid') return;
+    this.bins.fit(bins, force.stamp_s);
+    if (!field) return;
+    this.pressure.fit(field.pressure, force.stamp_s);
+    this.shear.fit(field.arrows.found.map(({ dx, dy }) => Math.hypot(dx, dy)), force.stamp_s);
   }
 }
