@@ -15,7 +15,7 @@ import numpy as np
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import Pressed, known_presses
 from tactile_nodes.learning.field.fit import fit_field, regions_of
-from tactile_nodes.learning.field.judging import CONFIRMED, Held
+from tactile_nodes.learning.field.judging import Held
 from tactile_nodes.learning.field.presses import Pressures
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import (
@@ -27,6 +27,9 @@ from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, re
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.reading import Contact
+
+CONFIRMED = 0.15
+"""A gel that is less harder or softer than this is as described."""
 
 BENT = 0.1
 """Share of the median force by which presses seem to begin aside of nothing because the layer is not quite linear: of
