@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
+from described_chain import DescribedChain, model_of
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.datasets.labels import outside
-from tactile_nodes.learning.field.calibration import described_model
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.sensing.explain.model import ForceEstimator
+from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.reading import require_central
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import (
     BinSettings,
@@ -28,9 +23,7 @@ from tactile_nodes.sensors import (
     PatternDescription,
     Sensor,
 )
-from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import solve
-from tactile_nodes.simulation.optics import Optics, Press
+from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.touch.table import over_bins
 from tactile_nodes.viewing.force_shapes import force_points
 
@@ -45,9 +38,7 @@ ASIDE = Sensor(
 
 @pytest.fixture(scope='module')
 def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp('described') / 'aside.safetensors'
-    described_model(load_model(find_model('field')), ASIDE, '', file, Progress())
-    return load_model(file)
+    return model_of(ASIDE, tmp_path_factory.mktemp('described'))
 
 
 def test_bins_of_a_model_lie_where_the_description_has_them(made: LoadedModel) -> None:
@@ -60,12 +51,9 @@ def test_bins_of_a_model_lie_where_the_description_has_them(made: LoadedModel) -
 
 @pytest.mark.parametrize('place_mm', [(3.0, -1.0), (6.4, 1.1), (-1.5, -3.0)])
 def test_presses_are_told_where_they_are_on_the_gel(made: LoadedModel, place_mm: tuple[float, float]) -> None:
-    gel = dataclasses.replace(gel_of(ASIDE), mechanics='linear')
-    table, flow = solve(gel), make_flow(*made.flow)
-    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
-    flow.set_reference(np.mean([optics.render((), number) for number in range(8)], axis=0).round().astype(np.uint8))
-    told = force.predict(encoding.encode(flow.displacement(optics.render((Press(*place_mm, 0.7),), 9))))
-    assert told.total_n == pytest.approx(table.force_at(0.7), rel=0.2)
+    chain = DescribedChain(ASIDE, made)
+    told = chain.read(Press(*place_mm, 0.7))
+    assert told.total_n == pytest.approx(chain.table.force_at(0.7), rel=0.2)
     assert np.hypot(told.contacts[0].x_mm - place_mm[0], told.contacts[0].y_mm - place_mm[1]) < 0.5
     strongest = divmod(int(told.normal_force_n.argmax()), 6)
     near = made.model.bins.centres_mm[strongest]

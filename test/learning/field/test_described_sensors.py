@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from described_chain import DescribedChain, model_of
 from press_bags import Collection
 from press_bags import Sensor as BagSensor
 
@@ -57,9 +58,7 @@ SMALL = Sensor(
 
 @pytest.fixture(scope='module')
 def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp('described') / 'small.safetensors'
-    described_model(load_model(find_model('field')), SMALL, '', file, Progress())
-    return load_model(file)
+    return model_of(SMALL, tmp_path_factory.mktemp('described'))
 
 
 def test_a_model_reads_pictures_and_bins_as_the_description_has_them(made: LoadedModel) -> None:
@@ -70,28 +69,18 @@ def test_a_model_reads_pictures_and_bins_as_the_description_has_them(made: Loade
 
 
 def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> None:
-    gel = dataclasses.replace(gel_of(SMALL), mechanics='linear')
-    table, flow = solve(gel), make_flow(*made.flow)
-    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
-    frames = iter(range(100))
-
-    def seen(*presses: Press) -> np.ndarray:
-        return np.ascontiguousarray(optics.render(presses, next(frames))[20:220])
-
-    flow.set_reference(np.mean([seen() for _ in range(8)], axis=0).round().astype(np.uint8))
+    chain = DescribedChain(SMALL, made)
     for x_mm, y_mm in ((0.0, 0.0), (4.0, -2.0), (-5.0, 2.5)):
-        told = force.predict(encoding.encode(flow.displacement(seen(Press(x_mm, y_mm, 0.6)))))
-        assert told.total_n == pytest.approx(table.force_at(0.6), rel=0.15)
+        told = chain.read(Press(x_mm, y_mm, 0.6))
+        assert told.total_n == pytest.approx(chain.table.force_at(0.6), rel=0.15)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
-    assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+    assert chain.read().total_n < 0.005
 
 
 def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
     """The left quarter of the picture shows something else than the gel, which goes 3 px to the right there."""
-    file = tmp_path / 'masked.safetensors'
     masked = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
-    described_model(load_model(find_model('field')), masked, '', file, Progress())
-    made, gel = load_model(file), dataclasses.replace(gel_of(SMALL), mechanics='linear')
+    made, gel = model_of(masked, tmp_path), dataclasses.replace(gel_of(SMALL), mechanics='linear')
     assert isinstance(made.model.readout, FieldReadout)
     assert not made.model.readout.scaling.trusted[:, :4].any()
     optics, flow = Optics(gel, solve(gel)), make_flow(*made.flow)
@@ -116,8 +105,8 @@ def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: Lo
 def test_a_gel_of_half_or_twice_the_modulus_lies_within_the_interval_where_nobody_measured_it(tmp_path: Path) -> None:
     """Of 1 N told 0.5 and 2 N were true; 1.645 * 0.6 = 0.99 N to either side hold both, and no such force is ok."""
     unmeasured = dataclasses.replace(SMALL, gel=dataclasses.replace(SMALL.gel, moduli_off=0.6))
-    described_model(load_model(find_model('field')), unmeasured, '', tmp_path / 'm.safetensors', Progress())
-    estimating = Estimating(str(tmp_path / 'm.safetensors'))
+    model_of(unmeasured, tmp_path)
+    estimating = Estimating(str(tmp_path / 'small.safetensors'))
     readout = estimating.now.loaded.model.readout
     assert isinstance(readout, FieldReadout)
     interval_n = 1.645 * readout.spread.normal_n(0.0, 1.0)
@@ -198,20 +187,15 @@ def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, own_cach
 
 def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:
     """35 dots 2.5 mm apart, in 48 regions of 40 px, which are 2.3 mm: a window of 1.2 regions holds a dot."""
-    sensor, file = load_sensor('printed_dots'), tmp_path / 'dots.safetensors'
-    described_model(load_model(find_model('field')), sensor, '', file, Progress())
-    made, gel = load_model(file), gel_of(sensor)
+    sensor = load_sensor('printed_dots')
+    made = model_of(sensor, tmp_path)
     assert (made.model.layout.rows, made.model.layout.cols) == (6, 8)
-    table, flow = contact_table(gel, 'ball'), make_flow(*made.flow)
-    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
-    rest = [optics.render((), number) for number in range(8)]
-    flow.set_reference(np.mean(rest, axis=0).round().astype(np.uint8))
-    for number, (x_mm, y_mm) in enumerate(((0.0, 0.0), (3.0, -2.0), (-4.0, 1.5), (1.3, 2.6))):
-        seen = optics.render((Press(x_mm, y_mm, 0.8),), 100 + number)
-        told = force.predict(encoding.encode(flow.displacement(seen)))
-        assert told.total_n == pytest.approx(table.force_at(0.8), rel=0.25)
+    chain = DescribedChain(sensor, made, contact_table(gel_of(sensor), 'ball'))
+    for x_mm, y_mm in ((0.0, 0.0), (3.0, -2.0), (-4.0, 1.5), (1.3, 2.6)):
+        told = chain.read(Press(x_mm, y_mm, 0.8))
+        assert told.total_n == pytest.approx(chain.table.force_at(0.8), rel=0.25)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 2.5 / 2
-    assert force.predict(encoding.encode(flow.displacement(optics.render((), 200)))).total_n == 0
+    assert chain.read().total_n == 0
 
 
 def test_a_camera_that_looks_beside_the_gel_is_refused() -> None:

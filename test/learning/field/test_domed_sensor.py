@@ -11,14 +11,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from described_chain import DescribedChain, model_of
 
-from tactile_nodes.learning.field.calibration import described_model
-from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.model import ForceEstimator
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensors import (
     BinSettings,
     CameraDescription,
@@ -42,26 +38,16 @@ DOMED = Sensor(
 
 @pytest.fixture(scope='module')
 def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp('described') / 'domed.safetensors'
-    described_model(load_model(find_model('field')), DOMED, '', file, Progress())
-    return load_model(file)
+    return model_of(DOMED, tmp_path_factory.mktemp('described'))
 
 
 def test_presses_on_a_dome_are_told_where_they_are_and_how_hard(made: LoadedModel) -> None:
-    gel = dataclasses.replace(gel_of(DOMED), mechanics='linear')
-    table, flow = solve(gel), make_flow(*made.flow)
-    optics, encoding, force = Optics(gel, table), make_encoding(*made.encoding), ForceEstimator(made.model)
-    frames = iter(range(100))
-
-    def seen(*presses: Press) -> np.ndarray:
-        return np.ascontiguousarray(optics.render(presses, next(frames))[:, 80:560])
-
-    flow.set_reference(np.mean([seen() for _ in range(8)], axis=0).round().astype(np.uint8))
+    chain = DescribedChain(DOMED, made)
     for x_mm, y_mm in ((0.0, 0.0), (4.0, -3.0), (-5.5, 5.0)):
-        told = force.predict(encoding.encode(flow.displacement(seen(Press(x_mm, y_mm, 0.8)))))
-        assert told.total_n == pytest.approx(table.force_at(0.8), rel=0.25)
+        told = chain.read(Press(x_mm, y_mm, 0.8))
+        assert told.total_n == pytest.approx(chain.table.force_at(0.8), rel=0.25)
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.6
-    assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+    assert chain.read().total_n < 0.005
 
 
 def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_regions_expect_them() -> None:

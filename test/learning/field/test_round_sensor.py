@@ -7,17 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from described_chain import DescribedChain, model_of
 
 from tactile_nodes.drivers.camera.contract import SceneSettings
 from tactile_nodes.drivers.camera.simulated import build_scene
-from tactile_nodes.learning.field.calibration import described_model
-from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
-from tactile_nodes.sensing.explain.model import ForceEstimator
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.inspection.judging import outline_px
 from tactile_nodes.sensors import (
     BinSettings,
@@ -30,8 +26,7 @@ from tactile_nodes.sensors import (
 )
 from tactile_nodes.sensors.writing import text_of
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import solve
-from tactile_nodes.simulation.optics import Optics, Press, place_markers
+from tactile_nodes.simulation.optics import Press, place_markers
 
 ROUND = Sensor(
     'round', ImageSettings(640, 480, 480, 480),
@@ -47,9 +42,7 @@ OCTAGON = '-6,-16 6,-16 16,-6 16,6 6,16 -6,16 -16,6 -16,-6'
 
 @pytest.fixture(scope='module')
 def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp('described') / 'round.safetensors'
-    described_model(load_model(find_model('field')), ROUND, '', file, Progress())
-    return load_model(file)
+    return model_of(ROUND, tmp_path_factory.mktemp('described'))
 
 
 def test_nothing_is_seen_or_found_beside_the_disc(made: LoadedModel) -> None:
@@ -69,26 +62,16 @@ def test_nothing_is_seen_or_found_beside_the_disc(made: LoadedModel) -> None:
 @pytest.mark.parametrize('compiled', [False, True])
 def test_a_press_on_a_round_gel_is_told_where_it_is_and_how_hard(made: LoadedModel, compiled: bool) -> None:
     """Presses in the middle, half way out, and 1.8 mm from the rim."""
-    gel = dataclasses.replace(gel_of(ROUND), mechanics='linear')
-    table, flow = solve(gel), make_flow(*made.flow)
-    encoding, force = make_encoding(*made.encoding), ForceEstimator(made.model, compiled=compiled)
-    optics, frames = Optics(gel, table), iter(range(100))
-    readout = made.model.readout
-    assert isinstance(readout, FieldReadout)
-
-    def seen(*presses: Press) -> np.ndarray:
-        return np.ascontiguousarray(optics.render(presses, next(frames))[:, 80:560])
-
-    flow.set_reference(np.mean([seen() for _ in range(8)], axis=0).round().astype(np.uint8))
+    chain = DescribedChain(ROUND, made, compiled=compiled)
+    assert isinstance(made.model.readout, FieldReadout)
     for x_mm, y_mm in ((0.0, 0.0), (2.5, -2.5), (-6.5, 6.5)):
-        told = force.predict(encoding.encode(flow.displacement(seen(Press(x_mm, y_mm, 0.8)))))
-        true_n = table.force_at(0.8)
+        told, true_n = chain.read(Press(x_mm, y_mm, 0.8)), chain.table.force_at(0.8)
         assert told.total_n == pytest.approx(true_n, rel=0.2)
         assert abs(told.total_n - true_n) < 3 * told.total_sigma_n
         assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.5
         assert np.isfinite(told.normal_force_n).all()
         assert told.normal_force_n[0, 0] == told.normal_force_n[-1, -1] == 0
-    assert force.predict(encoding.encode(flow.displacement(seen()))).total_n < 0.005
+    assert chain.read().total_n < 0.005
 
 
 def test_the_simulated_gel_has_markers_within_its_rim_alone() -> None:
@@ -116,9 +99,7 @@ def test_a_round_gel_under_the_papers_camera_is_seen_within_its_rim_alone(tmp_pa
     """Such a model takes the regions of the source as known: not those in the corners, whose rays miss an octagon."""
     paper = load_sensor('simulated')
     disc = dataclasses.replace(paper.gel, outline_mm=OCTAGON)
-    file = tmp_path / 'octagon.safetensors'
-    described_model(load_model(find_model('field')), dataclasses.replace(paper, gel=disc), '', file, Progress())
-    readout = load_model(file).model.readout
+    readout = model_of(dataclasses.replace(paper, gel=disc), tmp_path).model.readout
     assert isinstance(readout, FieldReadout)
     trusted = readout.scaling.trusted > 0
     assert not trusted[3, 3]

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from described_chain import model_of
 from layered_gel import SENSOR, SIDE, nominal, quiet_scaling, regions
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
@@ -14,11 +15,10 @@ from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.body import Bodies, KnownBody, body_of_card
-from tactile_nodes.learning.field.calibration import Pressed, described_model
+from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.field.fit import FieldFit, fit_field
 from tactile_nodes.learning.field.presses import Pressures
 from tactile_nodes.learning.guided.targets import Done, Wish, linear_most_n
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.rest.reference import average
@@ -97,9 +97,7 @@ def test_a_model_of_several_bodies_says_so_and_names_none_for_the_next() -> None
 
 @pytest.fixture(scope='module')
 def dots(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
-    file = tmp_path_factory.mktemp('dots') / 'dots.safetensors'
-    described_model(load_model(find_model('field')), load_sensor('printed_dots'), '', file, Progress())
-    return load_model(file)
+    return model_of(load_sensor('printed_dots'), tmp_path_factory.mktemp('dots'))
 
 
 def test_light_presses_of_a_small_tip_tell_how_hard_a_gel_with_printed_dots_is(dots: LoadedModel) -> None:

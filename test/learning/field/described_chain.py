@@ -1,0 +1,50 @@
+"""A described sensor: the model that follows from its description, and what it reads of simulated presses."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes.learning.field.calibration import described_model
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensors import Sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.optics import Optics, Press
+
+
+def model_of(sensor: Sensor, folder: Path) -> LoadedModel:
+    """As `tactile calibrate --sensor` makes it."""
+    file = folder / f'{sensor.name}.safetensors'
+    described_model(load_model(find_model('field')), sensor, '', file, Progress())
+    return load_model(file)
+
+
+class DescribedChain:
+    """The simulated sensor, and a model that reads it; `table` says how hard the gel answers the tip, or another."""
+
+    def __init__(
+        self, sensor: Sensor, loaded: LoadedModel, table: ContactTable | None = None, *, compiled: bool = False
+    ) -> None:
+        gel = dataclasses.replace(gel_of(sensor), mechanics='linear')
+        self.table = table or solve(gel)
+        self._image, self._optics, self._frames = sensor.image, Optics(gel, self.table), iter(range(1000))
+        self._flow, self._encoding = make_flow(*loaded.flow), make_encoding(*loaded.encoding)
+        self._force = ForceEstimator(loaded.model, compiled=compiled)
+        self._flow.set_reference(np.mean([self.picture() for _ in range(8)], axis=0).round().astype(np.uint8))
+
+    def picture(self, *presses: Press) -> np.ndarray:
+        """The next frame, cropped about its middle."""
+        frame, (width, height) = self._optics.render(presses, next(self._frames)), self._image.crop_px
+        top, left = (frame.shape[0] - height) // 2, (frame.shape[1] - width) // 2
+        return np.ascontiguousarray(frame[top : top + height, left : left + width])
+
+    def read(self, *presses: Press) -> ForceMap:
+        """What is told of the next frame."""
+        return self._force.predict(self._encoding.encode(self._flow.displacement(self.picture(*presses))))
