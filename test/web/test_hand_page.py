@@ -1,12 +1,7 @@
-"""The page of a hand: one server for all its sensors; in Chromium all together, and each alone when it is chosen.
-
-Skipped where there is no Chromium (Debian: apt-get install chromium) or no playwright (part of the extra ``dev``).
-"""
+"""The page of a hand: one server for all its sensors; in Chromium all together, and each alone when it is chosen."""
 
 from __future__ import annotations
 
-import os
-import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browsing import IN_CHROMIUM, expect, opened, started
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -24,13 +20,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.nodes.hand_wrench import HandWrenchNode
 from tactile_nodes.nodes.live_view import LiveViewNode
 
-playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed: pip install .[dev]')
-expect = playwright.expect
-CHROMIUM = next((found for name in ('chromium', 'chromium-browser') if (found := shutil.which(name))), None)
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason='there is no Chromium on this machine: apt-get install chromium'),
-]
+pytestmark = IN_CHROMIUM
 HAND = """\
 frame: grip
 friction: 0.5
@@ -82,17 +72,9 @@ def url(tmp_path: Path) -> Iterator[str]:
 
 @pytest.fixture
 def page(url: str) -> Iterator[Any]:
-    sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=sandbox)
-        made = browser.new_page(viewport={'width': 1280, 'height': 720})
-        made.set_default_timeout(15_000)
-        faults: list[str] = []
-        made.on('pageerror', lambda error: faults.append(str(error)))
-        made.goto(url)
+    with started() as browser, opened(browser, url) as made:
         yield made
-        browser.close()
-    assert faults == []
+        assert made.faults == []
 
 
 def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any) -> None:

@@ -1,21 +1,17 @@
-"""The page in a real browser: Chromium without a window, looking at a node of this process.
-
-Skipped where there is no Chromium (Debian: apt-get install chromium) or no playwright (part of the extra ``dev``).
-"""
+"""The page in a real browser: Chromium without a window, looking at a node of this process."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browsing import IN_CHROMIUM, PATIENCE_MS, SIZE, expect, opened, started
 from fields import ring
 from matplotlib import colormaps
 
@@ -34,18 +30,9 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.web import accounts
 
-playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed: pip install .[dev]')
-expect = playwright.expect
-CHROMIUM = next((found for name in ('chromium', 'chromium-browser') if (found := shutil.which(name))), None)
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason='there is no Chromium on this machine: apt-get install chromium'),
-]
+pytestmark = IN_CHROMIUM
 BINS = BinGrid(9, 9, 32.0, 32.0)
 PRESS_N, PLACE_MM = 0.73, (4.0, -2.0)  # in the bin of row 3, column 5: its middle is at (3.56, -3.56) mm
-PATIENCE_MS = 15_000
-SIZE = {'width': 1280, 'height': 720}
-expect.set_options(timeout=PATIENCE_MS)
 
 
 @dataclass
@@ -125,11 +112,8 @@ class Running:
 
 @pytest.fixture(scope='module')
 def chromium() -> Iterator[Any]:
-    sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
-    with playwright.sync_playwright() as driver:
-        made = driver.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+    with started() as made:
         yield made
-        made.close()
 
 
 @pytest.fixture
@@ -139,18 +123,6 @@ def running() -> Iterator[Running]:
     while made.ends:
         made.end()
     made.bus.close()
-
-
-@contextmanager
-def opened(chromium: Any, url: str) -> Iterator[Any]:
-    """The page, and what went wrong on it."""
-    with chromium.new_context(viewport=SIZE, color_scheme='dark') as context:
-        made = context.new_page()
-        made.faults = []
-        made.on('pageerror', lambda error: made.faults.append(str(error)))
-        made.on('console', lambda said: made.faults.append(said.text) if said.type == 'error' else None)
-        made.goto(url)
-        yield made
 
 
 @pytest.fixture(scope='module')
