@@ -9,6 +9,7 @@ import pytest
 from bagging import FORCE, START_NS, STEP_NS, STRING, Sample, force, samples, text, write
 from hypothesis import given
 from hypothesis import strategies as st
+from jumping_clock import JumpingClock
 
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.playback import Playback
@@ -18,13 +19,6 @@ from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.clock import SteppedClock
 
 NOW_NS = 5_000_000_000
-
-
-class JumpingClock(SteppedClock):
-    """Time that passes only by being slept through."""
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
 
 
 def test_twice_the_rate_halves_the_distances() -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from jumping_clock import JumpingClock
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.press import next_steps, read_answer
-from tactile_nodes.clock import SteppedClock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.camera.contract import CameraSettings, SceneSettings
 from tactile_nodes.drivers.camera.opening import open_camera
@@ -35,13 +35,6 @@ from tactile_nodes.simulation.optics import Optics, Press
 REACH = (16.0, 16.0)
 SIDES = (32.0, 32.0)
 NEWTON_PER_GRAM = 9.81e-3
-
-
-class StandingClock(SteppedClock):
-    """A clock whose sleeps are over at once."""
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
 
 
 class Aside(SimulatedPerson):
@@ -148,7 +141,7 @@ def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(t
     said: list[str] = []
     person = Unsteady(said)
     settings = CameraSettings(scene=SceneSettings(world='unsteady'))
-    camera = open_camera(settings, StandingClock())
+    camera = open_camera(settings, JumpingClock())
     guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), Outline(*SIDES)), Sensor())
     with pytest.raises(KeyboardInterrupt):
         guide.run()
@@ -181,7 +174,7 @@ def test_a_name_of_an_indenter_that_would_break_the_table_is_refused(tmp_path: P
 def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
     said: list[str] = []
     person = Aside(said)
-    camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), StandingClock())
+    camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), JumpingClock())
     Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Outline(*SIDES)), Sensor()).run()
     assert any('mm away: tell the place' in line for line in said)
     assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
@@ -192,7 +185,7 @@ def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
     other = Gel(seed=77)
     folder = folder_of(tmp_path)
     folder.add_rest(Optics(other, contact_table(other)).render((), 1))
-    camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), StandingClock())
+    camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), JumpingClock())
     with pytest.raises(DatasetError, match=r'the camera sees another gel beside the pictures .* begin another folder'):
         Guide(camera, person, folder, Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
     assert len(folder_of(tmp_path).rows) == 1
@@ -213,7 +206,7 @@ def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
     pictures = tmp_path / 'pictures'
     pictures.mkdir()
     cv2.imwrite(str(pictures / '1.png'), Optics(Gel(), contact_table(Gel())).render((), 1))
-    camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), StandingClock())
+    camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), JumpingClock())
     person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
     with pytest.raises(DeviceError, match='the recording has come to its end'):
         Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()

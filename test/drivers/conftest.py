@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from jumping_clock import JumpingClock
 
-from tactile_nodes.clock import SteppedClock, SystemClock
+from tactile_nodes.clock import SystemClock
 
 
 @pytest.fixture
 def clock() -> SystemClock:
     return SystemClock()
-
-
-class JumpingClock(SteppedClock):
-    """Time that passes only by being slept through."""
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
 
 
 @pytest.fixture

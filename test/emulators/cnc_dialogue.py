@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
-from tactile_nodes.clock import Clock, SteppedClock
+from coarse_table import coarse_table
+from jumping_clock import JumpingClock
+
+from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.serial_device import SerialDevice
 from tactile_nodes.emulators.serial_ports import DirectPort
 from tactile_nodes.emulators.world import World, WorldSettings
-from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
 
 START_NS = 1_700_000_000_000_000_000
-
-
-class JumpingClock(SteppedClock):
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
-
-
-@cache
-def coarse_table() -> ContactTable:
-    """Good enough where the force itself is not under test."""
-    return solve(Gel(), steps=4)
 
 
 class Dialogue:

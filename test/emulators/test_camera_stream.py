@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from cnc_dialogue import coarse_table
+from coarse_table import coarse_table
 
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.emulators.camera_stream import CameraStream

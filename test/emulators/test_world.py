@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from cnc_dialogue import coarse_table
+from coarse_table import coarse_table
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from feeding import START_NS
+from jumping_clock import JumpingClock
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
@@ -18,7 +19,6 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import BagError, ConfigurationError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.player import MEET_S, PlayerNode
@@ -27,13 +27,6 @@ from tactile_nodes.params import Located, NodeParameters
 STRING = 'std_msgs/msg/String'
 COUNT = 5
 EARLIER = Path(__file__).parents[2] / 'examples/press_bag'
-
-
-class JumpingClock(SteppedClock):
-    """Time that passes only by being slept through."""
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
 
 
 @pytest.fixture

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.clock import Clock, SteppedClock, SystemClock
+from coarse_table import coarse_table
+from jumping_clock import JumpingClock
+
+from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc
@@ -21,24 +23,10 @@ from tactile_nodes.emulators.cnc.marlin import Marlin, MarlinSettings
 from tactile_nodes.emulators.serial_device import SerialDevice
 from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
-from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
 
 START_NS = 1_700_000_000_000_000_000
 MARLIN_BOX = {'lowest_mm': (0.0, 0.0, 0.0), 'highest_mm': (120.0, 120.0, 60.0), 'safe_z_mm': 55.0}
 KINDS = ['grbl', 'grblhal', 'marlin', 'simulated']
-
-
-class JumpingClock(SteppedClock):
-    """Time that passes only by being slept through."""
-
-    def sleep_until(self, deadline_ns: int) -> None:
-        self.set_ns(max(self.now_ns(), deadline_ns))
-
-
-@cache
-def coarse_table() -> ContactTable:
-    return solve(Gel(), steps=4)
 
 
 Script = list[tuple[bytes, bytes]]

@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from cnc_rigs import coarse_table, device_of, pty_rig, settings_of
+from cnc_rigs import device_of, pty_rig, settings_of
+from coarse_table import coarse_table
 
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.drivers.serial_port import open_port
@@ -30,7 +31,7 @@ else:
 """
 COMMANDER = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1].split(':')
 from cnc_rigs import settings_of
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.cnc.opening import open_cnc
@@ -70,7 +71,8 @@ def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm:
     clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
     zero_mm = 60.0 if kind == 'marlin' else 0.0
     with PtyPort(device_of(kind, world, clock), clock, tmp_path / 'ttyTEST', reset_on_open=True) as port:
-        words = [str(Path(__file__).parent), kind, str(port.path), str(low_mm)]
+        beside = Path(__file__).parent, Path(__file__).parents[2]
+        words = [':'.join(map(str, beside)), kind, str(port.path), str(low_mm)]
         with subprocess.Popen(
             [sys.executable, '-c', COMMANDER, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as commander:

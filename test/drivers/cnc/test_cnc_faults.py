@@ -7,7 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from cnc_rigs import JumpingClock, Rig, coarse_table, device_of, settings_of
+from cnc_rigs import Rig, device_of, settings_of
+from coarse_table import coarse_table
+from jumping_clock import JumpingClock
 
 from tactile_nodes.collection.actions import Go
 from tactile_nodes.collection.hands import Hands

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cnc_rigs import START_NS, JumpingClock, Rig, Script, Scripted, direct_rig, pty_rig, settings_of
+from cnc_rigs import START_NS, Rig, Script, Scripted, direct_rig, pty_rig, settings_of
+from jumping_clock import JumpingClock
 
 from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState
 from tactile_nodes.drivers.cnc.grbl import GrblCnc

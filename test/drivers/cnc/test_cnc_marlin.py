@@ -6,7 +6,8 @@ import contextlib
 from typing import Any
 
 import pytest
-from cnc_rigs import MARLIN_BOX, START_NS, JumpingClock, Rig, Script, Scripted, direct_rig, settings_of
+from cnc_rigs import MARLIN_BOX, START_NS, Rig, Script, Scripted, direct_rig, settings_of
+from jumping_clock import JumpingClock
 
 from tactile_nodes.drivers.cnc.contract import CncState
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
