@@ -192,8 +192,11 @@ class PatternDescription:
     diameter_mm: tuple[float, ...] = parameter((0.15, 0.18), 'least and greatest')
     pitch_mm: float = parameter(2.0, 'of dots, from one to the next along x and along y', minimum=0.1)
     dark: bool = parameter(False, 'whether they are darker than what is around them')
+    dot_mm: tuple[float, ...] = parameter((0.0, 0.0), 'of dots: where one of them is on the surface (x, y)')
 
     def __post_init__(self) -> None:
+        if len(self.dot_mm) != 2:
+            raise ValueError(f'pattern.dot_mm must hold two numbers, got {len(self.dot_mm)}')
         if len(self.diameter_mm) != 2 or not 0 < self.diameter_mm[0] <= self.diameter_mm[1]:
             raise ValueError('pattern.diameter_mm must hold two numbers above 0, the least one first')
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -98,3 +99,12 @@ class Outline:
                 # Of a line from the place to the right: it leaves or enters at each edge that it crosses.
                 inside ^= ((high > y) != (low > y)) & (x < left + (y - high) * (right - left) / (low - high))
         return inside
+
+    def lattice_mm(self, pitch_mm: float, through_mm: Sequence[float]) -> Float[np.ndarray, 'places 2']:
+        """Places on the gel in rows and columns through one of them, row by row: each `pitch_mm` from the next."""
+        x, y = (
+            at + pitch_mm * np.arange(np.ceil((-half - at) / pitch_mm), np.floor((half - at) / pitch_mm) + 1)
+            for at, half in zip(through_mm, self._half_mm, strict=True)
+        )
+        places = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+        return np.asarray(places[self.holds(places)])

@@ -10,7 +10,7 @@ from tactile_nodes.sensors.description import Sensor
 
 OF_OTHERS = {
     'pinhole': ('camera.focal_px_per_rad', 'camera.focal_ratio'), 'fisheye': ('camera.focal_px',),
-    'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm',),
+    'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm', 'pattern.dot_mm'),
 }  # fmt: skip
 """Entries that mean nothing of a kind of camera or pattern."""
 HEAD = """\
@@ -20,7 +20,9 @@ HEAD = """\
 
 
 MOUNTING = 'frame.'
-UNLESS_TOLD = 'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm'
+UNLESS_TOLD = (
+    'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm', 'pattern.dot_mm',
+)  # fmt: skip
 """Entries that stand nowhere while they say nothing: descriptions did not have them at first."""
 
 

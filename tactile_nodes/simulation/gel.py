@@ -19,10 +19,10 @@ CHOICES = {
 
 LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
-    'markers_thickness_mm', 'outline', 'dome_radius_mm',
+    'markers_thickness_mm', 'outline', 'dome_radius_mm', 'dot_mm',
 )  # fmt: skip
 """Properties that gels did not have at first: one that has them as they were then keeps its id."""
-UNSAID = 'outline', 'dome_radius_mm'
+UNSAID = 'outline', 'dome_radius_mm', 'dot_mm'
 """Those that cards do not name of a flat rectangle, so that they are as they were before."""
 
 
@@ -45,8 +45,8 @@ class Gel:
     middle, and OpenCV's `distortion` (k1, k2, p1, p2, k3; of a fisheye k1 to k4, 0); `focal_ratio` is the focal length
     along v over that along u; `centre_shift_px` is where the optical axis is beside the
     middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
-    many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns. A
-    `marker_grey` below 0 makes them darker than the background.
+    many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns, one of them at
+    `dot_mm`. A `marker_grey` below 0 makes them darker than the background.
 
     With an `outline`, as a description has it, only what lies within has markers and is pressed; the gel yields there
     as if it went on. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press
@@ -94,6 +94,7 @@ class Gel:
     markers_thickness_mm: float = 0.0
     outline: str = ''
     dome_radius_mm: float = 0.0
+    dot_mm: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():

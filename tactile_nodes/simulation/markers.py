@@ -40,13 +40,11 @@ def domed(
 
 
 def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Dots in rows and columns about the middle, each filled with small discs that have its area together."""
+    """Dots in rows and columns, each filled with small discs that have its area together."""
     diameter_mm = sum(gel.marker_diameter_mm) / 2
-    x, y = (gel.pitch_mm * (np.arange(n := int(side // gel.pitch_mm)) - (n - 1) / 2) for side in gel.sides_mm)
     steps = (np.arange(ACROSS_A_DOT) + 0.5) / ACROSS_A_DOT - 0.5
     within = diameter_mm * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     within = within[np.hypot(*within.T) < diameter_mm / 2]
-    centres = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
-    flat = (centres[gel.rim.holds(centres)][:, None] + within).reshape(-1, 2)
+    flat = (gel.rim.lattice_mm(gel.pitch_mm, gel.dot_mm)[:, None] + within).reshape(-1, 2)
     places = np.column_stack([flat, np.full(len(flat), z_mm)]).astype(np.float32)
     return places, np.full(len(flat), diameter_mm / math.sqrt(len(within)), np.float32)

@@ -251,10 +251,15 @@ def test_the_same_is_not_known_of_regions():
 
 
 @needs_numba
-@pytest.mark.parametrize('passes', [1, 3])
-@pytest.mark.parametrize('pressed_n', [1.5, 0.02, 0.0, -0.3])
+@pytest.mark.parametrize(
+    ('pressed_n', 'passes'), [(1.5, 1), (0.02, 1), (0.0, 1), (-0.3, 1), (1.5, 3), (0.02, 3), (0.0, 3)]
+)
 def test_the_same_field_explains_a_motion(pressed_n: float, passes: int):
-    """One that is dragged over eight patches, light, none, and suction, which the linear answer sees nowhere."""
+    """One that is dragged over eight patches, light, none, and suction, which the linear answer sees nowhere.
+
+    Suction in three passes is no case of it: that ends on nearly all patches, and rounding decides by which the total
+    is spread, to some per cent of it and otherwise on each processor.
+    """
     solver = dataclasses.replace(load_model(find_model('field')).model.readout.solver, passes=passes)
     on, forces = np.arange(8) + 150 + 14 * (np.arange(8) // 4), np.zeros((3, solver.patches.count))
     forces[0, on], forces[1, on] = pressed_n / 8, pressed_n / 40

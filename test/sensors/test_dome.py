@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.elasticity.region_choice import usual_regions
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Dome, load_sensor
 from tactile_nodes.sensors.writing import text_of, values_of
 
@@ -30,10 +30,10 @@ def test_the_axes_of_a_dome_lean_outwards() -> None:
 
 def test_rays_meet_markers_below_the_dome(tmp_path: Path) -> None:
     (tmp_path / 'mine.yaml').write_text(f'gel: {{{GEL}}}\n')
-    regions = usual_regions(load_sensor(tmp_path / 'mine.yaml'))
+    view = View(load_sensor(tmp_path / 'mine.yaml'))
     place = np.array([[5.0, -4.0], [-2.0, 6.0]])
-    seen = regions.below_seen_at(place, 0.7)
-    flat = regions.seen_at(np.column_stack([place, np.full(2, -0.7)]))
+    seen = view.below_seen_at(place, 0.7)
+    flat = view.seen_at(np.column_stack([place, np.full(2, -0.7)]))
     assert (np.hypot(*(seen - 219.5).T) > np.hypot(*(flat - 219.5).T)).all()  # nearer to the lens
 
 

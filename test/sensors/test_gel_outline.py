@@ -62,6 +62,14 @@ def test_what_is_no_rim_is_refused(tmp_path: Path, outline: str, said: str) -> N
         load_sensor(tmp_path / 'mine.yaml')
 
 
+def test_a_lattice_covers_what_is_gel() -> None:
+    """Every 2 mm through (2.5, 0) on 6x4 mm: to x = -1.5 and to both rims along y. An ellipse holds a row of it."""
+    x, y = np.meshgrid([-1.5, 0.5, 2.5], [-2.0, 0.0, 2.0])
+    lattice = np.column_stack([x.ravel(), y.ravel()])
+    assert Outline(6.0, 4.0).lattice_mm(2.0, (2.5, 0.0)) == pytest.approx(lattice)
+    assert Outline(6.0, 4.0, 'ellipse').lattice_mm(2.0, (2.5, 0.0)) == pytest.approx(lattice[3:6])
+
+
 def test_an_outline_is_read_as_it_was_written_and_the_card_of_a_rectangle_says_nothing_of_it(tmp_path: Path) -> None:
     (tmp_path / 'mine.yaml').write_text(f"gel: {{outline_mm: '{HEXAGON}'}}\n")
     sensor = load_sensor(tmp_path / 'mine.yaml')

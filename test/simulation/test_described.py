@@ -29,9 +29,10 @@ def test_markers_lie_where_the_description_has_them():
     assert places[:, 2].max() == pytest.approx(-0.2, abs=0.01)
 
 
-def test_dots_are_printed_in_rows_and_columns_about_the_middle():
+def test_dots_are_printed_in_rows_and_columns_through_the_one_that_is_described():
     """2.5 mm apart on 25x19 mm: 10 in a row, 7 in a column."""
-    sensor = dataclasses.replace(MEMBRANE, pattern=PatternDescription('dots', 1, (1.0, 1.0), 2.5, dark=True))
+    pattern = PatternDescription('dots', 1, (1.0, 1.0), 2.5, dark=True, dot_mm=(-1.25, 2.5))
+    sensor = dataclasses.replace(MEMBRANE, pattern=pattern)
     places, diameter_mm = place_markers(gel_of(sensor))
     per_dot = len(places) // 70
     centres = places.reshape(7, 10, per_dot, 3).mean(axis=2)
@@ -45,7 +46,7 @@ def test_dark_dots_are_darker_than_the_gel_around_them():
     sensor = dataclasses.replace(MEMBRANE, pattern=PatternDescription('dots', 1, (1.0, 1.0), 2.5, dark=True))
     gel = dataclasses.replace(gel_of(sensor), mechanics='linear')
     light = Optics(gel, solve(gel)).radiance(())
-    u, v = np.round(Optics(gel, solve(gel)).camera.project(np.array([[1.25, 0.0, -0.35]]) - pupil(gel))[0]).astype(int)
+    u, v = np.round(Optics(gel, solve(gel)).camera.project(np.array([[2.5, 0.0, -0.35]]) - pupil(gel))[0]).astype(int)
     assert light[v, u] < 0.5 * light[v, u + 32]  # 1.25 mm further, between two dots
 
 

@@ -1,8 +1,8 @@
 """What fits to some presses made of the response, judged by presses that they did not see.
 
-Motion tells where the markers of each region lie, and how soft the gel is as far as the layer explains motion. Printed
-dots move a third less than the layer has it between them, and a gel under a tip that goes deep an eighth; in the force
-that is read both are less. There the forces that are read tell how soft the gel is.
+Motion tells where the markers of each region lie, and how soft the gel is as far as the layer explains motion. A gel
+under a tip that goes deep moves an eighth less than a layer that is linear, and what presses between printed dots is
+read a third too low. There the forces that are read tell what to divide by.
 """
 
 from __future__ import annotations
@@ -44,8 +44,7 @@ MOST_TIMES = 5.0
 """No more than a quarter."""
 
 NEAR, PASSES = 1.0, 3
-"""Unevenness beyond which markers lie so near the surface that a field is solved in passes, and how many; where fewer
-regions than patches tell of forces, one does as well."""
+"""Unevenness beyond which markers lie so near the surface that a field is solved in passes, and how many."""
 
 JUDGES = 40
 ROOM = 2.0
@@ -265,7 +264,7 @@ def spread_of(form: str, presses: int, uneven: float, *, by_ball: bool = True) -
 
 def passes_of(regions: Regions) -> int:
     """How often a frame is solved: see `NEAR`."""
-    return PASSES if regions.uneven > NEAR and regions.count >= regions.patches.count else 1
+    return PASSES if regions.uneven > NEAR else 1
 
 
 def told(

@@ -18,7 +18,8 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.sensing.elasticity.indentation import Indentation, Indenter
-from tactile_nodes.sensing.elasticity.regions import DEPTHS, TERMS, Regions
+from tactile_nodes.sensing.elasticity.regions import TERMS, Regions
+from tactile_nodes.sensing.elasticity.view import DEPTHS
 from tactile_nodes.sensing.explain.field.weights import region_weights
 from tactile_nodes.sensing.explain.network import InputScaling
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes.learning.guided.targets import Done, Target
-from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
 
 MARK, MADE = (0, 0, 255), (0, 200, 0)
@@ -24,7 +24,7 @@ def marked(
     image = sensor.image
     places = np.array([target[:2], *(each[:2] for each in done if np.isfinite(each[:2]).all())])
     corner = (np.array([image.width, image.height]) - image.crop_px) // 2
-    pixels = np.rint(corner + Regions(sensor, 1, 1).middle_seen_at(places)).astype(int)
+    pixels = np.rint(corner + View(sensor).middle_seen_at(places)).astype(int)
     drawn = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
     for made in pixels[1:].tolist():
         cv2.circle(drawn, made, 4, MADE, cv2.FILLED)

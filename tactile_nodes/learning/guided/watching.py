@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from tactile_nodes.learning.imported.agreement import middles
-from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import centre_crop
@@ -49,7 +49,7 @@ class Watch:
         self._size = width, height
         self._tracker.use_reference(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
-        seen = Regions(sensor, 1, 1).shares_of(places.reshape(-1, 2))
+        seen = View(sensor).shares_of(places.reshape(-1, 2))
         self._place_of = np.linalg.lstsq(_with_one(seen), places.reshape(-1, 2), rcond=None)[0]
         self._noise_px = max(LEAST_NOISE_PX, *(_most(self._looked_at(each)[0]) for each in rests))
         self.state, self.place_mm = UNTOUCHED, (np.nan, np.nan)

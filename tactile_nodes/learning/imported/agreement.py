@@ -16,7 +16,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensors import Sensor
 
@@ -105,7 +105,7 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
     """What is wrong with the description of a sensor beside how far pictures move from place to place."""
     if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
         return ''
-    expected = Regions(sensor, 1, 1).shares_of(place_mm)
+    expected = View(sensor).shares_of(place_mm)
     for axis, side_px in enumerate(sensor.image.crop_px):
         found, told = (
             float(np.polyfit(place_mm[:, axis], shares[:, axis], 1)[0]) * side_px for shares in (seen, expected)

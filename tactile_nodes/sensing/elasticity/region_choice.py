@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from tactile_nodes.sensing.elasticity.regions import WINDOW, Regions
+import math
+
+from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensors import Sensor
 
 REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14.0
 """Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
 texture can be followed in."""
 
+REGIONS_A_DOT = 1.15
+"""Along a row of printed dots: with fewer than one, two dots are told as one."""
+
 
 def usual_regions(sensor: Sensor) -> Regions:
-    """Regions about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide,
-    and where dots are printed so wide that each one's window holds a dot."""
-    whole, (width, height) = Regions(sensor, 1, 1), sensor.image.crop_px
-    least_px = whole.px_per_mm * sensor.pattern.pitch_mm / WINDOW if sensor.pattern.kind == 'dots' else 0.0
-    sides = zip(whole.patches.shape, (height, width), strict=True)
-    rows, cols = (_dividing(count, side, max(least_px, LEAST_REGION_PX)) for count, side in sides)
+    """Regions about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide;
+    of printed dots about a tenth narrower than they are apart."""
+    whole, sides_px = Regions(sensor, 1, 1), sensor.image.crop_px[::-1]
+    if sensor.pattern.kind == 'dots':
+        pitch_px = whole.view.px_per_mm * sensor.pattern.pitch_mm
+        rows, cols = (_dividing(side, REGIONS_A_DOT * side / pitch_px, side) for side in sides_px)
+    else:
+        sides = zip(sides_px, whole.patches.shape, strict=True)
+        rows, cols = (_dividing(side, REGIONS_A_PATCH * count, int(side / LEAST_REGION_PX)) for side, count in sides)
     return Regions(sensor, rows, cols)
 
 
-def _dividing(patches: int, side_px: int, least_px: float) -> int:
-    """How many regions a side of the picture has: of numbers that divide it the nearest to what patches ask for."""
-    dividing = [count for count in range(1, max(1, int(side_px / least_px)) + 1) if side_px % count == 0]
-    return min(dividing, key=lambda count: abs(count - REGIONS_A_PATCH * patches))
+def _dividing(side_px: int, wanted: float, most: int) -> int:
+    """How many regions a side of the picture has: of numbers that divide it the nearest to what is wanted."""
+    dividing = [count for count in range(1, max(1, most) + 1) if side_px % count == 0]
+    return min(dividing, key=lambda count: abs(math.log(count / wanted)))

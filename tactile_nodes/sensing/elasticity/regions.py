@@ -1,10 +1,13 @@
-"""What regions of the picture see of a gel that moves: rays through its depth, and the motion in pixels along them.
+"""How regions of the picture move under forces on the gel: by rays through its depth, and the motion along them.
 
 A region of the image sees a column of markers along its rays. Its motion under a load is the mean, over the rays of its
 window and over depths, of what the camera makes of the layer's displacement there. Nobody knows at which depths its own
 markers lie, nor exactly where its rays meet the gel, so its response is a sum of terms: at each of five depths the
 displacement, and its slopes along x and y. What each term counts is 0 for slopes, and for depths it falls with the
 distance from the pupil, until presses say better (`nominal_shares`).
+
+Printed dots show the motion where they are, and of what is between them nothing. So a region of dots moves as the flow
+`dots` tells it from their motions: each of them is looked at, and their terms are added as the flow adds motions.
 """
 
 from __future__ import annotations
@@ -18,17 +21,16 @@ from jaxtyping import Bool, Float, Float32, Inexact, Int
 
 from tactile_nodes.sensing.elasticity.fields import FINER, between, combed, fields_of, sampled_at
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
+from tactile_nodes.sensing.elasticity.looks import RAYS, Looks, dot_looks, printed_dots, windows
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.stack import Elastic
-from tactile_nodes.sensing.geometry import BinGrid, Camera, FisheyeCamera, PinholeCamera, rotation
+from tactile_nodes.sensing.elasticity.view import DEPTHS, View
+from tactile_nodes.sensing.flow.dots import told_by_dots
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
 
-DEPTHS = 5
 TERMS = 3 * DEPTHS
 """Of each region: at each depth the displacement, and its slopes along x and along y."""
-
-RAYS = 3
-"""Along each side of a region's window."""
 
 WINDOW = 1.2
 """Sides of a region that the window has from which its motion is measured."""
@@ -40,13 +42,8 @@ BRIGHTNESS = -2.0
 """Power of the distance from the pupil with which the weight of markers falls, as the area of their pictures does.
 Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 
-DISPLACEMENT_MM = 1e-3
-
 THICKNESSES = 4
 """Of a dome: the layer is solved so thick as it is in the middle, at its rim, and between."""
-
-MEETING = 12
-"""Steps in which a ray is found to meet a dome."""
 
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
 """Into the gel, along x, along y: a column each."""
@@ -74,16 +71,37 @@ class Regions:
         """The patches on which forces are solved for."""
         return PatchGrid(self.bins)
 
+    @cached_property
+    def view(self) -> View:
+        """The camera before the gel."""
+        return View(self.sensor)
+
+    @cached_property
+    def _windows(self) -> Looks:
+        return windows(self.view, (self.rows, self.cols), WINDOW)
+
+    @cached_property
+    def looks(self) -> Looks:
+        """What is seen to move: the windows of the regions, or printed dots."""
+        return dot_looks(self.view) if self._of_dots else self._windows
+
     @property
-    def depths_mm(self) -> Float[np.ndarray, ' depths']:
-        """Middles of five equal parts of what is visible, from the surface down."""
-        high, low = self.sensor.gel.markers_mm
-        return np.asarray(high + (np.arange(DEPTHS) + 0.5) * (low - high) / DEPTHS)
+    def _of_dots(self) -> bool:
+        return self.sensor.pattern.kind == 'dots'
+
+    @cached_property
+    def _told_by(self) -> Float32[np.ndarray, 'regions looks']:
+        """How much of the motion of each dot each region tells."""
+        pitch_px = self.view.px_per_mm * self.sensor.pattern.pitch_mm
+        told_by = told_by_dots(
+            printed_dots(self.view), pitch_px, self.sensor.image.crop_px, (self.rows, self.cols)
+        )  # fmt: skip
+        return np.asarray(told_by, np.float32)
 
     @cached_property
     def layer(self) -> ElasticLayer:
         """The gel where its markers are, on a grid that patches divide."""
-        return self._layer_at(self.depths_mm)
+        return self._layer_at(self.view.depths_mm)
 
     @cached_property
     def surface(self) -> ElasticLayer:
@@ -104,7 +122,7 @@ class Regions:
         if not self.sensor.gel.dome_radius_mm:
             return ((0.0, self.layer),)
         thinner = np.linspace(0, self.sensor.gel.sag_mm, THICKNESSES).tolist()
-        return tuple((each, self._layer_at(self.depths_mm, each)) for each in thinner)
+        return tuple((each, self._layer_at(self.view.depths_mm, each)) for each in thinner)
 
     def _as_thick(self, places_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'layers n']:
         """How much each of these layers counts at places of the surface."""
@@ -123,21 +141,10 @@ class Regions:
     @property
     def nominal_shares(self) -> Float[np.ndarray, ' terms']:
         """What each term counts if nothing is known of a region: depths by how distinct markers there are."""
-        away = np.abs(-self.depths_mm - self.sensor.camera.position_mm[2])
+        away = np.abs(-self.view.depths_mm - self.sensor.camera.position_mm[2])
         shares = np.zeros((DEPTHS, 3))
         shares[:, 0] = away**BRIGHTNESS / (away**BRIGHTNESS).sum()
         return shares.reshape(-1)
-
-    @cached_property
-    def _seen(self) -> tuple[Float[np.ndarray, 'depths regions rays 2'], Float[np.ndarray, 'depths regions rays 2 3']]:
-        """Where rays meet the depths (mm), and by how many pixels a millimetre there moves the picture."""
-        points = np.stack([self._points(depth) for depth in self.depths_mm])
-        steps = DISPLACEMENT_MM * np.eye(3)
-        moved = [
-            (self._project(points + step) - self._project(points - step)) / (2 * DISPLACEMENT_MM) for step in steps
-        ]
-        shape = DEPTHS, self.count, RAYS * RAYS
-        return points[..., :2].reshape(*shape, 2), np.stack(moved, -1).reshape(*shape, 2, 3)
 
     @property
     def uneven(self) -> float:
@@ -145,18 +152,13 @@ class Regions:
 
         0.3 on the paper's sensor, 2.1 where a window of 1.5 mm shows speckle 0.35 mm below the surface.
         """
-        window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / self.px_per_mm
-        return window_mm / (2 * float(self.depths_mm[DEPTHS // 2]))
-
-    @property
-    def px_per_mm(self) -> float:
-        """By how many pixels a millimetre along x moves the picture, where markers are in the middle (median)."""
-        return float(np.median(np.abs(self._seen[1][DEPTHS // 2, ..., 0, 0])))
+        window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / self.view.px_per_mm
+        return window_mm / (2 * self.view.middle_mm)
 
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
         """Which regions see nothing but the gel, at every depth where something is visible."""
-        return np.asarray(self.sensor.gel.outline.holds(self._seen[0]).all(axis=(0, 2)))
+        return np.asarray(self.sensor.gel.outline.holds(self._windows.seen[..., :2]).all(axis=(0, 2)))
 
     @property
     def covered(self) -> Bool[np.ndarray, ' regions']:
@@ -181,88 +183,30 @@ class Regions:
         usable: np.ndarray = self.within_gel & ~self.covered
         return usable
 
-    def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
-        """Where `middle_seen_at` has places, as shares of the sides of what is cut (x, y)."""
-        return np.asarray((self.middle_seen_at(place_mm) + 0.5) / self.sensor.image.crop_px)
-
-    def middle_seen_at(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
-        """Where places are in what is cut from the camera's picture (px), in the middle of the markers' depths."""
-        return self.below_seen_at(place_mm, float(self.depths_mm[DEPTHS // 2]))
-
-    def below_seen_at(self, place_mm: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 2']:
-        """The same, so deep below the surface."""
-        return self.seen_at(np.column_stack([place_mm, self.sensor.gel.dome.height_mm(place_mm) - depth_mm]))
-
-    def _points(self, depth_mm: float) -> Float[np.ndarray, 'rays 3']:
-        """Where the rays of all windows meet a depth, in the surface frame."""
-        towards = self._camera.unproject(self._pixels) @ self._turn.T
-        place = np.asarray(self.sensor.camera.position_mm, float)
-        forwards, height = np.maximum(towards[:, 2], 1e-3), np.zeros(len(towards))
-        for _ in range(MEETING if self.sensor.gel.dome_radius_mm else 1):
-            points: np.ndarray = place + towards * ((height - depth_mm - place[2]) / forwards)[:, None]
-            height = self.sensor.gel.dome.height_mm(points[:, :2])
-        return points
-
-    def seen_at(self, points_mm: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 2']:
-        """Where points in the surface frame are in what is cut from the camera's picture (px)."""
-        image = self.sensor.image
-        corner = (np.array([image.width, image.height]) - np.array(image.crop_px)) // 2
-        return np.asarray(self._project(points_mm[None])[0] - corner)
-
-    def _project(self, points: Float[np.ndarray, 'depths rays 3']) -> Float[np.ndarray, 'depths rays 2']:
-        away = (points - np.asarray(self.sensor.camera.position_mm, float)) @ self._turn
-        pixels: np.ndarray = self._camera.project(away.reshape(-1, 3)).reshape(*points.shape[:2], 2)
-        return pixels
-
-    @property
-    def _camera(self) -> Camera:
-        camera, image = self.sensor.camera, self.sensor.image
-        u, v = camera.centre_px
-        if camera.model == 'pinhole':
-            across, down = camera.focal_px
-            return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
-        return FisheyeCamera(
-            image.width, image.height, camera.focal_px_per_rad, (u, v), camera.lens, camera.focal_ratio
-        )
-
-    @property
-    def _turn(self) -> Float[np.ndarray, '3 3']:
-        """The camera's axes in the surface frame, as columns."""
-        return rotation(np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]))
-
-    @property
-    def _pixels(self) -> Float[np.ndarray, 'rays 2']:
-        """Of the rays of each region's window, region by region, in the camera's whole picture."""
-        image = self.sensor.image
-        cut = np.array(image.crop_px)
-        side = cut / np.array([self.cols, self.rows])
-        within = (np.arange(RAYS) + 0.5) / RAYS - 0.5
-        corner = (np.array([image.width, image.height]) - cut) // 2
-        u, v = (
-            corner[axis] - 0.5 + side[axis] * (np.arange(count)[:, None] + 0.5 + WINDOW * within)
-            for axis, count in ((0, self.cols), (1, self.rows))
-        )
-        shape = self.rows, self.cols, RAYS, RAYS
-        across, down = np.broadcast_to(u[None, :, None, :], shape), np.broadcast_to(v[:, None, :, None], shape)
-        return np.stack([across, down], -1).reshape(-1, 2)
-
     def terms_of_patches(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms unknowns']:
         """Motion (px) of some regions by term under 1 N on each patch.
 
         Unknowns are all normal forces, then those along x, then those along y. Where a patch's middle is beside the gel
         nothing moves.
         """
+        if not self._of_dots:
+            return self._looked_at(known)
+        terms = self._looked_at(np.arange(len(self.looks)))
+        return np.asarray(np.tensordot(self._told_by[known], terms, axes=1))
+
+    def _looked_at(self, looks: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'n 2 terms unknowns']:
+        """The same of windows, or dots."""
         patches = self.patches
         if not self.sensor.gel.dome_radius_mm:
-            split = self._terms_in(self.layer, known)
+            split = self._terms_in(self.layer, looks)
         else:
             shares = self._as_thick(patches.centres_mm).astype(np.float32)
             split = sum(
-                share * self._terms_in(layer, known) for share, (_, layer) in zip(shares, self._layers, strict=True)
+                share * self._terms_in(layer, looks) for share, (_, layer) in zip(shares, self._layers, strict=True)
             )
             split = np.einsum('rdplsc,clm->rdpmsc', split, self._loads_at(patches.centres_mm), optimize=True)
         split[..., ~self.sensor.gel.outline.holds(patches.centres_mm)] = 0
-        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(known), 2, TERMS, 3 * patches.count)
+        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(looks), 2, TERMS, 3 * patches.count)
         return ordered
 
     def _loads_at(self, places_mm: Float[np.ndarray, 'n 2']) -> Float32[np.ndarray, 'n 3 3']:
@@ -270,39 +214,26 @@ class Regions:
         leaning = self.sensor.gel.dome.axes(places_mm) @ LOADS
         return np.asarray(leaning.swapaxes(-1, -2) @ LOADS, np.float32)
 
-    @cached_property
-    def _moves(self) -> Float[np.ndarray, 'depths regions rays 2 3']:
-        """By how many pixels a millimetre along the surface above and out of it moves the picture.
-
-        What is deeper follows the base, which is flat, by so much more.
-        """
-        places, moves = self._seen
-        gel = self.sensor.gel
-        if not gel.dome_radius_mm:
-            return moves
-        share = 1 - self.depths_mm[:, None, None] / (gel.depth_mm + gel.dome.height_mm(places))
-        return np.asarray(moves @ gel.dome.axes(places, share))
-
     def _terms_in(
-        self, layer: ElasticLayer, known: Int[np.ndarray, ' known']
-    ) -> Float32[np.ndarray, 'known depths 2 loads sets patches']:
+        self, layer: ElasticLayer, looks: Int[np.ndarray, ' n']
+    ) -> Float32[np.ndarray, 'n depths 2 loads sets patches']:
         """The same in a flat layer, as its surface has the forces."""
         patches = self.patches
         fields = fields_of(layer, layer.rectangle(*patches.size_mm))
-        (rows, cols), jacobian = patches.shape, (self._moves[:, known] / RAYS**2).astype(np.float32)
-        node, part = (each[:, known] for each in self._last_patch(patches))
-        terms = np.zeros((len(known), DEPTHS, 2, 9 * patches.count), np.float32)
+        (rows, cols), jacobian = patches.shape, (self.looks.moves[:, looks] / RAYS**2).astype(np.float32)
+        node, part = (each[:, looks] for each in self._last_patch(patches))
+        terms = np.zeros((len(looks), DEPTHS, 2, 9 * patches.count), np.float32)
         for depth in range(DEPTHS):
             combs = combed(fields[depth], (rows, cols))
-            for region, ray in np.ndindex(len(known), RAYS * RAYS):
-                block = between(combs, node[depth, region, ray], part[depth, region, ray], (rows, cols))
-                terms[region, depth] += jacobian[depth, region, ray] @ block.reshape(3, -1)
-        return terms.reshape(len(known), DEPTHS, 2, 3, 3, patches.count)
+            for look, ray in np.ndindex(len(looks), RAYS * RAYS):
+                block = between(combs, node[depth, look, ray], part[depth, look, ray], (rows, cols))
+                terms[look, depth] += jacobian[depth, look, ray] @ block.reshape(3, -1)
+        return terms.reshape(len(looks), DEPTHS, 2, 3, 3, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
         """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
         last = np.array([each[-1] for each in patches.lines_mm])
-        steps = (self._seen[0] - last) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
+        steps = (self.looks.seen[..., :2] - last) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
         node = np.floor(steps)
         rest: np.ndarray = steps - node
         return node.astype(int), rest.astype(np.float32)
@@ -315,11 +246,21 @@ class Regions:
     ) -> Float32[np.ndarray, 'presses known 2 terms']:
         """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
         spectrum."""
+        if not self._of_dots:
+            return self._looked_at_under(places_mm, spectrum, known)
+        terms = self._looked_at_under(places_mm, spectrum, np.arange(len(self.looks)))
+        told: np.ndarray = np.einsum('rd,nd...->nr...', self._told_by[known], terms)
+        return told
+
+    def _looked_at_under(
+        self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], looks: np.ndarray
+    ) -> Float32[np.ndarray, 'presses n 2 terms']:
+        """The same of windows, or dots."""
         domed = self.sensor.gel.dome_radius_mm > 0
         in_layers = [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
-        seen, jacobian = self._seen[0][:, known], self._moves[:, known]
-        found = np.zeros((len(places_mm), len(known), 2, DEPTHS, 3), np.float32)
+        seen, jacobian = self.looks.seen[:, looks, :, :2], self.looks.moves[:, looks]
+        found = np.zeros((len(places_mm), len(looks), 2, DEPTHS, 3), np.float32)
         for number, place in enumerate(places_mm):
             fields = in_layers[0][:, :, 0]
             if domed:
@@ -328,6 +269,6 @@ class Regions:
             at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
                 sampled = sampled_at(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
-                sampled = sampled.reshape(3, 3, len(known), -1)
+                sampled = sampled.reshape(3, 3, len(looks), -1)
                 found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / RAYS**2
-        return found.reshape(len(places_mm), len(known), 2, TERMS)
+        return found.reshape(len(places_mm), len(looks), 2, TERMS)

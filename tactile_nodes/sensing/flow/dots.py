@@ -97,6 +97,7 @@ class _Rest:
     near: Int[np.ndarray, 'dots near']
     weights: Float[np.ndarray, 'regions dots']
     levers: Float[np.ndarray, 'regions dots 3']
+    told_by: Float[np.ndarray, 'regions dots']
     shape: tuple[int, int]
 
     @classmethod
@@ -108,10 +109,11 @@ class _Rest:
         centres, mass = centred(height, dots.centres_px, reach_px, level)
         away = np.hypot(*(centres[:, None] - centres[None]).transpose(2, 0, 1))
         near = np.argsort(away, axis=1)[:, 1 : NEIGHBOURS + 1]
-        weights, levers = _about(centres, dots.pitch_px, image.shape, options)
+        shape = options.rows, options.cols
+        weights, levers = _about(centres, dots.pitch_px, image.shape, shape)
         return cls(
-            dots.dark, level, reach_px, dots.pitch_px, centres, mass, near, weights, levers,
-            (options.rows, options.cols),
+            dots.dark, level, reach_px, dots.pitch_px, centres, mass, near, weights, levers, _planes(weights, levers),
+            shape,
         )  # fmt: skip
 
     def followed(
@@ -141,18 +143,26 @@ class _Rest:
         return strayed
 
     def told(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
-        """The motion of each region: of a plane through that of the dots about it, by least squares."""
-        weights = self.weights * found
-        normal = np.einsum('rd,rdi,rdj->rij', weights, self.levers, self.levers)
-        whole = np.maximum(weights.sum(axis=1), 1e-9)
-        normal[:, [1, 2], [1, 2]] += STIFF * whole[:, None]
-        normal[:, 0, 0] += 1e-6 * whole
-        seen = np.einsum('rd,rdi,dc->ric', weights, self.levers, motion)
-        planes = np.linalg.solve(normal, seen)
-        sure = weights.sum(axis=1) / self.weights.sum(axis=1)
+        """The motion of each region."""
+        told_by = self.told_by if found.all() else _planes(self.weights * found, self.levers)
+        sure = (self.weights @ found) / self.weights.sum(axis=1)
         return DisplacementField(
-            planes[:, 0].reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
+            (told_by @ motion).reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
         )
+
+
+def told_by_dots(
+    centres_px: Float[np.ndarray, 'dots 2'], pitch_px: float, size_px: tuple[int, int], shape: tuple[int, int]
+) -> Float[np.ndarray, 'regions dots']:
+    """How much of the motion of each dot each of rows x cols regions tells, where all dots are found.
+
+    Args:
+        centres_px: where they are at rest, in a picture of `size_px` (width, height).
+        pitch_px: from one to the next.
+        size_px: of the picture.
+        shape: rows and columns of regions.
+    """
+    return _planes(*_about(centres_px, pitch_px, size_px[::-1], shape))
 
 
 def centred(
@@ -183,13 +193,26 @@ def centred(
 
 
 def _about(
-    centres: Float[np.ndarray, 'dots 2'], pitch_px: float, shape: tuple[int, ...], options: DotsOptions
+    centres: Float[np.ndarray, 'dots 2'], pitch_px: float, size: tuple[int, ...], shape: tuple[int, int]
 ) -> tuple[Float[np.ndarray, 'regions dots'], Float[np.ndarray, 'regions dots 3']]:
     """How much each dot counts for each region, and 1 and its way from there (in pitches)."""
-    height, width = shape
-    x = (np.arange(options.cols) + 0.5) * width / options.cols - 0.5
-    y = (np.arange(options.rows) + 0.5) * height / options.rows - 0.5
+    (height, width), (rows, cols) = size, shape
+    x = (np.arange(cols) + 0.5) * width / cols - 0.5
+    y = (np.arange(rows) + 0.5) * height / rows - 0.5
     middles = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
     ways = (centres - middles) / pitch_px
     weights = np.exp(-np.square(ways).sum(axis=-1) / (2 * ABOUT**2))
     return weights, np.concatenate([np.ones((*ways.shape[:2], 1)), ways], axis=-1)
+
+
+def _planes(
+    weights: Float[np.ndarray, 'regions dots'], levers: Float[np.ndarray, 'regions dots 3']
+) -> Float[np.ndarray, 'regions dots']:
+    """How much of each dot's motion is in the middle of the plane through those about a region, by least squares."""
+    normal = np.einsum('rd,rdi,rdj->rij', weights, levers, levers)
+    whole = np.maximum(weights.sum(axis=1), 1e-9)
+    normal[:, [1, 2], [1, 2]] += STIFF * whole[:, None]
+    normal[:, 0, 0] += 1e-6 * whole
+    first = np.linalg.solve(normal, np.array([[1.0], [0.0], [0.0]]))[..., 0]
+    told_by: np.ndarray = np.einsum('ri,rd,rdi->rd', first, weights, levers)
+    return told_by

@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.sensing.elasticity.looks import dot_among
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
 from tactile_nodes.sensors import (
@@ -132,7 +134,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
     wide_mm, high_mm = (math.ceil(10 * top * side) / 10 for side in (high - low).tolist())
     x_mm, y_mm = (-np.round(top * (low + high) / 2, 1) + 0.0).tolist()
     try:
-        return Sensor(
+        sensor = Sensor(
             answers.name,
             ImageSettings(*size_px, width, height),
             replace(camera, position_mm=(x_mm, y_mm, -away_mm)),
@@ -146,6 +148,10 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
         )  # fmt: skip
     except ValueError as error:
         raise ConfigurationError(f'the answers contradict each other: {error}') from error
+    if seen.dots is None:
+        return sensor
+    at = dot_among(View(sensor), seen.dots.centres_px)
+    return replace(sensor, pattern=replace(sensor.pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at)))
 
 
 def _scale(seen: Understood, answers: Answers) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.sensing.elasticity.looks import dot_among, printed_dots
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
@@ -41,6 +42,9 @@ LENS_PX = 0.6
 PITCH_OFF, TURNED_DEG, DOTS_FOUND = 0.05, 3.0, 0.8
 """Share by which dots may be further apart than described; angle by which their rows may be turned; share of the
 described ones that should be found."""
+ASIDE = 0.1
+"""Of their pitch: how far dots may lie beside those described."""
+
 PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
 
 MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
@@ -186,7 +190,7 @@ class Inspection:
         if self.dots.dark != pattern.dark:
             told = f'dots are {_tone(self.dots.dark)}, and the description says {_tone(pattern.dark)}: set pattern.dark'
             return (Finding('dots', BAD, told),)
-        described_px = self.regions.px_per_mm * pattern.pitch_mm
+        described_px = self.regions.view.px_per_mm * pattern.pitch_mm
         off, turned = self.dots.pitch_px / described_px - 1, self.dots.turn_deg + self.sensor.camera.roll_deg
         told = f'{self.dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
         if abs(off) > PITCH_OFF:
@@ -194,24 +198,24 @@ class Inspection:
         level = LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK
         found = f'{len(self.dots)} {_tone(pattern.dark)} dots found, {len(wanted)} described within the picture'
         enough = len(self.dots) >= DOTS_FOUND * len(wanted)
-        return Finding('dots', OK if enough else LOOK, found), Finding('pitch', level, told)
+        return Finding('dots', OK if enough else LOOK, found), Finding('pitch', level, told), self._place(self.dots)
+
+    def _place(self, dots: Dots) -> Finding:
+        """Whether dots are where the description has them."""
+        pattern = self.sensor.pattern
+        x, y = dot_among(self.regions.view, dots.centres_px)
+        aside = np.array([x, y]) - pattern.dot_mm
+        away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
+        told = f'dots lie {away:.1f} mm beside those described'
+        if away <= ASIDE * pattern.pitch_mm:
+            return Finding('place', OK, told)
+        told += f', so forces are told in the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
+        return Finding('place', LOOK, told)
 
     @cached_property
     def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
         """Where described dots are in the picture, those whose whole disc is in it and uncovered."""
-        gel, pattern = self.sensor.gel, self.sensor.pattern
-        lines = [
-            pattern.pitch_mm * (np.arange(count) - (count - 1) / 2)
-            for count in (int(side // pattern.pitch_mm) for side in (gel.width_mm, gel.height_mm))
-        ]
-        x, y = np.meshgrid(*lines)
-        printed = np.column_stack([x.ravel(), y.ravel()])
-        places = self.regions.middle_seen_at(printed[gel.outline.holds(printed)])
-        radius = self.regions.px_per_mm * sum(pattern.diameter_mm) / 4
-        size = np.array(self.sensor.image.crop_px)
-        inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
-        near = np.rint(places[inside]).astype(int)
-        return np.asarray(places[inside][~self.sensor.covered[near[:, 1], near[:, 0]]])
+        return printed_dots(self.regions.view)
 
     def _focus(self) -> Finding | None:
         if self.sensor.pattern.kind == 'dots':
@@ -228,7 +232,7 @@ class Inspection:
     @property
     def _sharp_px(self) -> float:
         """Width of described markers under a good lens: a disc's variance is a quarter of its squared radius."""
-        radius_px = self.regions.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
+        radius_px = self.regions.view.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
         return math.sqrt(radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
 
     def _seen(self) -> Finding:
@@ -270,7 +274,7 @@ class Inspection:
         middle, most = float(np.median(noise_px)), float(np.percentile(noise_px, 95))
         told = (
             f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from picture to picture, '
-            f'which is {1000 * middle / self.regions.px_per_mm:.1f} um of the gel'
+            f'which is {1000 * middle / self.regions.view.px_per_mm:.1f} um of the gel'
         )
         first, still = self._alike
         if not still.all():
@@ -332,7 +336,7 @@ class Inspection:
 def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
     """The rim of the gel as the picture has it, where its pattern begins."""
     gel = regions.sensor.gel
-    return regions.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])
+    return regions.view.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])
 
 
 def _percent(share: float) -> str:

@@ -15,6 +15,7 @@ from described_chain import DescribedChain, model_of
 
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import (
     BinSettings,
     CameraDescription,
@@ -58,10 +59,8 @@ def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_region
     away = np.hypot(*before[:, :2].T)
     assert optics.markers_mm[:, 2] - before[:, 2] == pytest.approx(np.sqrt(40.0**2 - away**2) - 40.0, abs=1e-5)
     places, depth_mm = optics.markers_mm[:50, :2].astype(float), -before[:50, 2]
-    regions = Regions(DOMED, 8, 8)
-    expected = [
-        regions.below_seen_at(place[None], float(depth))[0] for place, depth in zip(places, depth_mm, strict=True)
-    ]
+    view = View(DOMED)
+    expected = [view.below_seen_at(place[None], float(depth))[0] for place, depth in zip(places, depth_mm, strict=True)]
     assert optics.project(())[:50] - [80, 0] == pytest.approx(np.array(expected), abs=0.01)
 
 

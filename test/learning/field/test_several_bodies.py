@@ -100,9 +100,8 @@ def dots(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
     return model_of(load_sensor('printed_dots'), tmp_path_factory.mktemp('dots'))
 
 
-def test_light_presses_of_a_small_tip_tell_how_hard_a_gel_with_printed_dots_is(dots: LoadedModel) -> None:
-    """Half as hard again as described: forces are told 0.67 times as large as they are before, and dots tell that to a
-    sixth. They move less than the layer has it beside them, so motion alone would say 0.45."""
+def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: LoadedModel) -> None:
+    """Half as hard again as described, and of a tip between dots a third is not told: one gain makes up for both."""
     sensor = load_sensor('printed_dots')
     most_n = linear_most_n(sensor, KnownBody.named('ball:0.6'))
     assert most_n == pytest.approx(0.25, abs=0.02)
@@ -123,5 +122,5 @@ def test_light_presses_of_a_small_tip_tell_how_hard_a_gel_with_printed_dots_is(d
     dataset = Dataset(values, rows, np.arange(50), confidence, 'dots', indenter=np.repeat(['', 'ball:0.6'], [20, 30]))
     made = transfer_alone(dots, dataset, Pressed())
     assert made.presses == 30
-    assert made.whole['gain'] == pytest.approx(1 / 1.5, rel=0.2)
-    assert made.after.force_median_n < 0.7 * made.before.force_median_n
+    assert made.form == 'gain'
+    assert made.after.force_median_n < 0.4 * made.before.force_median_n

@@ -1,15 +1,29 @@
 """What regions see, against the layer by Hankel transform and a projection of points by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pressures import hertz
 
-from tactile_nodes.sensing.elasticity.regions import DEPTHS, Regions
+from tactile_nodes.sensing.elasticity.looks import printed_dots
+from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.elasticity.view import DEPTHS
+from tactile_nodes.sensing.flow.dots import told_by_dots
 from tactile_nodes.sensing.geometry import FisheyeCamera
-from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor
-from tactile_nodes.simulation.mechanics import Layer
+from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import Layer, contact_radius_mm, solve
+from tactile_nodes.simulation.optics import Optics, Press
 
 FOCAL, PUPIL_MM = 290.0, 23.0
+
+
+@pytest.fixture(scope='module')
+def dark_dots() -> Sensor:
+    """Printed 2.5 mm apart, none of them in the middle."""
+    sensor = load_sensor('printed_dots')
+    return dataclasses.replace(sensor, pattern=dataclasses.replace(sensor.pattern, dot_mm=(0.4, -1.1)))
 
 
 @pytest.fixture(scope='module')
@@ -24,7 +38,7 @@ def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -
     pixel = np.array([[100 + 22 * 13 + 10.5, 20 + 22 * 9 + 10.5]])
     camera, layer = FisheyeCamera(640, 480, FOCAL), Layer(6.0, 0.111, 0.5)
     ray = camera.unproject(pixel)[0]
-    for depth, at_mm in enumerate(regions.depths_mm.tolist()):
+    for depth, at_mm in enumerate(regions.view.depths_mm.tolist()):
         point = np.array([0, 0, -PUPIL_MM]) + ray * (PUPIL_MM - at_mm) / ray[2]
         away = point[:2] - place[0]
         distance = float(np.hypot(*away))
@@ -54,7 +68,7 @@ def test_under_a_pinhole_the_middle_goes_by_focal_length_over_distance() -> None
     camera = CameraDescription('pinhole', 290.0, (500.0, 500.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0))
     gel = GelDescription(12.0, 9.0, (4.0,), (0.1,), (0.5,), (0.0, 0.1))
     regions = Regions(Sensor('small', image, camera, gel), 9, 12)
-    points, pixels_per_mm = regions._seen
+    points, pixels_per_mm = regions.looks.seen[..., :2], regions.looks.moves
     middle = 4 * 12 + 6  # right of the middle by half a region: 13.3 px, which are 0.53 mm
     assert points[0, middle].mean(axis=0) == pytest.approx([13.333 / 25, 0.0], abs=0.01)
     assert pixels_per_mm[0, middle].mean(axis=0)[:, :2] == pytest.approx(25 * np.eye(2), rel=0.01)
@@ -71,6 +85,23 @@ def test_regions_that_see_beside_the_gel_are_known_as_such() -> None:
 def test_motion_is_uneven_over_windows_wider_than_twice_the_depth(regions: Regions) -> None:
     """A window of 1.2 x 22 px at 290 px a radian, 19.25 mm away: 1.75 mm over twice 3.75 mm, more at the rim."""
     assert regions.uneven == pytest.approx(1.2 * 22 * 19.25 / 290 / 7.5, rel=0.3)
+
+
+def test_a_region_of_printed_dots_moves_as_its_dots_do(dark_dots: Sensor) -> None:
+    """0.14 N of the tip at (1.6, -0.9), between four dots, as theory moves what each dot is filled with."""
+    gel = dataclasses.replace(gel_of(dark_dots), mechanics='linear')
+    table = solve(gel)
+    optics, regions = Optics(gel, table), Regions(dark_dots, 6, 8)
+    at_rest, moved = optics.project(()), optics.project((Press(1.6, -0.9, 0.5),))
+    dots_px, pitch_px = printed_dots(regions.view), 2.5 * regions.view.px_per_mm
+    motion = [(moved - at_rest)[np.hypot(*(at_rest - dot).T) < pitch_px / 3].mean(axis=0) for dot in dots_px]
+    expected = told_by_dots(dots_px, pitch_px, (320, 240), (6, 8)) @ np.array(motion)
+    terms = regions.terms_of_pressure(
+        np.array([[1.6, -0.9]]), hertz(regions.layer, contact_radius_mm(0.5, gel.tip_radius_mm)), np.arange(48)
+    )
+    told = table.force_at(0.5) * terms[0] @ regions.nominal_shares
+    assert np.abs(expected).max() > 0.2
+    assert told == pytest.approx(expected, abs=0.03 * float(np.abs(expected).max()))
 
 
 def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:

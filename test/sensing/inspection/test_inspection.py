@@ -134,6 +134,7 @@ def levels(sensor: Sensor, *pictures: np.ndarray) -> dict[str, str]:
 
 
 def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) -> None:
+    aside = replace(DOTS, pattern=replace(DOTS.pattern, dot_mm=(0.7, -0.4)))
     blurred = cv2.GaussianBlur(printed[0], (0, 0), 4.0)
     assert levels(DOTS, blurred)['focus'] == LOOK
     assert levels(MEMBRANE, cv2.GaussianBlur(membrane, (0, 0), 3.0))['focus'] == LOOK
@@ -142,6 +143,7 @@ def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) 
     assert levels(DOTS, 255 - printed[0])['dots'] == BAD  # bright dots
     assert levels(replace(DOTS, pattern=replace(DOTS.pattern, pitch_mm=2.2)), printed[0])['pitch'] == LOOK
     assert levels(replace(DOTS, pattern=MEMBRANE.pattern), printed[0])['pattern'] == BAD
+    assert levels(aside, printed[0])['place'] == LOOK
     assert levels(DOTS, printed[0], np.roll(printed[1], 2, axis=1))['noise'] == LOOK
     hidden = printed[0].copy()
     hidden[:, :80] = 2
@@ -207,6 +209,20 @@ def test_a_description_made_of_a_picture_is_that_which_it_was_simulated_from(pri
     assert sensor.camera.focal_px[0] == pytest.approx(340, rel=0.01)
     assert sensor.gel.width_mm == pytest.approx(18.5 * 1.05, abs=0.2)
     assert {each.level for each in Inspection(sensor, {'a': printed[0]}).findings} == {OK}
+
+
+def test_dots_are_found_where_they_are_printed() -> None:
+    """Half a millimetre right of the middle and one above it; those of the next row and column are as good."""
+    there = replace(DOTS, pattern=replace(DOTS.pattern, dot_mm=(3.0, -1.0)))
+    gel = replace(gel_of(there), mechanics='linear')
+    rest = Optics(gel, solve(gel)).render((), 1)
+    seen = Inspection(DOTS, {'a': rest}).findings
+    assert [each.text for each in seen if each.what == 'place'] == [
+        'dots lie 1.1 mm beside those described, so forces are told in the wrong places: set pattern.dot_mm to '
+        '[0.5, -1.0]'
+    ]
+    again = describe(understood(rest), Answers('again', 18.5, markers_mm=(0.3, 0.4)), (320, 240))
+    assert again.pattern.dot_mm == pytest.approx((0.5, -1.0), abs=0.05)
 
 
 def test_a_calibrated_camera_and_the_width_say_how_far_away_it_is(membrane: np.ndarray) -> None:

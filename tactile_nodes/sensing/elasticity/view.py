@@ -1,0 +1,106 @@
+"""What the camera of a sensor sees of its gel: pixels to places in it, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.geometry import Camera, FisheyeCamera, PinholeCamera, rotation
+from tactile_nodes.sensors import Sensor
+
+DEPTHS = 5
+
+MEETING = 12
+"""Steps in which a ray is found to meet a dome."""
+
+DISPLACEMENT_MM = 1e-3
+
+SAMPLED = 9
+"""Pixels along each side of the picture whose median tells what is usual in it."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera of a sensor and the gel before it.
+
+    Pixels are those of the part that is cut from the middle of the camera's picture, places (x, y) those of the surface
+    frame.
+    """
+
+    sensor: Sensor
+
+    @property
+    def depths_mm(self) -> Float[np.ndarray, ' depths']:
+        """Middles of five equal parts of what is visible, from the surface down."""
+        high, low = self.sensor.gel.markers_mm
+        return np.asarray(high + (np.arange(DEPTHS) + 0.5) * (low - high) / DEPTHS)
+
+    @property
+    def middle_mm(self) -> float:
+        """How deep below the surface the middle of what is visible is."""
+        return float(self.depths_mm[DEPTHS // 2])
+
+    @cached_property
+    def px_per_mm(self) -> float:
+        """By how many pixels a millimetre along x moves the picture, where markers are in the middle (median)."""
+        sides = [(np.arange(SAMPLED) + 0.5) / SAMPLED * size - 0.5 for size in self.sensor.image.crop_px]
+        pixels = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
+        return float(np.median(np.abs(self.moves_at(self.met_at(pixels, self.middle_mm))[:, 0, 0])))
+
+    def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
+        """Where `middle_seen_at` has places, as shares of the sides of what is cut (x, y)."""
+        return np.asarray((self.middle_seen_at(place_mm) + 0.5) / self.sensor.image.crop_px)
+
+    def middle_seen_at(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
+        """Where places are seen (px), in the middle of the markers' depths."""
+        return self.below_seen_at(place_mm, self.middle_mm)
+
+    def below_seen_at(self, place_mm: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 2']:
+        """The same, so deep below the surface."""
+        return self.seen_at(np.column_stack([place_mm, self.sensor.gel.dome.height_mm(place_mm) - depth_mm]))
+
+    def seen_at(self, points_mm: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 2']:
+        """Where points in the surface frame are seen (px)."""
+        away = (points_mm - np.asarray(self.sensor.camera.position_mm, float)) @ self._turn
+        return np.asarray(self._camera.project(away) - self._corner)
+
+    def met_at(self, pixels: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 3']:
+        """Where the rays of pixels meet a depth, in the surface frame."""
+        towards = self._camera.unproject(pixels + self._corner) @ self._turn.T
+        place = np.asarray(self.sensor.camera.position_mm, float)
+        forwards, height = np.maximum(towards[:, 2], 1e-3), np.zeros(len(towards))
+        for _ in range(MEETING if self.sensor.gel.dome_radius_mm else 1):
+            points: np.ndarray = place + towards * ((height - depth_mm - place[2]) / forwards)[:, None]
+            height = self.sensor.gel.dome.height_mm(points[:, :2])
+        return points
+
+    def moves_at(self, points_mm: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 2 3']:
+        """By how many pixels a millimetre along each axis moves what is seen of points."""
+        steps = DISPLACEMENT_MM * np.eye(3)
+        moved = [(self.seen_at(points_mm + each) - self.seen_at(points_mm - each)) / 2 for each in steps]
+        return np.stack(moved, -1) / DISPLACEMENT_MM
+
+    @property
+    def _corner(self) -> Float[np.ndarray, ' 2']:
+        """Where what is cut begins in the camera's picture (px)."""
+        image = self.sensor.image
+        return np.asarray((np.array([image.width, image.height]) - np.array(image.crop_px)) // 2, float)
+
+    @cached_property
+    def _camera(self) -> Camera:
+        camera, image = self.sensor.camera, self.sensor.image
+        u, v = camera.centre_px
+        if camera.model == 'pinhole':
+            across, down = camera.focal_px
+            return PinholeCamera(image.width, image.height, (across, down), (u, v), camera.distortion)
+        return FisheyeCamera(
+            image.width, image.height, camera.focal_px_per_rad, (u, v), camera.lens, camera.focal_ratio
+        )
+
+    @property
+    def _turn(self) -> Float[np.ndarray, '3 3']:
+        """The camera's axes in the surface frame, as columns."""
+        return rotation(np.radians([*self.sensor.camera.tilt_deg, self.sensor.camera.roll_deg]))
