@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from tactile_nodes.simulation.gel import Gel
 
-ACROSS_A_DOT = 9
-"""Small discs that fill a printed dot, along its diameter."""
+RINGS = 6
+"""Rings of small discs that fill a printed dot about one in its middle, six more in each than in the one before."""
 
 
 def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
@@ -42,9 +42,20 @@ def domed(
 def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
     """Dots in rows and columns, each filled with small discs that have its area together."""
     diameter_mm = sum(gel.marker_diameter_mm) / 2
-    steps = (np.arange(ACROSS_A_DOT) + 0.5) / ACROSS_A_DOT - 0.5
-    within = diameter_mm * np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    within = within[np.hypot(*within.T) < diameter_mm / 2]
+    within = diameter_mm / 2 * _filling()
     flat = (gel.rim.lattice_mm(gel.pitch_mm, gel.dot_mm)[:, None] + within).reshape(-1, 2)
     places = np.column_stack([flat, np.full(len(flat), z_mm)]).astype(np.float32)
     return places, np.full(len(flat), diameter_mm / math.sqrt(len(within)), np.float32)
+
+
+def _filling() -> Float[np.ndarray, 'discs 2']:
+    """Where discs of one size fill a circle of radius 1, with a rim that is as round as it."""
+    count = 6 * np.arange(RINGS + 1)
+    count[0] = 1
+    rim = np.sqrt(np.cumsum(count) / count.sum())  # of each ring: all discs have the same area
+    middle = (rim + np.concatenate([[0.0], rim[:-1]])) / 2
+    places = [np.zeros((1, 2))]
+    for ring in range(1, RINGS + 1):
+        turn = 2 * np.pi * (np.arange(count[ring]) + ring % 2 / 2) / count[ring]
+        places.append(middle[ring] * np.column_stack([np.cos(turn), np.sin(turn)]))
+    return np.concatenate(places)

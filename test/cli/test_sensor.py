@@ -49,7 +49,7 @@ def folder(tmp_path: Path, pictures: list[np.ndarray], monkeypatch: pytest.Monke
 def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18.5', '--stiffness', '10A', '--yes']) == 0
     shown = capsys.readouterr().out
-    assert 'dark dots, 17' in shown
+    assert 'dark dots, 16.8 px wide' in shown  # 1 mm, of which each is 17.3 px
     sensor, text = load_sensor('mine.yaml'), (folder / 'mine.yaml').read_text()
     assert sensor.name == 'mine'
     assert sensor.pattern.pitch_mm == pytest.approx(2.5, rel=0.03)
